@@ -67,7 +67,7 @@ contains
         stat = status_newton_failed
     end subroutine correct_stage
 
-    !> Nobody solves for pairs.
+    !> Explicit steps solve for no pairs.
     subroutine expect_pairs(self, ratios)
         class(explicit_chart_type), intent(inout) :: self
         complex(wp), intent(in), contiguous :: ratios(:)

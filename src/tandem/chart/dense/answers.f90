@@ -11,7 +11,7 @@ contains
         if (stat == status_ok) call self%complete_velocity_basis(stat)
         if (stat /= status_ok) return
         self%counts%multipliers = self%counts%multipliers + 1
-        if (allocated(self%dropped)) then
+        if (allocated(self%rows%dropped)) then
             associate (terms => self%model%all_rows)
                 call solve_least_norm(transpose(terms%jacobian), terms%force - matmul(terms%mass, qdd), lambda)
             end associate
@@ -74,7 +74,7 @@ contains
         end do
         call split_at(stat)
         if (stat /= status_ok) return
-        self%phi_is_current = self%nh > 0
+        self%point%has_phi = self%nh > 0
         ! The second pass removes what rounding has left.
         do pass = 1, 2
             self%x(:) = -self%model%terms%nu
@@ -116,14 +116,14 @@ contains
         call self%move_with(t, q, qd, stat)
         if (stat /= status_ok) return
         ! Of redundant rows all count, those that were dropped too.
-        if (self%nh > 0 .and. .not. self%phi_is_current) then
+        if (self%nh > 0 .and. .not. self%point%has_phi) then
             call self%model%evaluate(need_phi, t, q, qd, self%counts, stat)
             if (stat /= status_ok) then
                 call self%fail_term()
                 return
             end if
         end if
-        if (allocated(self%dropped)) then
+        if (allocated(self%rows%dropped)) then
             call measure(self%model%all_rows)
         else
             call measure(self%model%terms)

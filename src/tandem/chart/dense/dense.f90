@@ -31,8 +31,11 @@ module tandem_chart_dense
     use tandem_chart_dense_position, only: position_type
     use tandem_chart_dense_free_motion, only: free_motion_type
     use tandem_chart_dense_friction, only: friction_type
+    use tandem_chart_dense_rows_in_use, only: rows_in_use_type
     use tandem_chart_dense_velocity_basis, only: by_elimination, by_factor, by_refinement, velocity_basis_type
+    use tandem_chart_dense_visited_point, only: visited_point_type
     use tandem_chart_dense_newton_matrix, only: stage_type
+    use tandem_chart_dense_massless_ties, only: massless_ties_type
     use tandem_chart_dense_metric, only: metric_type
     use tandem_chart_dense_health, only: length_outside, watch_type
     implicit none (type, external)
@@ -80,10 +83,8 @@ module tandem_chart_dense
         real(wp), allocatable :: x_basis(:, :), v_basis(:, :), w_basis(:, :), v_dual(:, :), w_dual(:, :)
         !> Work space (m), (n).
         real(wp), allocatable :: x(:), trial(:)
-        !> Where rows were dropped: their numbers, the derivatives, gamma and the multipliers of all rows.
-        integer, allocatable :: dropped(:)
-        type(derivatives_type) :: all_derivatives
-        real(wp), allocatable :: all_gamma(:), all_lambda(:)
+        !> The rows in use.
+        type(rows_in_use_type) :: rows
         !> The orientation of C at the origin, see `velocity_basis_type`.
         integer :: origin_orientation = 1
         !> The independence of C at the last state, see `velocity_basis_type`.
@@ -91,22 +92,13 @@ module tandem_chart_dense
         !> C where the current step starts (m, n), and a closer look at how C changes from there.
         real(wp), allocatable :: step_jacobian(:, :)
         type(row_space_type) :: row_space
-        !> The coordinates without mass, and work space (m, m) to see how C ties them; the one that it ties least, how firmly, and
-        !> how firmly it was tied at best.
-        integer, allocatable :: massless(:)
-        integer :: n_massless = 0, loosest = 0
-        real(wp), allocatable :: ties(:, :), tied(:, :), tie_weight(:)
-        real(wp) :: weakest_tie = 0.0_wp, best_tie = 0.0_wp
+        !> How C ties the coordinates without mass.
+        type(massless_ties_type) :: ties
         !> Where bases are kept: C X there (m, m), and its factors.
         real(wp), allocatable :: origin_c_x(:, :)
         type(lu_type) :: origin_lu
-        !> The point where C, nu and M were evaluated last; whether R and D, Phi, and gamma and the forces (with the velocity
-        !> `qd_point`) are those of it.
-        logical :: has_point = .false., has_velocity_basis = .false., phi_is_current = .false., has_motion = .false.
-        !> Whether C and nu are known to be finite there.
-        logical :: is_finite_here = .false.
-        real(wp) :: t_point = 0.0_wp
-        real(wp), allocatable :: q_point(:), qd_point(:)
+        !> The point of the terms in `model`.
+        type(visited_point_type) :: point
         !> The segment of the model where the last Newton matrix was formed, and what a new one costs in corrections.
         integer :: stage_segment = 0
         real(wp) :: cost = 0.0_wp
@@ -149,19 +141,9 @@ module tandem_chart_dense
         procedure :: measure_health
         procedure :: kinetic_energy
         procedure :: pack_state
-        procedure, private, non_overridable :: place_bases
-        procedure, private, non_overridable :: visit
-        procedure, private, non_overridable :: move_to
-        procedure, private, non_overridable :: refuse_infinite
-        procedure, private, non_overridable :: find_velocity_basis
-        procedure, private, non_overridable :: complete_velocity_basis
-        procedure, private, non_overridable :: measure_split
-        procedure, private, non_overridable :: move_with
-        procedure, private, non_overridable :: blame
-        procedure, private, non_overridable :: blame_dependent
-        procedure, private, non_overridable :: fail_term
-        procedure, private, non_overridable :: judge_blocks
-        procedure, private, non_overridable :: name_infinite
+        procedure, private, non_overridable :: place_bases, visit, move_to, refuse_infinite, find_velocity_basis
+        procedure, private, non_overridable :: complete_velocity_basis, measure_split, move_with, blame, blame_dependent
+        procedure, private, non_overridable :: fail_term, judge_blocks, name_infinite
     end type dense_chart_type
 
     interface
@@ -549,10 +531,7 @@ contains
     subroutine forget(self)
         class(dense_chart_type), intent(inout) :: self
 
-        self%has_point = .false.
-        self%has_velocity_basis = .false.
-        self%has_motion = .false.
-        self%phi_is_current = .false.
+        call self%point%forget()
     end subroutine forget
 
     !> Forget the last point and the constant mass matrix.
@@ -580,7 +559,7 @@ contains
         choice = self%velocity_basis%elimination%choice
         call self%velocity_basis%release()
         ! What was eliminated with other pivots is worth nothing to these.
-        if (self%velocity_basis%elimination%choice /= choice) self%has_velocity_basis = .false.
+        if (self%velocity_basis%elimination%choice /= choice) call self%point%forget_velocity_basis()
     end subroutine release
 
     !> Remember which row is to blame, by its number in the model.
@@ -592,7 +571,7 @@ contains
 
         self%failed_row = row
         self%failed_value = value
-        if (row > 0 .and. allocated(self%dropped)) self%failed_row = self%model%kept(row)
+        if (row > 0 .and. allocated(self%rows%dropped)) self%failed_row = self%model%kept(row)
     end subroutine blame
 
     !> Refuse M at the start of a step if it is not zero outside of its blocks.

@@ -38,7 +38,7 @@ contains
         call self%reduced%allocate(k)
         if (allocated(self%rhs)) deallocate (self%mass_times_basis, self%reduced_mass, self%ambient, self%rhs, self%defect)
         allocate (self%ambient(n), self%rhs(k), self%defect(n - k), source=0.0_wp)
-        ! Nobody touches them where other procedures do the work.
+        ! Not filled: memory that explicit steps never touch costs nothing.
         allocate (self%mass_times_basis(n, k), self%reduced_mass(k, k))
     end subroutine allocate_dynamics
 

@@ -12,7 +12,8 @@ contains
         if (stat /= status_ok) return
         associate (terms => self%model%terms, r => self%velocity_basis%right_inverse, d => self%velocity_basis%null_space)
             call self%dynamics%multipliers(terms%mass, r, terms%force, qdd, self%lambda)
-            call evaluate_derivatives(self, t, q, qd, qdd, stat)
+            call self%rows%evaluate_derivatives(self%differences, self%model%kept, t, q, qd, qdd, self%lambda, &
+                self%derivatives, self%counts, stat)
             if (stat /= status_ok) then
                 self%failed_term = 'a derivative'
                 return
@@ -59,7 +60,7 @@ contains
         call self%place_bases()
         call self%stage%enter_chart(.not. self%metric%is_on)
         ! X has changed, and R and D with it.
-        self%has_velocity_basis = .false.
+        call self%point%forget_velocity_basis()
     end subroutine follow_stiffness
 
     !> What a new Newton matrix costs, in corrections.
@@ -132,30 +133,7 @@ contains
 
     module procedure filter_error
         call self%stage%filter(self%v_basis, self%v_dual, self%w_basis, self%w_dual, error_q, error_qd)
-        if (self%has_velocity_basis) call self%stage%restore_error(self%model%terms%jacobian, self%velocity_basis, &
+        if (self%point%has_velocity_basis) call self%stage%restore_error(self%model%terms%jacobian, self%velocity_basis, &
             self%x_basis, error_qd)
     end procedure filter_error
-
-    !> The derivatives of the rows in use; rows that were dropped carry no load here.
-    subroutine evaluate_derivatives(self, t, q, qd, qdd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
-        integer, intent(out) :: stat
-
-        if (.not. allocated(self%dropped)) then
-            call self%differences%evaluate_derivatives(t, q, qd, qdd, self%lambda, self%derivatives, self%counts, stat)
-            return
-        end if
-        self%all_lambda = 0.0_wp
-        self%all_lambda(self%model%kept) = self%lambda
-        call self%differences%evaluate_derivatives(t, q, qd, qdd, self%all_lambda, self%all_derivatives, self%counts, stat)
-        associate (all_rows => self%all_derivatives, kept => self%model%kept)
-            self%derivatives%velocity_q = all_rows%velocity_q(kept, :)
-            self%derivatives%acceleration_q = all_rows%acceleration_q(kept, :)
-            self%derivatives%acceleration_qd = all_rows%acceleration_qd(kept, :)
-            self%derivatives%dynamics_q = all_rows%dynamics_q
-            self%derivatives%dynamics_qd = all_rows%dynamics_qd
-        end associate
-    end subroutine evaluate_derivatives
 end submodule tandem_chart_dense_implicit_stage

@@ -7,7 +7,7 @@ contains
 
     module procedure restore_position
         call self%position%restore(self%model, t, self%q0, increment, self%is_stage, self%defect, q, self%counts, stat)
-        self%phi_is_current = stat == status_ok .and. self%nh > 0 .and. .not. self%is_stage
+        self%point%has_phi = stat == status_ok .and. self%nh > 0 .and. .not. self%is_stage
         self%failed_row = 0
         if (stat == status_ok) return
         call self%blame(self%position%failed_row, self%position%failed_value)
@@ -16,10 +16,7 @@ contains
 
     module procedure visit
         stat = status_ok
-        if (self%has_point .and. .not. (t > self%t_point .or. t < self%t_point)) then
-            if (are_same(self%n, q, self%q_point)) return
-        end if
-        call go_to(self, t, q, .true., stat)
+        if (.not. self%point%is_at(t, q)) call go_to(self, t, q, .true., stat)
     end procedure visit
 
     !> Evaluate C, nu and M at (t, q).
@@ -31,20 +28,14 @@ contains
         logical, intent(in) :: remembers
         integer, intent(out) :: stat
 
-        self%has_point = .false.
-        self%has_velocity_basis = .false.
-        self%has_motion = .false.
+        call self%point%leave()
         ! None of these depends on the velocity; q stands in for it.
         call self%model%evaluate(need_jacobian + need_nu + need_mass, t, q, q, self%counts, stat)
         if (stat /= status_ok) then
             call self%fail_term()
             return
         end if
-        self%is_finite_here = .false.
-        self%t_point = t
-        if (.not. remembers) return
-        self%has_point = .true.
-        call copy(self%n, q, self%q_point)
+        call self%point%arrive(t, q, remembers)
     end subroutine go_to
 
     module procedure move_to
@@ -54,16 +45,16 @@ contains
 
     module procedure refuse_infinite
         stat = status_ok
-        if (self%is_finite_here) return
+        if (self%point%is_finite) return
         associate (terms => self%model%terms)
-            self%is_finite_here = is_finite(size(terms%jacobian), terms%jacobian) .and. is_finite(self%m, terms%nu)
+            self%point%is_finite = is_finite(size(terms%jacobian), terms%jacobian) .and. is_finite(self%m, terms%nu)
         end associate
-        if (.not. self%is_finite_here) call self%name_infinite(stat)
+        if (.not. self%point%is_finite) call self%name_infinite(stat)
     end procedure refuse_infinite
 
     module procedure find_velocity_basis
         stat = status_ok
-        if (self%has_velocity_basis) return
+        if (self%point%has_velocity_basis) return
         ! An elimination notices when C is not finite.
         if (self%has_bases .or. self%has_nu) call self%refuse_infinite(stat)
         if (stat /= status_ok) return
@@ -80,8 +71,7 @@ contains
             call blame_velocity_basis(self, stat)
             return
         end if
-        self%has_velocity_basis = .true.
-        self%is_finite_here = .true.
+        call self%point%note_velocity_basis()
         if (.not. self%has_bases) call self%free_motion%load(self%velocity_basis%elimination)
     end procedure find_velocity_basis
 
@@ -116,7 +106,7 @@ contains
 
         stat = status_ok
         if (self%is_stage .and. self%skips_basis) then
-            call self%position%follow(self%t_point, self%velocity_basis%elimination%height, &
+            call self%position%follow(self%point%t, self%velocity_basis%elimination%height, &
                 self%velocity_basis%elimination%matrix, self%counts)
         end if
         call add(self%n, self%qd0, increment, qd)
@@ -139,10 +129,7 @@ contains
     module procedure move_with
         call self%visit(t, q, stat)
         if (stat /= status_ok) return
-        if (self%has_motion) then
-            if (are_same(self%n, qd, self%qd_point)) return
-        end if
-        call go_with(self, t, q, qd, .true., stat)
+        if (.not. self%point%is_moving_with(qd)) call go_with(self, t, q, qd, .true., stat)
     end procedure move_with
 
     !> Evaluate gamma and the forces at the current point.
@@ -154,20 +141,18 @@ contains
         logical, intent(in) :: remembers
         integer, intent(out) :: stat
 
-        self%has_motion = .false.
+        call self%point%forget_motion()
         self%counts%right_hand_sides = self%counts%right_hand_sides + 1
         call self%model%evaluate(need_gamma + need_force, t, q, qd, self%counts, stat)
         if (stat == status_ok .and. .not. self%has_gamma) then
-            call evaluate_gamma(self, t, q, qd, stat)
+            call self%rows%evaluate_gamma(self%differences, self%model, t, q, qd, self%counts, stat)
         end if
         if (stat == status_ok .and. self%friction%n > 0) call add_friction(self, t, q, qd, stat)
         if (stat /= status_ok) then
             call self%fail_term()
             return
         end if
-        if (.not. remembers) return
-        self%has_motion = .true.
-        call copy(self%n, qd, self%qd_point)
+        call self%point%note_motion(qd, remembers)
     end subroutine go_with
 
     !> Add what friction makes of the reactions here to the forces.
@@ -185,7 +170,7 @@ contains
     module procedure solve_dynamics
         self%failed_row = 0
         ! A stage that was not projected left Phi as it was elsewhere.
-        if (self%is_stage) self%phi_is_current = .false.
+        if (self%is_stage) self%point%has_phi = .false.
         call self%move_with(t, q, qd, stat)
         if (stat == status_ok) call self%find_velocity_basis(stat)
         if (stat == status_ok) call solve_here(self, qdd, stat)
@@ -215,7 +200,7 @@ contains
     module procedure restore_motion
         logical :: remembers
 
-        ! To a stage nobody comes back.
+        ! No later call asks for the point of a stage again.
         remembers = .not. self%is_stage
         call restore_position(self, t, increment, q, stat)
         if (stat == status_ok) call go_to(self, t, q, remembers, stat)
@@ -237,11 +222,10 @@ contains
                 call blame_velocity_basis(self, stat)
                 return
             end if
-            self%has_velocity_basis = .true.
-            self%is_finite_here = .true.
+            call self%point%note_velocity_basis()
             call self%free_motion%load(elimination)
             if (self%is_stage .and. self%skips_basis) then
-                call self%position%follow(self%t_point, elimination%height, elimination%matrix, self%counts)
+                call self%position%follow(self%point%t, elimination%height, elimination%matrix, self%counts)
             end if
             call add(self%n, self%qd0, increment_qd, qd)
             call self%free_motion%restore_velocity(elimination, self%has_nu, .not. self%is_stage, terms%nu, qd, stat)
@@ -253,20 +237,4 @@ contains
             if (stat /= status_ok) call self%name_infinite(stat)
         end associate
     end procedure restore_motion
-
-    !> gamma by differences.
-    subroutine evaluate_gamma(self, t, q, qd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        integer, intent(out) :: stat
-
-        if (allocated(self%dropped)) then
-            call self%differences%evaluate_gamma(t, q, qd, self%all_gamma, self%counts, stat)
-            self%model%all_rows%gamma = self%all_gamma
-            self%model%terms%gamma = self%all_gamma(self%model%kept)
-        else
-            call self%differences%evaluate_gamma(t, q, qd, self%model%terms%gamma, self%counts, stat)
-        end if
-    end subroutine evaluate_gamma
 end submodule tandem_chart_dense_motion

@@ -27,15 +27,15 @@ contains
         if (stat /= status_ok) return
         if (self%has_bases) call measure_origin(self)
         call self%measure_split()
-        if (allocated(self%dropped)) then
+        if (allocated(self%rows%dropped)) then
             call self%complete_velocity_basis(stat)
             if (stat /= status_ok) return
-            do i = 1, size(self%dropped)
-                associate (row => self%model%all_rows%jacobian(self%dropped(i), :), d => self%velocity_basis%null_space)
+            do i = 1, size(self%rows%dropped)
+                associate (row => self%model%all_rows%jacobian(self%rows%dropped(i), :), d => self%velocity_basis%null_space)
                     do j = 1, size(d, 2)
                         if (abs(dot_product(row, d(:, j))) <= largest_rest*norm2(row*self%scale)*norm2(d(:, j)/self%scale)) cycle
                         call self%blame_dependent(0)
-                        self%failed_row = self%dropped(i)
+                        self%failed_row = self%rows%dropped(i)
                         room = 0.0_wp
                         return
                     end do
@@ -50,8 +50,8 @@ contains
             if (.not. keeps_rank(self, self%step_jacobian, self%model%terms%jacobian)) stat = status_rank_deficient
         end if
         if (stat == status_ok) then
-            call find_massless(self)
-            if (self%n_massless > 0 .and. .not. self%best_tie > 0.0_wp) call weigh_rows(self, self%step_jacobian)
+            call self%ties%find_massless(self%model%terms%mass)
+            call self%ties%weigh_rows(self%step_jacobian, self%scale)
             if (.not. keeps_ties(self, self%step_jacobian, self%model%terms%jacobian)) stat = status_singular_mass
         end if
         if (stat /= status_ok) then
@@ -61,7 +61,8 @@ contains
         end if
         self%origin_orientation = self%velocity_basis%orientation
         self%last_independence = self%velocity_basis%independence
-        call measure_ties(self, horizon, room)
+        call self%ties%measure(self%step_jacobian, self%model%terms%jacobian, self%scale, horizon, room, self%loosened, &
+            self%failed_coordinate)
         if (.not. falls) return
         call self%row_space%find_weakest(self%m, self%n, self%step_jacobian, self%scale, self%x, smallest_before)
         call self%row_space%find_weakest(self%m, self%n, self%model%terms%jacobian, self%scale, self%x, smallest)
@@ -74,41 +75,9 @@ contains
         self%best_independence = max(self%best_independence, other%best_independence)
         select type (other)
         class is (dense_chart_type)
-            if (size(other%tie_weight) /= size(self%tie_weight) .or. .not. other%best_tie > 0.0_wp) return
-            self%best_tie = other%best_tie
-            self%tie_weight = other%tie_weight
+            call self%ties%inherit(other%ties)
         end select
     end procedure inherit
-
-    !> How many steps as the last one the constraints are away from no longer tying a coordinate without mass, where they hardly do.
-    subroutine measure_ties(self, horizon, room)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: horizon
-        !> Replaced where it is less.
-        real(wp), intent(inout) :: room
-        !> Squares are looked at more closely below this part of the largest so far.
-        real(wp), parameter :: loose = 1.0e-4_wp
-        real(wp) :: before, after
-        logical :: keeps
-
-        if (self%n_massless == 0) return
-        if (.not. self%weakest_tie < loose*self%best_tie) then
-            self%best_tie = max(self%best_tie, self%weakest_tie)
-            return
-        end if
-        ! Columns that have turned far have small pivots too; these are those of A' A.
-        associate (m => self%m, n => self%n, k => self%n_massless, from => self%step_jacobian, to => self%model%terms%jacobian)
-            call compare_columns(m, n, k, self%massless, self%scale, from, from, self%ties, self%tied, self%tie_weight, &
-                self%loosest, before, keeps)
-            call compare_columns(m, n, k, self%massless, self%scale, to, to, self%ties, self%tied, self%tie_weight, &
-                self%loosest, after, keeps)
-        end associate
-        before = sqrt(max(before, 0.0_wp))
-        after = sqrt(max(after, 0.0_wp))
-        self%loosened = after/sqrt(self%best_tie)
-        self%failed_coordinate = self%loosest
-        if (after < horizon*(before - after)) room = min(room, max(after/(before - after), tiny(1.0_wp)))
-    end subroutine measure_ties
 
     !> Between the ends of a step C seems to have lost what it has to keep. Find where, on the straight way, or that it has merely
     !> turned: then both parts of the way keep it, and only a shorter step could tell what has happened.
@@ -170,102 +139,14 @@ contains
         keeps_rank = self%row_space%keeps_orientation(self%m, self%n, from, to, self%scale)
     end function keeps_rank
 
-    !> Whether the columns of C that belong to the coordinates without mass have kept theirs: det(A' B) of these is positive.
-    !> `loosest` is then the coordinate of the smallest pivot, `weakest_tie` that pivot: where the columns hardly differ, about the
-    !> square of their smallest singular value.
+    !> Whether C has kept tying the coordinates without mass.
     logical function keeps_ties(self, from, to)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: from(:, :), to(:, :)
 
-        call compare_columns(self%m, self%n, self%n_massless, self%massless, self%scale, from, to, self%ties, self%tied, &
-            self%tie_weight, self%loosest, self%weakest_tie, keeps_ties)
-        if (.not. keeps_ties) self%failed_coordinate = self%loosest
+        call self%ties%compare(from, to, self%scale, keeps_ties)
+        if (.not. keeps_ties) self%failed_coordinate = self%ties%loosest
     end function keeps_ties
-
-    !> What the rows weigh where ties are compared: 1 over their squared lengths in scaled unknowns at the first point of a run, so
-    !> that their units do not matter.
-    pure subroutine weigh_rows(self, jacobian)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: jacobian(:, :)
-        integer :: j
-
-        self%tie_weight = 0.0_wp
-        do j = 1, self%n
-            self%tie_weight = self%tie_weight + (self%scale(j)*jacobian(:, j))**2
-        end do
-        self%tie_weight = 1.0_wp/max(self%tie_weight, tiny(1.0_wp))
-    end subroutine weigh_rows
-
-    !> The coordinates without mass at the current point: a zero on the diagonal of M, which has no negative eigenvalue.
-    pure subroutine find_massless(self)
-        class(dense_chart_type), intent(inout) :: self
-        integer :: i
-
-        self%n_massless = 0
-        do i = 1, self%n
-            if (abs(self%model%terms%mass(i, i)) > 0.0_wp) cycle
-            self%n_massless = self%n_massless + 1
-            self%massless(self%n_massless) = i
-        end do
-        ! More than there are constraints cannot be tied, which the factors of D' M D tell.
-        if (self%n_massless > self%m) self%n_massless = 0
-    end subroutine find_massless
-
-    !> Whether det(A' W B) of some columns of two matrices is positive, and the smallest pivot of an elimination, with weights W of
-    !> rows and scaled unknowns. Near each other, A and B have pivots as those of A' A, which need no exchange of rows.
-    pure subroutine compare_columns(m, n, k, columns, scale, a, b, product, weighted, weight, weakest, smallest, is_positive)
-        !> Rows, columns, those to compare and their numbers.
-        integer, intent(in) :: m, n, k, columns(n)
-        !> Scales of the unknowns, A and B.
-        real(wp), intent(in) :: scale(n), a(m, n), b(m, n)
-        !> Work space: A' W B, and W A, transposed, so that the innermost loops run along columns; what the rows weigh.
-        real(wp), intent(inout) :: product(m, m), weighted(m, m)
-        real(wp), intent(in) :: weight(m)
-        !> The column of the smallest pivot, a negative one before all others, and that; 0 and huge where there are no columns.
-        integer, intent(out) :: weakest
-        real(wp), intent(out) :: smallest
-        logical, intent(out) :: is_positive
-        real(wp) :: f
-        integer :: i, j, l
-
-        weakest = 0
-        smallest = huge(1.0_wp)
-        is_positive = .true.
-        if (k == 0) return
-        do l = 1, m
-            do i = 1, k
-                weighted(i, l) = weight(l)*a(l, columns(i))
-            end do
-        end do
-        do j = 1, k
-            do i = 1, k
-                product(i, j) = 0.0_wp
-            end do
-            do l = 1, m
-                f = b(l, columns(j))
-                do i = 1, k
-                    product(i, j) = product(i, j) + weighted(i, l)*f
-                end do
-            end do
-            do i = 1, k
-                product(i, j) = scale(columns(i))*scale(columns(j))*product(i, j)
-            end do
-        end do
-        do l = 1, k
-            if (product(l, l) < smallest) then
-                smallest = product(l, l)
-                weakest = columns(l)
-            end if
-            if (product(l, l) < 0.0_wp) is_positive = .not. is_positive
-            if (.not. abs(product(l, l)) > 0.0_wp) exit
-            do j = l + 1, k
-                f = product(l, j)/product(l, l)
-                do i = l + 1, k
-                    product(i, j) = product(i, j) - product(i, l)*f
-                end do
-            end do
-        end do
-    end subroutine compare_columns
 
     module procedure measure_split
         if (self%velocity_basis%is_measured) return
@@ -299,8 +180,8 @@ contains
         if (self%m == 0) return
         call self%move_to(t, q, stat)
         if (stat /= status_ok) return
-        call find_massless(self)
-        if (self%n_massless > 0 .and. .not. self%best_tie > 0.0_wp) call weigh_rows(self, self%model%terms%jacobian)
+        call self%ties%find_massless(self%model%terms%mass)
+        call self%ties%weigh_rows(self%model%terms%jacobian, self%scale)
         allocate (here, source=self%model%terms%jacobian)
         near = 0.0_wp
         far = h
@@ -362,6 +243,6 @@ contains
         if (row > 0) share(row) = 1.0_wp
         call self%blame(merge(row, maxloc(abs(share), dim=1), row > 0), smallest)
         self%failed_rows = pack([(i, i=1, self%m)], abs(share) > smallest_part)
-        if (allocated(self%dropped)) self%failed_rows = self%model%kept(self%failed_rows)
+        if (allocated(self%rows%dropped)) self%failed_rows = self%model%kept(self%failed_rows)
     end procedure blame_dependent
 end submodule tandem_chart_dense_rank

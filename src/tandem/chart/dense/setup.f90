@@ -7,7 +7,7 @@ contains
 
     module procedure initialize
         real(wp) :: utol
-        integer :: way, i
+        integer :: way
 
         self%refines = options%refresh == 'refine'
         self%is_implicit = implicit
@@ -36,16 +36,12 @@ contains
         if (model%n_frictions > 0) call self%friction%allocate(model, self%n, self%m)
         if (present(kept)) then
             self%n_dropped = model%n_constraints() - size(kept)
-            self%dropped = pack([(i, i=1, model%n_constraints())], [(all(kept /= i), i=1, model%n_constraints())])
-            self%all_gamma = spread(0.0_wp, 1, model%n_constraints())
-            self%all_lambda = self%all_gamma
-            if (implicit) call self%all_derivatives%allocate(model%n, model%n_constraints())
+            call self%rows%choose(model%n, model%n_constraints(), kept, implicit)
         end if
         call self%watch%allocate(options, implicit, self%n, self%nh, self%m)
         ! The condition of (38) is that of the paper's D, which needs W.
         self%has_bases = implicit .or. self%refines .or. self%watch%condition
-        self%scale = spread(1.0_wp, 1, model%n)
-        if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
+        self%scale = model%scales()
         self%basis_scale = self%scale
         ! Of a mass matrix that changes, entries may be small by the choice of coordinates alone.
         self%knows_masses = .not. (implicit .and. model%constant_mass) .or. options%chart == 'paper'
@@ -66,9 +62,8 @@ contains
             if (.not. self%has_gamma .or. implicit) call self%differences%initialize(model, self%scale)
             self%q0 = spread(0.0_wp, 1, n)
             self%x = spread(0.0_wp, 1, m)
-            allocate (self%step_jacobian(m, n), self%ties(m, m), self%tied(m, m), self%tie_weight(m), source=0.0_wp)
-            self%massless = spread(0, 1, n)
-            self%best_tie = 0.0_wp
+            allocate (self%step_jacobian(m, n), source=0.0_wp)
+            call self%ties%allocate(n, m)
             call self%row_space%forget()
             if (self%has_bases) then
                 allocate (self%origin_c_x(m, m), source=0.0_wp)
@@ -96,8 +91,7 @@ contains
         end associate
         self%qd0 = self%q0
         self%trial = self%q0
-        self%q_point = self%q0
-        self%qd_point = self%q0
+        call self%point%allocate(self%n)
     end procedure initialize
 
     !> Make (t, q, qd) the origin: bases and the rank decision, then what the position and velocity levels start from.
@@ -136,7 +130,7 @@ contains
             if (stat /= status_ok) return
         end if
         if (self%has_bases) then
-            self%has_velocity_basis = .false.
+            call self%point%forget_velocity_basis()
             call self%velocity_basis%start(self%model%terms%jacobian, self%x_basis, stat)
         else
             stat = split_stat
@@ -253,14 +247,12 @@ contains
         call pack%item(self%basis%q)
         call pack%item(self%x_basis, self%v_basis, self%w_basis, self%v_dual, self%w_dual)
         if (.not. self%has_bases) call self%free_motion%pack_state(pack)
-        call pack%item(self%dropped)
+        call pack%item(self%rows%dropped)
         call pack%item(self%origin_orientation)
-        call pack%item(self%last_independence, self%best_tie)
-        call pack%item(self%tie_weight)
+        call pack%item(self%last_independence)
+        call self%ties%pack_state(pack)
         call pack%item(self%step_jacobian)
-        call pack%item(self%has_point, self%is_finite_here, self%has_velocity_basis, self%phi_is_current, self%has_motion)
-        call pack%item(self%t_point)
-        call pack%item(self%q_point, self%qd_point)
+        call self%point%pack_state(pack)
         call pack%item(self%stage_segment)
     end procedure pack_state
 

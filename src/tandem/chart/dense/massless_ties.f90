@@ -1,0 +1,188 @@
+! SPDX-License-Identifier: MIT
+!> The coordinates without mass, and how firmly the constraints tie them: what nothing ties has no acceleration.
+module tandem_chart_dense_massless_ties
+    use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
+    implicit none (type, external)
+    private
+
+    public :: massless_ties_type
+
+    type :: massless_ties_type
+        !> The coordinate that is tied least, 0 where all have mass.
+        integer :: loosest = 0
+        !> The coordinates without mass: their numbers, and how many.
+        integer, allocatable, private :: columns(:)
+        integer, private :: n = 0
+        !> What the rows of C weigh (m), and work space (m, m).
+        real(wp), allocatable, private :: weight(:), product(:, :), weighted(:, :)
+        !> How firmly the loosest was tied at the last comparison, and at best: about squares of singular values.
+        real(wp), private :: weakest = 0.0_wp, best = 0.0_wp
+    contains
+        procedure :: allocate => allocate_ties
+        procedure :: find_massless, weigh_rows, compare, measure, inherit, pack_state
+    end type massless_ties_type
+
+contains
+
+    !> For n coordinates and m constraints.
+    subroutine allocate_ties(self, n, m)
+        class(massless_ties_type), intent(inout) :: self
+        integer, intent(in) :: n, m
+
+        allocate (self%product(m, m), self%weighted(m, m), self%weight(m), source=0.0_wp)
+        self%columns = spread(0, 1, n)
+        self%best = 0.0_wp
+    end subroutine allocate_ties
+
+    !> Find the coordinates without mass: a zero on the diagonal of M, which has no negative eigenvalue.
+    pure subroutine find_massless(self, mass)
+        class(massless_ties_type), intent(inout) :: self
+        !> M (n, n).
+        real(wp), intent(in) :: mass(:, :)
+        integer :: i
+
+        self%n = 0
+        do i = 1, size(self%columns)
+            if (abs(mass(i, i)) > 0.0_wp) cycle
+            self%n = self%n + 1
+            self%columns(self%n) = i
+        end do
+        ! More than there are constraints cannot be tied, which the factors of D' M D tell.
+        if (self%n > size(self%weight)) self%n = 0
+    end subroutine find_massless
+
+    !> Weigh the rows, once a run and only where a coordinate has no mass: 1 over their squared lengths in scaled unknowns, so that
+    !> their units do not matter.
+    pure subroutine weigh_rows(self, jacobian, scale)
+        class(massless_ties_type), intent(inout) :: self
+        !> C (m, n), and the scales of the unknowns (n).
+        real(wp), intent(in) :: jacobian(:, :), scale(:)
+        integer :: j
+
+        if (self%n == 0 .or. self%best > 0.0_wp) return
+        self%weight = 0.0_wp
+        do j = 1, size(scale)
+            self%weight = self%weight + (scale(j)*jacobian(:, j))**2
+        end do
+        self%weight = 1.0_wp/max(self%weight, tiny(1.0_wp))
+    end subroutine weigh_rows
+
+    !> Whether the columns of C that belong to coordinates without mass have kept their orientation from one point to another:
+    !> det(A' B) of these is positive.
+    pure subroutine compare(self, from, to, scale, is_kept)
+        class(massless_ties_type), intent(inout) :: self
+        !> C at the two points (m, n), and the scales of the unknowns (n).
+        real(wp), intent(in) :: from(:, :), to(:, :), scale(:)
+        logical, intent(out) :: is_kept
+
+        call compare_columns(size(self%weight), size(scale), self%n, self%columns, scale, from, to, self%product, self%weighted, &
+            self%weight, self%loosest, self%weakest, is_kept)
+    end subroutine compare
+
+    !> How many steps as the last one the constraints are away from no longer tying a coordinate, where they hardly do.
+    pure subroutine measure(self, from, to, scale, horizon, room, loosened, coordinate)
+        class(massless_ties_type), intent(inout) :: self
+        !> C at the ends of the step, which were compared before, and the scales.
+        real(wp), intent(in) :: from(:, :), to(:, :), scale(:)
+        !> The most steps that are of interest.
+        real(wp), intent(in) :: horizon
+        !> Their number, replaced where it is less, and the part that is left of the tie, where little is.
+        real(wp), intent(inout) :: room, loosened
+        !> The coordinate, replaced likewise.
+        integer, intent(inout) :: coordinate
+        !> Squares are looked at more closely below this part of the largest so far.
+        real(wp), parameter :: loose = 1.0e-4_wp
+        real(wp) :: before, after
+        logical :: is_kept
+
+        if (self%n == 0) return
+        if (.not. self%weakest < loose*self%best) then
+            self%best = max(self%best, self%weakest)
+            return
+        end if
+        ! Columns that have turned far have small pivots too; these are those of A' A.
+        call self%compare(from, from, scale, is_kept)
+        before = sqrt(max(self%weakest, 0.0_wp))
+        call self%compare(to, to, scale, is_kept)
+        after = sqrt(max(self%weakest, 0.0_wp))
+        loosened = after/sqrt(self%best)
+        coordinate = self%loosest
+        if (after < horizon*(before - after)) room = min(room, max(after/(before - after), tiny(1.0_wp)))
+    end subroutine measure
+
+    !> Take over what another chart of the run has learnt.
+    pure subroutine inherit(self, other)
+        class(massless_ties_type), intent(inout) :: self
+        type(massless_ties_type), intent(in) :: other
+
+        if (size(other%weight) /= size(self%weight) .or. .not. other%best > 0.0_wp) return
+        self%best = other%best
+        self%weight = other%weight
+    end subroutine inherit
+
+    !> What a run has learnt.
+    subroutine pack_state(self, pack)
+        class(massless_ties_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%best)
+        call pack%item(self%weight)
+    end subroutine pack_state
+
+    !> Whether det(A' W B) of some columns of two matrices is positive, and the smallest pivot of an elimination, with weights W of
+    !> rows and scaled unknowns. Near each other, A and B have pivots as those of A' A, which need no exchange of rows.
+    pure subroutine compare_columns(m, n, k, columns, scale, a, b, product, weighted, weight, weakest, smallest, is_positive)
+        !> Rows, columns, those to compare and their numbers.
+        integer, intent(in) :: m, n, k, columns(n)
+        !> Scales of the unknowns, A and B.
+        real(wp), intent(in) :: scale(n), a(m, n), b(m, n)
+        !> Work space: A' W B, and W A, transposed, so that the innermost loops run along columns; what the rows weigh.
+        real(wp), intent(inout) :: product(m, m), weighted(m, m)
+        real(wp), intent(in) :: weight(m)
+        !> The column of the smallest pivot, a negative one before all others, and that; 0 and huge where there are no columns.
+        integer, intent(out) :: weakest
+        real(wp), intent(out) :: smallest
+        logical, intent(out) :: is_positive
+        real(wp) :: f
+        integer :: i, j, l
+
+        weakest = 0
+        smallest = huge(1.0_wp)
+        is_positive = .true.
+        if (k == 0) return
+        do l = 1, m
+            do i = 1, k
+                weighted(i, l) = weight(l)*a(l, columns(i))
+            end do
+        end do
+        do j = 1, k
+            do i = 1, k
+                product(i, j) = 0.0_wp
+            end do
+            do l = 1, m
+                f = b(l, columns(j))
+                do i = 1, k
+                    product(i, j) = product(i, j) + weighted(i, l)*f
+                end do
+            end do
+            do i = 1, k
+                product(i, j) = scale(columns(i))*scale(columns(j))*product(i, j)
+            end do
+        end do
+        do l = 1, k
+            if (product(l, l) < smallest) then
+                smallest = product(l, l)
+                weakest = columns(l)
+            end if
+            if (product(l, l) < 0.0_wp) is_positive = .not. is_positive
+            if (.not. abs(product(l, l)) > 0.0_wp) exit
+            do j = l + 1, k
+                f = product(l, j)/product(l, l)
+                do i = l + 1, k
+                    product(i, j) = product(i, j) - product(i, l)*f
+                end do
+            end do
+        end do
+    end subroutine compare_columns
+end module tandem_chart_dense_massless_ties

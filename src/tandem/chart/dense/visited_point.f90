@@ -1,0 +1,129 @@
+! SPDX-License-Identifier: MIT
+!> The point that a chart has visited last, and what of it is known: so that nothing is evaluated twice at the same point.
+module tandem_chart_dense_visited_point
+    use tandem_kinds, only: wp
+    use tandem_linalg_kernels, only: are_same, copy
+    use tandem_pack, only: pack_type
+    implicit none (type, external)
+    private
+
+    public :: visited_point_type
+
+    type :: visited_point_type
+        !> The time of the point where C, nu and M were evaluated last.
+        real(wp) :: t = 0.0_wp
+        !> Whether R and D, and Phi, are those of it; whether C and nu are known to be finite there.
+        logical :: has_velocity_basis = .false., has_phi = .false., is_finite = .false.
+        !> Whether its coordinates are remembered, and whether gamma and the forces are those of it and of a velocity.
+        logical, private :: has_point = .false., has_motion = .false.
+        real(wp), allocatable, private :: q(:), qd(:)
+    contains
+        procedure :: allocate => allocate_point
+        procedure :: is_at, leave, arrive, note_velocity_basis, forget_velocity_basis, is_moving_with, note_motion
+        procedure :: forget_motion, forget, pack_state
+    end type visited_point_type
+
+contains
+
+    !> For n coordinates.
+    subroutine allocate_point(self, n)
+        class(visited_point_type), intent(inout) :: self
+        integer, intent(in) :: n
+
+        self%q = spread(0.0_wp, 1, n)
+        self%qd = self%q
+    end subroutine allocate_point
+
+    !> Whether (t, q) is the point.
+    pure logical function is_at(self, t, q)
+        class(visited_point_type), intent(in) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+
+        is_at = self%has_point .and. .not. (t > self%t .or. t < self%t)
+        if (is_at) is_at = are_same(size(q), q, self%q)
+    end function is_at
+
+    !> Another point is to be evaluated.
+    pure subroutine leave(self)
+        class(visited_point_type), intent(inout) :: self
+
+        self%has_point = .false.
+        self%has_velocity_basis = .false.
+        self%has_motion = .false.
+    end subroutine leave
+
+    !> C, nu and M were evaluated at (t, q).
+    pure subroutine arrive(self, t, q, remembers)
+        class(visited_point_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        !> Whether a later call may ask for this point again.
+        logical, intent(in) :: remembers
+
+        self%is_finite = .false.
+        self%t = t
+        self%has_point = remembers
+        if (remembers) call copy(size(q), q, self%q)
+    end subroutine arrive
+
+    !> R and D were found there, which takes a finite C.
+    pure subroutine note_velocity_basis(self)
+        class(visited_point_type), intent(inout) :: self
+
+        self%has_velocity_basis = .true.
+        self%is_finite = .true.
+    end subroutine note_velocity_basis
+
+    !> R and D are another chart's.
+    pure subroutine forget_velocity_basis(self)
+        class(visited_point_type), intent(inout) :: self
+
+        self%has_velocity_basis = .false.
+    end subroutine forget_velocity_basis
+
+    !> Whether gamma and the forces were evaluated there with this velocity.
+    pure logical function is_moving_with(self, qd)
+        class(visited_point_type), intent(in) :: self
+        real(wp), intent(in), contiguous :: qd(:)
+
+        is_moving_with = self%has_motion
+        if (is_moving_with) is_moving_with = are_same(size(qd), qd, self%qd)
+    end function is_moving_with
+
+    !> Gamma and the forces are to be evaluated with another velocity.
+    pure subroutine forget_motion(self)
+        class(visited_point_type), intent(inout) :: self
+
+        self%has_motion = .false.
+    end subroutine forget_motion
+
+    !> Gamma and the forces were evaluated with this velocity.
+    pure subroutine note_motion(self, qd, remembers)
+        class(visited_point_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: qd(:)
+        !> Whether a later call may ask for this velocity again.
+        logical, intent(in) :: remembers
+
+        self%has_motion = remembers
+        if (remembers) call copy(size(qd), qd, self%qd)
+    end subroutine note_motion
+
+    !> Nothing of it is known any more.
+    pure subroutine forget(self)
+        class(visited_point_type), intent(inout) :: self
+
+        call self%leave()
+        self%has_phi = .false.
+    end subroutine forget
+
+    !> All of it.
+    subroutine pack_state(self, pack)
+        class(visited_point_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%has_point, self%is_finite, self%has_velocity_basis, self%has_phi, self%has_motion)
+        call pack%item(self%t)
+        call pack%item(self%q, self%qd)
+    end subroutine pack_state
+end module tandem_chart_dense_visited_point
