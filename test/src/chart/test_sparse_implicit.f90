@@ -4,8 +4,9 @@
 module test_sparse_implicit
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use large_mechanisms, only: make_large
-    use tandem, only: chart_type, expression_type, failure_type => error_type, long, mechanism_type, new_profiled_chart, &
-        options_type, parse_expression, profile_type, simulation_type, statistics_type, wp
+    use large_runs, only: begin, check_resumption, check_timed, controlled, go_on, start
+    use tandem, only: expression_type, failure_type => error_type, long, mechanism_type, options_type, parse_expression, &
+        simulation_type, statistics_type, wp
     use tandem_model_derivatives, only: derivatives_type, need_all_derivatives
     use tandem_model_stiffness, only: stiffness_type
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -37,51 +38,6 @@ contains
             new_unittest('profile', test_profile), &
             new_unittest('refusals', test_refusals)]
     end subroutine collect_sparse_implicit
-
-    !> Begin a run of a scene.
-    subroutine begin(name, n, options, mechanism, simulation, error, ratio)
-        character(len=*), intent(in) :: name
-        integer, intent(in) :: n
-        type(options_type), intent(in) :: options
-        type(mechanism_type), intent(inout), target :: mechanism
-        type(simulation_type), intent(inout) :: simulation
-        type(error_type), allocatable, intent(inout) :: error
-        !> Of sliders.
-        real(wp), intent(in), optional :: ratio
-        type(failure_type), allocatable :: failure
-
-        if (allocated(error)) return
-        mechanism = mechanism_type()
-        call make_large(name, n, mechanism, failure, ratio)
-        call check_no_failure(error, failure)
-        if (.not. allocated(error)) call start(mechanism, options, simulation, error)
-    end subroutine begin
-
-    !> Begin a run of a mechanism.
-    subroutine start(mechanism, options, simulation, error)
-        type(mechanism_type), intent(inout), target :: mechanism
-        type(options_type), intent(in) :: options
-        type(simulation_type), intent(inout) :: simulation
-        type(error_type), allocatable, intent(inout) :: error
-        type(failure_type), allocatable :: failure
-        real(wp) :: q(mechanism%n), qd(mechanism%n)
-
-        call mechanism%start(q, qd)
-        call simulation%initialize(mechanism, options, 0.0_wp, q, qd, failure)
-        call check_no_failure(error, failure)
-    end subroutine start
-
-    !> Run to a time.
-    subroutine go_on(simulation, t, error)
-        type(simulation_type), intent(inout) :: simulation
-        real(wp), intent(in) :: t
-        type(error_type), allocatable, intent(inout) :: error
-        type(failure_type), allocatable :: failure
-
-        if (allocated(error)) return
-        call simulation%integrate(t, failure)
-        call check_no_failure(error, failure)
-    end subroutine go_on
 
     !> A chain in the plane with every kind of force: springs to far bodies and to the ground, along joints, bushings, loads that
     !> turn with bodies, and one that an expression of other bodies' states controls.
@@ -196,17 +152,6 @@ contains
         call check_below(error, maxval(abs(derivatives%dynamics_qd)), 1.0e-14_wp*largest, 'D')
     end subroutine compare_blocks
 
-    !> Options of controlled steps.
-    pure function controlled(stepper, rtol, kind) result(options)
-        character(len=*), intent(in) :: stepper, kind
-        real(wp), intent(in) :: rtol
-        type(options_type) :: options
-
-        options%stepper = stepper
-        options%rtol = rtol
-        options%chart_kind = kind
-    end function controlled
-
     !> Both charts leave errors of steps of their own: they and an explicit stepper at a thousandth of the tolerance agree within
     !> what local errors of the tolerance add up to.
     subroutine test_alike(error)
@@ -218,11 +163,11 @@ contains
         integer :: i, k
 
         do i = 1, size(scenes)
-            call begin(scenes(i), 9, controlled('dop853', 1.0e-11_wp, 'dense'), three, exact, error)
+            call begin(scenes(i), 9, controlled(1.0e-11_wp, 'dense', 'dop853'), three, exact, error)
             call go_on(exact, 0.1_wp, error)
             do k = 1, 3
-                call begin(scenes(i), 9, controlled(trim(steppers(k)), rtol(k), 'sparse'), one, sparse, error)
-                call begin(scenes(i), 9, controlled(trim(steppers(k)), rtol(k), 'dense'), two, dense, error)
+                call begin(scenes(i), 9, controlled(rtol(k), 'sparse', trim(steppers(k))), one, sparse, error)
+                call begin(scenes(i), 9, controlled(rtol(k), 'dense', trim(steppers(k))), two, dense, error)
                 call go_on(sparse, 0.1_wp, error)
                 call go_on(dense, 0.1_wp, error)
                 if (allocated(error)) return
@@ -246,7 +191,7 @@ contains
         real(wp) :: errors(2)
         integer :: k, way
 
-        call begin('spatial_chain', 4, controlled('dop853', 1.0e-13_wp, 'dense'), mechanism, simulation, error)
+        call begin('spatial_chain', 4, controlled(1.0e-13_wp, 'dense', 'dop853'), mechanism, simulation, error)
         call go_on(simulation, 0.4_wp, error)
         if (allocated(error)) return
         allocate (exact, source=simulation%state%q)
@@ -293,38 +238,20 @@ contains
         end do
     end subroutine test_many
 
-    !> A run that is taken up from a checkpoint goes on bitwise.
+    !> With fixed and with controlled steps.
     subroutine test_checkpoint(error)
         type(error_type), allocatable, intent(out) :: error
-        type(mechanism_type), target :: one, two
-        type(simulation_type) :: first, again
-        type(failure_type), allocatable :: failure
-        integer(long), allocatable :: words(:), expected(:), found(:)
-        type(options_type) :: options
+        type(options_type) :: options(4)
         integer :: i, way
 
+        options(1) = options_type(stepper='sdirk54', chart_kind='sparse')
+        options(2) = controlled(1.0e-5_wp, 'sparse', 'trapezoid')
+        options(3) = controlled(1.0e-7_wp, 'sparse', 'radau5')
+        options(4) = options_type(stepper='radau5', chart_kind='sparse')
         do i = 1, size(scenes)
             do way = 1, 4
-                options = options_type(stepper='sdirk54', chart_kind='sparse')
-                if (way == 2) options = controlled('trapezoid', 1.0e-5_wp, 'sparse')
-                if (way == 3) options = controlled('radau5', 1.0e-7_wp, 'sparse')
-                if (way == 4) options%stepper = 'radau5'
-                call begin(scenes(i), 14, options, one, first, error)
-                call begin(scenes(i), 14, options, two, again, error)
-                call go_on(first, 0.021_wp, error)
+                call check_resumption(trim(scenes(i)), options(way), error)
                 if (allocated(error)) return
-                call first%save_state(words, failure)
-                call check_no_failure(error, failure)
-                call again%restore_state(words, failure)
-                call check_no_failure(error, failure)
-                call go_on(first, 0.05_wp, error)
-                call go_on(again, 0.05_wp, error)
-                if (allocated(error)) return
-                call first%save_state(expected, failure)
-                call again%save_state(found, failure)
-                call check_true(error, all(abs(first%state%q - again%state%q) <= 0.0_wp) .and. &
-                    all(abs(first%state%qd - again%state%qd) <= 0.0_wp), trim(scenes(i))//' goes on otherwise')
-                call check_count(error, size(found), size(expected), 'words of the state')
             end do
         end do
     end subroutine test_checkpoint
@@ -341,7 +268,7 @@ contains
         integer :: k
 
         do k = 1, 3
-            call begin('sliders', 12, controlled('radau5', rtol, 'sparse'), one, sparse, error, ratio(k))
+            call begin('sliders', 12, controlled(rtol, 'sparse', 'radau5'), one, sparse, error, ratio(k))
             call go_on(sparse, 0.5_wp, error)
             if (allocated(error)) return
             statistics = sparse%statistics()
@@ -349,7 +276,7 @@ contains
             call check_below(error, max(statistics%position_error, statistics%velocity_error, statistics%acceleration_error), &
                 1.0e-11_wp, 'constraint errors')
             if (k == 3) exit
-            call begin('sliders', 12, controlled('radau5', 0.01_wp*rtol, 'dense'), two, dense, error, ratio(k))
+            call begin('sliders', 12, controlled(0.01_wp*rtol, 'dense', 'radau5'), two, dense, error, ratio(k))
             call go_on(dense, 0.5_wp, error)
             if (allocated(error)) return
             call check_close(error, sparse%state%q, dense%state%q, 10*rtol, 'q')
@@ -366,8 +293,8 @@ contains
         integer(long), allocatable :: words(:)
         type(statistics_type) :: statistics
 
-        call begin('sliders', 12, controlled('auto', 1.0e-6_wp, 'sparse'), one, first, error, 1.0e3_wp)
-        call begin('sliders', 12, controlled('auto', 1.0e-6_wp, 'sparse'), two, again, error, 1.0e3_wp)
+        call begin('sliders', 12, controlled(1.0e-6_wp, 'sparse', 'auto'), one, first, error, 1.0e3_wp)
+        call begin('sliders', 12, controlled(1.0e-6_wp, 'sparse', 'auto'), two, again, error, 1.0e3_wp)
         call go_on(first, 0.01_wp, error)
         if (allocated(error)) return
         call first%save_state(words, failure)
@@ -401,10 +328,10 @@ contains
         type(statistics_type) :: statistics, of_five
         real(wp), parameter :: rtol = 1.0e-11_wp, t_end = 0.3_wp
 
-        call begin('spatial_chain', 9, controlled('radau', rtol, 'sparse'), one, first, error)
-        call begin('spatial_chain', 9, controlled('radau', rtol, 'sparse'), two, again, error)
-        call begin('spatial_chain', 9, controlled('radau5', rtol, 'sparse'), three, five, error)
-        call begin('spatial_chain', 9, controlled('radau5', rtol, 'dense'), four, dense, error)
+        call begin('spatial_chain', 9, controlled(rtol, 'sparse', 'radau'), one, first, error)
+        call begin('spatial_chain', 9, controlled(rtol, 'sparse', 'radau'), two, again, error)
+        call begin('spatial_chain', 9, controlled(rtol, 'sparse', 'radau5'), three, five, error)
+        call begin('spatial_chain', 9, controlled(rtol, 'dense', 'radau5'), four, dense, error)
         call go_on(five, t_end, error)
         call go_on(dense, t_end, error)
         call go_on(first, 1.0e-4_wp, error)
@@ -452,9 +379,9 @@ contains
             call draw_door(2, one)
             call draw_door(1, two)
             if (allocated(error)) return
-            call start(two, controlled(merge('radau5', 'dop853', k == 3), 1.0e-11_wp, 'dense'), single, error)
+            call start(two, controlled(1.0e-11_wp, 'dense', merge('radau5', 'dop853', k == 3)), single, error)
             call go_on(single, 0.2_wp, error)
-            call start(one, controlled(trim(steppers(k)), 1.0e-8_wp, 'sparse'), double, error)
+            call start(one, controlled(1.0e-8_wp, 'sparse', trim(steppers(k))), double, error)
             call go_on(double, 0.2_wp, error)
             if (allocated(error)) return
             call check_count(error, double%n_redundant, 5, 'rows left out')
@@ -503,43 +430,13 @@ contains
         call check_true(error, .not. simulation%is_sparse, 'few bodies have a sparse chart')
     end subroutine test_choice
 
-    !> A run whose time is taken takes the same steps.
+    !> With stages one by one, and with stages together.
     subroutine test_profile(error)
         type(error_type), allocatable, intent(out) :: error
 
-        call compare_timed('sdirk54', error)
-        if (.not. allocated(error)) call compare_timed('radau5', error)
+        call check_timed('sprung_chain', options_type(stepper='sdirk54', chart_kind='sparse'), error)
+        if (.not. allocated(error)) call check_timed('sprung_chain', options_type(stepper='radau5', chart_kind='sparse'), error)
     end subroutine test_profile
-
-    !> With and without.
-    subroutine compare_timed(stepper, error)
-        character(len=*), intent(in) :: stepper
-        type(error_type), allocatable, intent(inout) :: error
-        type(mechanism_type), target :: one, two
-        type(simulation_type) :: plain, timed
-        type(profile_type), target :: profile
-        class(chart_type), allocatable :: chart
-        type(failure_type), allocatable :: failure
-        type(options_type) :: options
-        real(wp), allocatable :: q(:), qd(:)
-
-        options = options_type(stepper=stepper, chart_kind='sparse')
-        call begin('sprung_chain', 20, options, one, plain, error)
-        call make_large('sprung_chain', 20, two, failure)
-        call check_no_failure(error, failure)
-        if (allocated(error)) return
-        allocate (q(two%n), qd(two%n))
-        call two%start(q, qd)
-        call profile%begin()
-        two%timer => profile
-        call new_profiled_chart(two, options, profile, chart)
-        call timed%initialize(two, options, 0.0_wp, q, qd, failure, chart=chart)
-        call check_no_failure(error, failure)
-        call go_on(plain, 0.02_wp, error)
-        call go_on(timed, 0.02_wp, error)
-        if (allocated(error)) return
-        call check_true(error, all(abs(plain%state%q - timed%state%q) <= 0.0_wp), 'it takes other steps')
-    end subroutine compare_timed
 
     !> What cannot be had is refused by name.
     subroutine test_refusals(error)

@@ -4,9 +4,8 @@
 module test_sparse_runs
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use large_mechanisms, only: make_large
-    use large_runs, only: begin, controlled, go_on, scenes, start
-    use tandem, only: chart_type, failure_type => error_type, long, mechanism_type, new_profiled_chart, options_type, &
-        profile_type, simulation_type, statistics_type, wp
+    use large_runs, only: begin, check_resumption, check_timed, controlled, go_on, scenes, start
+    use tandem, only: failure_type => error_type, long, mechanism_type, options_type, simulation_type, statistics_type, wp
     use tandem_chart_sparse_factor, only: factor_type
     use tandem_pack, only: pack_type
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -61,39 +60,15 @@ contains
         call check_true(error, all(abs(sparse%state%q - blind%state%q) <= 0.0_wp), 'a look changes the steps')
     end subroutine test_dense_output
 
-    !> A run that is taken up from a checkpoint goes on bitwise.
+    !> With fixed and with controlled steps.
     subroutine test_checkpoint(error)
         type(error_type), allocatable, intent(out) :: error
-        type(mechanism_type), target :: one, two
-        type(simulation_type) :: first, again
-        type(failure_type), allocatable :: failure
-        integer(long), allocatable :: words(:), expected(:), found(:)
-        integer :: i, way
-        type(options_type) :: options
+        integer :: i
 
         do i = 1, size(scenes)
-            do way = 1, 2
-                one = mechanism_type()
-                two = mechanism_type()
-                options = options_type(chart_kind='sparse')
-                if (way == 2) options = controlled(1.0e-9_wp, 'sparse')
-                call begin(scenes(i), 14, options, one, first, error)
-                call begin(scenes(i), 14, options, two, again, error)
-                call go_on(first, 0.021_wp, error)
-                if (allocated(error)) return
-                call first%save_state(words, failure)
-                call check_no_failure(error, failure)
-                call again%restore_state(words, failure)
-                call check_no_failure(error, failure)
-                call go_on(first, 0.05_wp, error)
-                call go_on(again, 0.05_wp, error)
-                if (allocated(error)) return
-                call first%save_state(expected, failure)
-                call again%save_state(found, failure)
-                call check_true(error, all(abs(first%state%q - again%state%q) <= 0.0_wp) .and. &
-                    all(abs(first%state%qd - again%state%qd) <= 0.0_wp), trim(scenes(i))//' goes on otherwise')
-                call check_count(error, size(found), size(expected), 'words of the state')
-            end do
+            call check_resumption(trim(scenes(i)), options_type(chart_kind='sparse'), error)
+            if (.not. allocated(error)) call check_resumption(trim(scenes(i)), controlled(1.0e-9_wp, 'sparse'), error)
+            if (allocated(error)) return
         end do
     end subroutine test_checkpoint
 
@@ -131,14 +106,12 @@ contains
         if (allocated(error)) return
         statistics = simulation%statistics()
         call check_true(error, statistics%basis_factorizations > 0, 'few bodies have a sparse chart')
-        mechanism = mechanism_type()
         call begin('spatial_chain', 2000, options_type(), mechanism, simulation, error)
         call go_on(simulation, 0.002_wp, error)
         if (allocated(error)) return
         statistics = simulation%statistics()
         call check_true(error, statistics%basis_factorizations == 0, 'many bodies have a dense chart')
         ! Implicit steps.
-        mechanism = mechanism_type()
         call begin('planar_chain', 25, options_type(stepper='sdirk54'), mechanism, simulation, error)
         call go_on(simulation, 0.002_wp, error)
         if (allocated(error)) return
@@ -162,32 +135,11 @@ contains
         end do
     end subroutine test_choice
 
-    !> A run whose time is taken has the chart that it would have, and takes the same steps.
+    !> With the chart that the program chooses.
     subroutine test_profile(error)
         type(error_type), allocatable, intent(out) :: error
-        type(mechanism_type), target :: one, two
-        type(simulation_type) :: plain, timed
-        type(profile_type), target :: profile
-        class(chart_type), allocatable :: chart
-        type(failure_type), allocatable :: failure
-        real(wp), allocatable :: q(:), qd(:)
 
-        call begin('spatial_chain', 20, options_type(), one, plain, error)
-        call make_large('spatial_chain', 20, two, failure)
-        call check_no_failure(error, failure)
-        if (allocated(error)) return
-        allocate (q(two%n), qd(two%n))
-        call two%start(q, qd)
-        call profile%begin()
-        two%timer => profile
-        call new_profiled_chart(two, options_type(), profile, chart)
-        call timed%initialize(two, options_type(), 0.0_wp, q, qd, failure, chart=chart)
-        call check_no_failure(error, failure)
-        call check_true(error, timed%is_sparse .and. plain%is_sparse, 'a chart is dense')
-        call go_on(plain, 0.02_wp, error)
-        call go_on(timed, 0.02_wp, error)
-        if (allocated(error)) return
-        call check_true(error, all(abs(plain%state%q - timed%state%q) <= 0.0_wp), 'it takes other steps')
+        call check_timed('spatial_chain', options_type(), error)
     end subroutine test_profile
 
     !> Parallelograms in space on three hinges and a ball joint, one of whose rows is redundant each: as many rows are left out and
@@ -263,6 +215,7 @@ contains
         call mechanism%define(failure)
         call check_no_failure(error, failure)
     end subroutine draw_parallelograms
+
     !> What this chart cannot do is refused at the set-up, with what to do.
     subroutine test_refusals(error)
         type(error_type), allocatable, intent(out) :: error

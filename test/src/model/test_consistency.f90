@@ -2,6 +2,7 @@
 !> Procedures of a model that contradict each other are named in a run, by every stepper and in bounded work; no other model is.
 module test_consistency
     use asserts, only: check_count, check_no_failure, check_text, check_true
+    use consistency_checks, only: check_clean, check_named, looker_type
     use model_altered, only: altered_type
     use model_beads, only: beads_type
     use model_belt_wheel, only: belt_wheel_type
@@ -12,8 +13,8 @@ module test_consistency
     use model_sleigh, only: sleigh_type
     use runs, only: get_start, new_scene, run, scene_names
     use subjects, only: new_subject, subject_names
-    use tandem, only: at_step, chart_policies, failure_type => error_type, find_error_warnings, global_error_type, model_type, &
-        new_stepper, observer_type, options_type, properties_type, simulation_type, statistics_type, stepper_names, warning_type, wp
+    use tandem, only: chart_policies, failure_type => error_type, find_error_warnings, global_error_type, model_type, &
+        new_stepper, options_type, properties_type, simulation_type, statistics_type, stepper_names, warning_type, wp
     use tandem_io, only: read_scene, scene_type
     use tandem_io_study_cases, only: build_case, case_groups, case_names, case_type
     use tandem_model_consistency, only: contradiction_length, find_contradiction
@@ -24,17 +25,6 @@ module test_consistency
     private
 
     public :: collect_consistency
-
-    !> Looks at every step, where a run looks at few.
-    type, extends(observer_type) :: looker_type
-        character(len=contradiction_length) :: contradiction = ''
-        integer :: looks = 0
-        !> Steps between two looks.
-        integer :: pause = 1
-        integer, private :: steps = 0
-    contains
-        procedure :: observe
-    end type looker_type
 
 contains
 
@@ -59,58 +49,6 @@ contains
             new_unittest('no-place-without-a-value-is-asked-for', test_domain), &
             new_unittest('models-with-a-pattern-and-single-procedures-are-not-named', test_pattern)]
     end subroutine collect_consistency
-
-    subroutine observe(self, simulation, occasion, error)
-        class(looker_type), intent(inout) :: self
-        class(simulation_type), intent(inout) :: simulation
-        integer, intent(in) :: occasion
-        type(failure_type), allocatable, intent(out) :: error
-        character(len=contradiction_length) :: found
-        type(counts_type) :: counts
-
-        if (occasion /= at_step) return
-        self%steps = self%steps + 1
-        if (mod(self%steps, self%pause) /= 0) return
-        self%looks = self%looks + 1
-        associate (state => simulation%state)
-            call find_contradiction(simulation%model, state%t, state%q, state%qd, &
-                merge(-1.0_wp, 1.0_wp, mod(self%looks, 2) == 0)*simulation%last_step, counts, found)
-        end associate
-        if (found /= '') self%contradiction = found
-    end subroutine observe
-
-    !> A run must name what contradicts what, and find_error_warnings tell it first.
-    subroutine check_named(error, simulation, failure, piece)
-        type(error_type), allocatable, intent(inout) :: error
-        type(simulation_type), intent(in) :: simulation
-        type(failure_type), allocatable, intent(in) :: failure
-        character(len=*), intent(in) :: piece
-        type(statistics_type) :: statistics
-        type(warning_type), allocatable :: doubts(:)
-
-        if (allocated(error)) return
-        statistics = simulation%statistics()
-        call check_text(error, trim(statistics%contradiction), piece)
-        if (allocated(error)) return
-        call find_error_warnings(simulation%options, statistics, doubts)
-        call check_text(error, doubts(1)%text, piece)
-        if (allocated(error) .or. .not. allocated(failure)) return
-        call check_text(error, failure%message, piece)
-    end subroutine check_named
-
-    !> A run must not say that its model contradicts itself.
-    subroutine check_clean(error, simulation, looker, what)
-        type(error_type), allocatable, intent(inout) :: error
-        type(simulation_type), intent(in) :: simulation
-        type(looker_type), intent(in) :: looker
-        character(len=*), intent(in) :: what
-        type(statistics_type) :: statistics
-
-        if (allocated(error)) return
-        statistics = simulation%statistics()
-        if (statistics%contradiction /= '') call test_failed(error, what//': '//trim(statistics%contradiction))
-        if (looker%contradiction /= '') call test_failed(error, what//', looked at: '//trim(looker%contradiction))
-    end subroutine check_clean
 
     !> Half of it, all of it twice, with its sign changed, or none: fixed steps and error control, each stepper.
     subroutine test_gamma(error)

@@ -6,23 +6,16 @@ module test_event_actions
     use kkt, only: kkt_type
     use model_particle, only: particle_type
     use model_pendulum, only: pendulum_type
+    use event_witness, only: witness_type
     use runs, only: get_start, new_scene
-    use tandem, only: at_event, at_step, chart_policies, failure_type => error_type, model_type, observer_type, options_type, &
-        refresh_modes, simulation_type, statistics_type, stepper_names, threshold_event_type, wp
+    use tandem, only: chart_policies, failure_type => error_type, model_type, options_type, refresh_modes, &
+        simulation_type, statistics_type, stepper_names, threshold_event_type, wp
     use tandem_simulate_statistics, only: by_event
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
 
     public :: collect_event_actions
-
-    !> Remembers the velocity before and after an action, and looks into the step that was cut.
-    type, extends(observer_type) :: witness_type
-        integer :: n_events = 0
-        real(wp) :: before(2) = 0.0_wp, after(2) = 0.0_wp, largest_error = 0.0_wp, between = 0.0_wp
-    contains
-        procedure :: observe
-    end type witness_type
 
 contains
 
@@ -491,29 +484,6 @@ contains
             call check_close(error, simulation%state%q(:1), [3.5_wp], 1.0e-13_wp, 'end')
         end do
     end subroutine test_start
-
-    subroutine observe(self, simulation, occasion, error)
-        class(witness_type), intent(inout) :: self
-        class(simulation_type), intent(inout) :: simulation
-        integer, intent(in) :: occasion
-        type(failure_type), allocatable, intent(out) :: error
-        real(wp) :: t
-
-        if (occasion == at_event) then
-            self%n_events = self%n_events + 1
-            self%before = simulation%state%qd
-            ! Before the event the old gravity counts.
-            t = simulation%state%t - 0.5_wp*simulation%last_step
-            call simulation%look_at(t, error)
-            associate (q => simulation%state%q, qd => simulation%state%qd, qdd => simulation%state%qdd)
-                self%between = abs((qdd(1)*(-q(2)) + (qdd(2) + 9.81_wp)*q(1)))
-            end associate
-            self%largest_error = maxval(simulation%errors)
-            call simulation%look_back()
-        else if (occasion == at_step .and. self%n_events == 1 .and. .not. any(abs(self%after) > 0.0_wp)) then
-            self%after = simulation%state%qd
-        end if
-    end subroutine observe
 
     !> Rows that an observer writes within the cut step are those of the motion before the action.
     subroutine test_observer(error)
