@@ -10,7 +10,7 @@
 !> diag(s)^-1 V and diag(s)^-1 W are the duals that give coordinates.
 module tandem_chart_dense
     use tandem_error, only: error_type, set_error
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: short, wp
     use tandem_linalg_basis, only: basis_type
     use tandem_linalg_dependence, only: solve_least_norm
     use tandem_linalg_kernels, only: add, add_product, are_same, copy, is_finite, set_product
@@ -91,8 +91,8 @@ module tandem_chart_dense
         !> C where the current step starts (m, n), and a closer look at how C changes from there.
         real(wp), allocatable :: step_jacobian(:, :)
         type(row_space_type) :: row_space
-        !> The coordinates without mass, and work space (m, m) to see how C ties them; the one that it ties least, how firmly, and
-        !> how firmly it was tied at best.
+        !> The coordinates without mass, and work space (m, m), its columns padded, to see how C ties them; the one that it ties
+        !> least, how firmly, and how firmly it was tied at best.
         integer, allocatable :: massless(:)
         integer :: n_massless = 0, loosest = 0
         real(wp), allocatable :: ties(:, :), tied(:, :), tie_weight(:)

@@ -66,7 +66,8 @@ contains
             if (.not. self%has_gamma .or. implicit) call self%differences%initialize(model, self%scale)
             self%q0 = spread(0.0_wp, 1, n)
             self%x = spread(0.0_wp, 1, m)
-            allocate (self%step_jacobian(m, n), self%ties(m, m), self%tied(m, m), self%tie_weight(m), source=0.0_wp)
+            allocate (self%step_jacobian(m, n), self%ties(m + short, m), self%tied(m + short, m), self%tie_weight(m), &
+                source=0.0_wp)
             self%massless = spread(0, 1, n)
             self%best_tie = 0.0_wp
             call self%row_space%forget()
