@@ -150,12 +150,16 @@ contains
         do k = 1, m - 1, 2
             pivot = a(k, k)
             pivots(k) = pivot
+            if (.not. is_pivot(pivot)) then
+                stat = k
+                return
+            end if
             inverse = 1.0_wp/pivot
             ! The next pivot is known before the columns lose this one, so that the division by it need not wait for them.
             next = a(k + 1, k + 1) - a(k + 1, k)*inverse*a(k, k + 1)
             pivots(k + 1) = next
-            if (.not. (is_pivot(pivot) .and. is_pivot(next))) then
-                stat = merge(k + 1, k, is_pivot(pivot))
+            if (.not. is_pivot(next)) then
+                stat = k + 1
                 return
             end if
             call take_pair(k, n, inverse, 1.0_wp/next, unit, a, column, second)
@@ -167,9 +171,43 @@ contains
                 stat = m
                 return
             end if
-            call take_pivot(m, n, lane, 1.0_wp/pivot, unit, a, column)
+            call take_last(m, n, 1.0_wp/pivot, unit, a, column)
         end if
     end subroutine take_pairs
+
+    !> What `take_pivot` does for the last pivot of an odd number.
+    pure subroutine take_last(m, n, inverse, unit, a, column)
+        integer, intent(in) :: m, n
+        real(wp), intent(in), value :: inverse
+        real(wp), intent(in) :: unit(lane, lane)
+        real(wp), intent(inout) :: a(lane, n), column(lane)
+        real(wp) :: f
+        integer :: b, i, j
+
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                column(b + i) = a(b + i, m)*(inverse - inverse*unit(b + i, m))
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, n
+            f = a(m, j)
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    a(b + i, j) = a(b + i, j) - column(b + i)*f
+                end do
+            end do
+        end do
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                a(b + i, m) = unit(b + i, m) - column(b + i)
+            end do
+        end do
+    end subroutine take_last
 
     !> Whether a number can be divided by.
     pure logical function is_pivot(x)
