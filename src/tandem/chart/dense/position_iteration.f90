@@ -48,7 +48,8 @@ contains
 
         is_predicted = self%predicts .and. defect < huge(1.0_wp)
         call begin(width, is_predicted, defect, self%u_start, self%curvature, self%u, self%first_u)
-        remembers = is_predicted .and. is_stage .and. stage > 0 .and. stage <= most_stages
+        remembers = .false.
+        if (stage > 0) remembers = is_predicted .and. stage <= most_stages
         if (remembers) call expect(self, width, stage, step)
         first_error = 0.0_wp
         last_error = unknown
@@ -135,15 +136,12 @@ contains
                 !GCC$ UNROLL 1
                 do i = 1, short
                     u(b + i) = u_start(b + i) - defect*curvature(b + i)
+                    first_u(b + i) = u(b + i)
                 end do
             end do
+        else
+            first_u(:) = u
         end if
-        do b = 0, width - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                first_u(b + i) = u(b + i)
-            end do
-        end do
     end subroutine begin
 
     !> Add to u what its prediction missed at this stage of the last step, where the two are of a size: a part of third order.
