@@ -49,8 +49,7 @@ contains
         is_predicted = self%predicts .and. defect < huge(1.0_wp)
         call begin(width, is_predicted, defect, self%u_start, self%curvature, self%u, self%first_u)
         remembers = .false.
-        if (stage > 0) remembers = is_predicted .and. stage <= most_stages
-        if (remembers) call expect(self, width, stage, step)
+        if (stage > 0) call expect(self, width, is_predicted, stage, step, remembers)
         first_error = 0.0_wp
         last_error = unknown
         if (self%has_learnt .and. abs(t - self%b_time) > abs(t - self%origin_time)) call self%forget_motion()
@@ -145,15 +144,20 @@ contains
     end subroutine begin
 
     !> Add to u what its prediction missed at this stage of the last step, where the two are of a size: a part of third order.
-    pure subroutine expect(self, width, stage, step)
+    pure subroutine expect(self, width, is_predicted, stage, step, remembers)
         class(position_type), intent(inout) :: self
         integer, intent(in), value :: width
+        logical, intent(in) :: is_predicted
         integer, intent(in) :: stage
         real(wp), intent(in) :: step
+        !> Whether the stage is one to remember.
+        logical, intent(out) :: remembers
         real(wp), parameter :: alike = 4.0_wp
         real(wp) :: f
         integer :: b, i
 
+        remembers = is_predicted .and. stage <= most_stages
+        if (.not. remembers) return
         f = self%step_of_missed(stage, self%known)
         if (.not. step < alike*f) return
         f = (step/f)**3
