@@ -23,22 +23,30 @@ TOLERANCE = 0.03
 
 
 def allocations(text):
-    """Calls of the allocating functions in a file of callgrind. Of a procedure that allocates here and before, callgrind counts all:
-    what grows shows, but the number itself is an upper bound."""
-    total, callee = 0, ""
+    """Calls of the allocating functions in a file of callgrind with instructions: how often the first one of each was executed. The
+    file's own counts of calls hold those before `integrate` too."""
+    costs_of, function, is_call = {}, "", False
     for line in text.splitlines():
-        if line.startswith("cfn="):
-            callee = line[len("cfn="):]
-        elif line.startswith("calls=") and callee in ("malloc", "calloc", "realloc"):
-            total += int(line[len("calls="):].split()[0])
-    return total
+        if line.startswith("fn="):
+            function = line[len("fn="):]
+        elif line.startswith("calls="):
+            is_call = True
+        elif line.startswith("0x") and function in ("malloc", "calloc", "realloc"):
+            address, _, cost = line.split()
+            if not is_call:
+                costs_of.setdefault(function, {})[int(address, 16)] = int(cost)
+            is_call = False
+        else:
+            is_call = False
+    return sum(costs[min(costs)] for costs in costs_of.values())
 
 
 def count(program):
     """{(scene, stepper, control): (steps, instructions, allocations)}, both within `integrate`."""
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(["valgrind", "--tool=callgrind", f"--toggle-collect={COUNTED}", f"--dump-after={COUNTED}",
-                               "--compress-strings=no", f"--callgrind-out-file={folder}/out", program],
+                               "--dump-instr=yes", "--compress-strings=no", "--compress-pos=no",
+                               f"--callgrind-out-file={folder}/out", program],
                               cwd=ROOT, check=True, capture_output=True, text=True)
         counts = {}
         for i, line in enumerate(done.stdout.splitlines(), 1):

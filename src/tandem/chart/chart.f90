@@ -53,6 +53,9 @@ module tandem_chart
         !> Set by a stepper while it evaluates a stage whose increment misses the second derivative of the motion by this times qdd
         !> at the start of the step: h^2 (c^2/2 - sum a c). Huge where that is not known.
         real(wp) :: defect = huge(1.0_wp)
+        !> Which stage that is, and the size of the step: from step to step the same stage misses nearly the same. 0 for none.
+        integer :: stage_number = 0
+        real(wp) :: step_size = 0.0_wp
         !> The smallest singular value of the unit rows of C at the origin.
         real(wp) :: independence = 1.0_wp
         !> The largest of these so far, and how many redundant rows were left out.

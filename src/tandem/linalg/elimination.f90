@@ -12,6 +12,7 @@
 module tandem_linalg_elimination
     use tandem_kinds, only: lane, short, wp
     use tandem_linalg_kernels, only: is_finite
+    use tandem_linalg_pivots, only: divide_rows, load, take_all, take_pivot
     use tandem_pack, only: pack_type
     implicit none (type, external)
     private
@@ -34,9 +35,9 @@ module tandem_linalg_elimination
         integer :: choice = 0
         integer, private :: parity = 1, last_choice = 0, held_choice = 0, held_parity = 1
         logical, private :: has_pivots = .false., held_has_pivots = .false.
-        !> Largest scaled entry of each row of C when it was measured last, the pivots; a column; 1 for rows and 0 for padding
+        !> Largest scaled entry of each row of C when it was measured last, the pivots; two columns; 1 for rows and 0 for padding
         !> (height); the unit matrix (height, height).
-        real(wp), allocatable, private :: row_size(:), held_row_size(:), pivots(:), column(:), mask(:), unit(:, :)
+        real(wp), allocatable, private :: row_size(:), held_row_size(:), pivots(:), column(:), second(:), mask(:), unit(:, :)
         !> Scales of the unknowns (n), and those of the pivot columns (height).
         real(wp), allocatable, private :: scale(:), pivot_scale(:)
         integer, allocatable, private :: held_order(:)
@@ -103,7 +104,7 @@ contains
         self%has_pivots = .false.
         self%parity = 1
         if (allocated(self%matrix)) deallocate (self%matrix, self%eliminated, self%row_size, self%held_row_size, self%pivots, &
-            self%column, self%mask, self%unit, self%scale, self%pivot_scale, self%order, self%held_order)
+            self%column, self%second, self%mask, self%unit, self%scale, self%pivot_scale, self%order, self%held_order)
         if (allocated(self%exchanges)) deallocate (self%exchanges, self%row_factor)
         if (m > largest_small) then
             allocate (self%exchanges(m), source=0)
@@ -111,7 +112,8 @@ contains
         end if
         allocate (self%matrix(self%height, n), self%eliminated(self%height, n), source=0.0_wp)
         allocate (self%row_size(self%height), self%held_row_size(self%height), self%pivots(self%height), &
-            self%column(self%height), self%mask(self%height), self%unit(self%height, self%height), source=0.0_wp)
+            self%column(self%height), self%second(self%height), self%mask(self%height), &
+            self%unit(self%height, self%height), source=0.0_wp)
         allocate (self%scale(n), self%pivot_scale(self%height), source=1.0_wp)
         allocate (self%order(n), self%held_order(n), source=0)
         self%mask(:m) = 1.0_wp
@@ -167,13 +169,9 @@ contains
                 self%order(j) = j
             end do
             call load(self%m, self%n, self%height, matrix, self%mask, self%order, self%matrix, self%eliminated)
-        else if (self%height == lane) then
-            ! The same loops, in the common case of a length that the compiler knows.
-            call reduce(self%m, self%n, lane, matrix, self%mask, self%order, self%scale, self%pivot_scale, self%row_size, &
-                self%unit, self%matrix, self%eliminated, self%column, self%pivots, stat)
         else if (self%m <= largest_small) then
-            call reduce(self%m, self%n, self%height, matrix, self%mask, self%order, self%scale, self%pivot_scale, self%row_size, &
-                self%unit, self%matrix, self%eliminated, self%column, self%pivots, stat)
+            call take_all(self%m, self%n, self%height, matrix, self%mask, self%order, self%scale, self%pivot_scale, self%row_size, &
+                self%unit, self%matrix, self%eliminated, self%column, self%second, self%pivots, stat)
         else
             call self%factor(matrix, .true., stat)
         end if
@@ -189,179 +187,6 @@ contains
         self%has_pivots = stat == 0
         if (stat == 0) self%parity = self%parity*orientation*self%orientation()
     end subroutine eliminate
-
-    !> Copy C twice, as it is and in the order of elimination.
-    pure subroutine load(m, n, height, matrix, mask, order, copy, a)
-        integer, intent(in) :: m, n, order(n)
-        integer, intent(in), value :: height
-        real(wp), intent(in) :: matrix(m*n), mask(height)
-        real(wp), intent(inout) :: copy(height, n), a(height, n)
-        integer :: j, p
-
-        ! Without rows there is no first one.
-        if (height == 0) return
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = 1, n
-            p = order(j)
-            call load_column(m, height, mask, matrix((p - 1)*m + 1), copy(1, p), a(1, j))
-        end do
-    end subroutine load
-
-    !> A column and zeros behind it, where the mask is zero.
-    pure subroutine load_column(m, height, mask, x, copy, a)
-        integer, intent(in) :: m
-        integer, intent(in), value :: height
-        real(wp), intent(in) :: mask(height), x(m)
-        real(wp), intent(inout) :: copy(height), a(height)
-        real(wp) :: f
-        integer :: i
-
-        !GCC$ IVDEP
-        !GCC$ UNROLL 1
-        do i = 1, height
-            f = 0.0_wp
-            if (mask(i) > 0.0_wp) f = x(i)
-            copy(i) = f
-            a(i) = f
-        end do
-    end subroutine load_column
-
-    !> Take all remembered pivots. stat > 0: they do not serve, because one of them is small in its row or an entry of Y is large.
-    !> An entry that is not finite makes a pivot or an entry of Y so, and does not pass either.
-    pure subroutine reduce(m, n, height, matrix, mask, order, scale, pivot_scale, row_size, unit, copy, a, column, pivots, stat)
-        integer, intent(in) :: m, n, order(n)
-        integer, intent(in), value :: height
-        real(wp), intent(in) :: matrix(m*n), mask(height), scale(n), pivot_scale(height), row_size(height), unit(height, height)
-        real(wp), intent(inout) :: copy(height, n), a(height, n), column(height), pivots(height)
-        integer, intent(out) :: stat
-        !> A remembered pivot below this part of its row's largest entry is searched anew: it would amplify rounding.
-        real(wp), parameter :: smallest_pivot = 0.05_wp
-        !> Largest |Y| that remembered pivots may leave.
-        real(wp), parameter :: largest_growth = 10.0_wp
-        real(wp) :: f, inverse, pivot, sums(short)
-        integer :: b, i, j, k
-
-        call load(m, n, height, matrix, mask, order, copy, a)
-        stat = 0
-        pivot = 1.0_wp
-        if (m > 0) pivot = a(1, 1)
-        do k = 1, m
-            pivots(k) = pivot
-            if (.not. (abs(pivot) > tiny(1.0_wp) .and. abs(pivot) <= huge(1.0_wp))) then
-                stat = k
-                return
-            end if
-            inverse = 1.0_wp/pivot
-            ! The next pivot is known before the columns lose this one, so that the division by it need not wait for them.
-            if (k < m) pivot = a(k + 1, k + 1) - a(k + 1, k)*inverse*a(k, k + 1)
-            call take_pivot(k, n, height, inverse, unit, a, column)
-        end do
-        call divide_rows(n, height, pivots, a, column)
-        ! What is above its limit, row by row: not above 1 where all is well.
-        do b = 0, height - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                column(b + i) = merge(0.0_wp, 2.0_wp, abs(pivots(b + i))*pivot_scale(b + i) >= smallest_pivot*row_size(b + i))
-            end do
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = m + 1, n
-            f = scale(order(j))/largest_growth
-            do b = 0, height - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    column(b + i) = merge(column(b + i), 2.0_wp, abs(a(b + i, j))*f <= pivot_scale(b + i))
-                end do
-            end do
-        end do
-        do i = 1, short
-            sums(i) = 0.0_wp
-        end do
-        do b = 0, height - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                sums(i) = sums(i) + column(b + i)
-            end do
-        end do
-        if ((sums(1) + sums(2)) + (sums(3) + sums(4)) > 1.0_wp) stat = maxloc(column, dim=1)
-    end subroutine reduce
-
-    !> Take a(k, k) from column k: the other rows less what makes it zero there, and in its place the column of the inverse. Row k
-    !> itself is divided by its pivot later, see `divide_rows`: so each entry takes one fused multiplication and subtraction, whose
-    !> rounding is that of the result, not that of what cancels; and columns are written as wholes, as a load of what was stored in
-    !> parts would wait for the memory.
-    pure subroutine take_pivot(k, n, height, inverse, unit, a, column)
-        integer, intent(in) :: k, n
-        integer, intent(in), value :: height
-        !> 1/a(k, k), the unit matrix.
-        real(wp), intent(in) :: inverse, unit(height, height)
-        real(wp), intent(inout) :: a(height, n)
-        !> Work space: what a column loses per unit of its row k.
-        real(wp), intent(inout) :: column(height)
-        real(wp) :: f
-        integer :: b, i, j
-
-        do b = 0, height - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                column(b + i) = a(b + i, k)*(inverse - inverse*unit(b + i, k))
-                a(b + i, k) = unit(b + i, k) - column(b + i)
-            end do
-        end do
-        ! The columns of the next pivots first, for which they wait.
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 3
-        do j = k + 1, n
-            f = a(k, j)
-            do b = 0, height - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    a(b + i, j) = a(b + i, j) - column(b + i)*f
-                end do
-            end do
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 3
-        do j = 1, k - 1
-            f = a(k, j)
-            do b = 0, height - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    a(b + i, j) = a(b + i, j) - column(b + i)*f
-                end do
-            end do
-        end do
-    end subroutine take_pivot
-
-    !> Each row over its pivot; 1 in the padding.
-    pure subroutine divide_rows(n, height, pivots, a, inverse)
-        integer, intent(in) :: n
-        integer, intent(in), value :: height
-        real(wp), intent(in) :: pivots(height)
-        real(wp), intent(inout) :: a(height, n)
-        !> Work space.
-        real(wp), intent(inout) :: inverse(height)
-        integer :: b, i, j
-
-        do b = 0, height - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                inverse(b + i) = 1.0_wp/pivots(b + i)
-            end do
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 3
-        do j = 1, n
-            do b = 0, height - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    a(b + i, j) = a(b + i, j)*inverse(b + i)
-                end do
-            end do
-        end do
-    end subroutine divide_rows
 
     !> Eliminate with a search for pivots.
     subroutine choose_pivots(self, scale, stat)

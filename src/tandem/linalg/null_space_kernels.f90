@@ -11,7 +11,7 @@ module tandem_linalg_null_space_kernels
     implicit none (type, external)
     private
 
-    public :: find_velocity, find_acceleration, finish, multiply_mass, scale_columns, set_overlap, transpose_basis
+    public :: find_velocity, find_acceleration, finish, multiply_mass, polish, scale_columns, set_overlap, transpose_basis
 
 contains
 
@@ -262,7 +262,33 @@ contains
         do i = 1, m
             y(order(i)) = r(i)
         end do
-        if (.not. polishes) return
+        if (polishes) call remove_rest(m, n, height, order, c, a, g, sign, r, x, y)
+    end subroutine finish
+
+    !> Take from y what rounding leaves of C y + sign g = 0.
+    pure subroutine polish(m, n, height, order, c, a, g, sign, r, x, y)
+        integer, intent(in) :: m, n, height, order(n)
+        !> C, C eliminated, g; 1 or -1.
+        real(wp), intent(in) :: c(height, n), a(height, n), g(m), sign
+        !> Work space, and y.
+        real(wp), intent(inout) :: r(height), x(height), y(n)
+
+        if (height == lane) then
+            call remove_rest(m, n, lane, order, c, a, g, sign, r, x, y)
+        else
+            call remove_rest(m, n, height, order, c, a, g, sign, r, x, y)
+        end if
+    end subroutine polish
+
+    !> The same, for a given length.
+    pure subroutine remove_rest(m, n, height, order, c, a, g, sign, r, x, y)
+        integer, intent(in) :: m, n, order(n)
+        integer, intent(in), value :: height
+        real(wp), intent(in) :: c(height, n), a(height, n), g(m)
+        real(wp), intent(in), value :: sign
+        real(wp), intent(inout) :: r(height), x(height), y(n)
+        integer :: i
+
         call multiply(height, n, c, y, x)
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
@@ -275,7 +301,7 @@ contains
         do i = 1, m
             y(order(i)) = y(order(i)) - r(i)
         end do
-    end subroutine finish
+    end subroutine remove_rest
 
     !> y := A x, A (height, l), x (l).
     pure subroutine multiply(height, l, a, x, y)

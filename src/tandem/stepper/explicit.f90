@@ -10,7 +10,7 @@
 module tandem_stepper_explicit
     use tandem_kinds, only: lane, short, wp
     use tandem_pack, only: pack_type
-    use tandem_stepper, only: stepper_type, weighted_norm
+    use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_combination, only: combination_type
     use tandem_stepper_state, only: state_type
     use tandem_chart, only: chart_type
@@ -35,6 +35,9 @@ module tandem_stepper_explicit
         real(wp), allocatable :: zero(:), part(:), slope(:)
         !> Its rows of zeros let no register hold both, so that sums for the next position need not wait for the last acceleration.
         integer :: n = 0, offset = 0
+        !> Whether the chart is to remember stages by their number: those of higher methods are so good that the memory costs more
+        !> than it saves (measured with dop853).
+        logical, private :: has_rough_stages = .false.
         !> How many stages dense output adds.
         integer :: n_extra = 0
         !> Whether they are those of the last step.
@@ -73,10 +76,13 @@ contains
         class(explicit_type), intent(inout) :: self
         real(wp), intent(in) :: scale(:)
         real(wp), intent(in) :: newton_tolerance
+        type(properties_type) :: properties
         integer :: i, n, n_estimates, s
 
         n = size(scale)
         call self%set_tableau()
+        properties = self%properties()
+        self%has_rough_stages = properties%order <= 5
         s = size(self%b)
         self%n = n
         self%offset = short*((n + short - 1)/short)
@@ -212,6 +218,8 @@ contains
 
         associate (n => self%n, offset => self%offset, rate => self%rate, y => self%y)
             chart%is_stage = .true.
+            chart%stage_number = merge(stage, 0, self%has_rough_stages)
+            chart%step_size = h
             call sum_before%add(size(rate, 1), size(rate, 2), h, rate, self%y_start, y)
             if (self%projects_stages) then
                 call chart%restore_motion(t, y(:n), y(offset + 1:offset + n), self%q, rate(:n, stage), &
@@ -223,6 +231,7 @@ contains
                 call chart%solve_dynamics(t, self%q, rate(:n, stage), rate(offset + 1:offset + n, stage), stat)
             end if
             chart%is_stage = .false.
+            chart%stage_number = 0
         end associate
     end subroutine set_stage
 

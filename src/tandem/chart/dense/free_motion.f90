@@ -12,8 +12,8 @@ module tandem_chart_dense_free_motion
     use tandem_linalg_null_space_few, only: can_be_few, find_few_acceleration, find_few_velocity
     use tandem_linalg_independence, only: find_independence
     use tandem_linalg_null_space_large, only: find_large_acceleration, find_large_independence, find_large_velocity
-    use tandem_linalg_null_space_kernels, only: find_acceleration, find_velocity, finish, multiply_mass, scale_columns, &
-        set_overlap, transpose_basis
+    use tandem_linalg_null_space_kernels, only: find_acceleration, find_velocity, finish, multiply_mass, polish, &
+        scale_columns, set_overlap, transpose_basis
     use tandem_linalg_null_space_single, only: find_single_acceleration, find_single_velocity
     implicit none (type, external)
     private
@@ -216,9 +216,11 @@ contains
             else if (self%k == 1 .and. .not. polishes) then
                 call find_single_acceleration(self%m, self%n, self%height, self%width, e%order, e%eliminated, self%basis, &
                     n_blocks, blocks, mass, gamma, force, self%basis_mass, self%r, qdd, stat)
-            else if (self%has_few .and. .not. polishes) then
+            else if (self%has_few) then
                 call find_few_acceleration(self%m, self%n, e%order, e%eliminated, self%basis, n_blocks, blocks, mass, gamma, &
                     force, self%basis_mass, qdd, stat)
+                if (stat == 0 .and. polishes) call polish(self%m, self%n, self%height, e%order, e%matrix, e%eliminated, gamma, &
+                    1.0_wp, self%r, self%x, qdd)
             else
                 call multiply_mass(self%n, self%width, n_blocks, blocks, self%basis, mass, self%basis_mass)
                 call find_acceleration(self%m, self%n, self%k, self%height, self%width, e%order, e%matrix, e%eliminated, &

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> The coordinates without mass, and how firmly the constraints tie them: what nothing ties has no acceleration.
 module tandem_chart_dense_massless_ties
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: short, wp
     use tandem_pack, only: pack_type
     implicit none (type, external)
     private
@@ -14,7 +14,7 @@ module tandem_chart_dense_massless_ties
         !> The coordinates without mass: their numbers, and how many.
         integer, allocatable, private :: columns(:)
         integer, private :: n = 0
-        !> What the rows of C weigh (m), and work space (m, m).
+        !> What the rows of C weigh (m), and work space (m, m), its columns padded.
         real(wp), allocatable, private :: weight(:), product(:, :), weighted(:, :)
         !> How firmly the loosest was tied at the last comparison, and at best: about squares of singular values.
         real(wp), private :: weakest = 0.0_wp, best = 0.0_wp
@@ -30,7 +30,7 @@ contains
         class(massless_ties_type), intent(inout) :: self
         integer, intent(in) :: n, m
 
-        allocate (self%product(m, m), self%weighted(m, m), self%weight(m), source=0.0_wp)
+        allocate (self%product(m + short, m), self%weighted(m + short, m), self%weight(m), source=0.0_wp)
         self%columns = spread(0, 1, n)
         self%best = 0.0_wp
     end subroutine allocate_ties
@@ -137,37 +137,49 @@ contains
         integer, intent(in) :: m, n, k, columns(n)
         !> Scales of the unknowns, A and B.
         real(wp), intent(in) :: scale(n), a(m, n), b(m, n)
-        !> Work space: A' W B, and W A, transposed, so that the innermost loops run along columns; what the rows weigh.
-        real(wp), intent(inout) :: product(m, m), weighted(m, m)
+        !> Work space: A' W B, and W A, transposed, so that the innermost loops run along columns, in registers: columns are few as
+        !> a rule. What the rows weigh.
+        real(wp), intent(inout) :: product(m + short, m), weighted(m + short, m)
         real(wp), intent(in) :: weight(m)
         !> The column of the smallest pivot, a negative one before all others, and that; 0 and huge where there are no columns.
         integer, intent(out) :: weakest
         real(wp), intent(out) :: smallest
         logical, intent(out) :: is_positive
-        real(wp) :: f
-        integer :: i, j, l
+        real(wp) :: sums(short), f
+        integer :: i, j, l, s
 
         weakest = 0
         smallest = huge(1.0_wp)
         is_positive = .true.
         if (k == 0) return
-        do l = 1, m
-            do i = 1, k
-                weighted(i, l) = weight(l)*a(l, columns(i))
+        !GCC$ NOVECTOR
+        do i = 1, k
+            f = scale(columns(i))
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do l = 1, m
+                weighted(i, l) = f*weight(l)*a(l, columns(i))
             end do
         end do
         do j = 1, k
-            do i = 1, k
-                product(i, j) = 0.0_wp
-            end do
-            do l = 1, m
-                f = b(l, columns(j))
-                do i = 1, k
-                    product(i, j) = product(i, j) + weighted(i, l)*f
+            do s = 0, k - 1, short
+                do i = 1, short
+                    sums(i) = 0.0_wp
                 end do
-            end do
-            do i = 1, k
-                product(i, j) = scale(columns(i))*scale(columns(j))*product(i, j)
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do l = 1, m
+                    f = b(l, columns(j))
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        sums(i) = sums(i) + weighted(s + i, l)*f
+                    end do
+                end do
+                f = scale(columns(j))
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    product(s + i, j) = f*sums(i)
+                end do
             end do
         end do
         do l = 1, k

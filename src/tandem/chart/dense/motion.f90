@@ -6,7 +6,8 @@ submodule(tandem_chart_dense) tandem_chart_dense_motion
 contains
 
     module procedure restore_position
-        call self%position%restore(self%model, t, self%q0, increment, self%is_stage, self%defect, q, self%counts, stat)
+        call self%position%restore(self%model, t, self%q0, increment, self%is_stage, self%defect, self%stage_number, &
+            self%step_size, q, self%counts, stat)
         self%point%has_phi = stat == status_ok .and. self%nh > 0 .and. .not. self%is_stage
         self%failed_row = 0
         if (stat == status_ok) return

@@ -24,6 +24,8 @@ module tandem_chart_dense_position
     ! For tests: what `restore` does in its iteration.
     public :: correct, place
 
+    !> Stages of which something is remembered.
+    integer, parameter :: most_stages = 16
     !> Stands for an error or a part of it that nothing is known of.
     real(wp), parameter :: unknown = 1.0e100_wp
 
@@ -45,6 +47,13 @@ module tandem_chart_dense_position
         real(wp), allocatable, private :: u(:), correction(:), z(:), phi_u(:, :), weight(:)
         !> u at the start of the step and B Phi_q qdd there (width), from which stages are predicted.
         real(wp), allocatable, private :: u_start(:), curvature(:)
+        !> What that prediction misses of u, stage by stage (width, most_stages, 2): in the last step that was kept, at `known`, and
+        !> in the one that is tried, in the other place, which has something then. The sizes of these steps, 0 where the prediction
+        !> has served as it was.
+        real(wp), allocatable, private :: missed(:, :, :)
+        real(wp), private :: step_of_missed(most_stages, 2) = 0.0_wp
+        integer, private :: known = 1
+        logical, private :: has_tried = .false.
         !> B of a chart without basis (width, width), width is nh padded: at its origin the inverse of a Gram matrix, which is kept,
         !> then what other points and corrections taught, if they did; the last Phi and the first u of an iteration (width);
         !> whether B is in use; work space.
@@ -87,7 +96,7 @@ module tandem_chart_dense_position
 
     interface
         !> q = origin + increment - U u with Phi(t, q) = 0. Leaves Phi at q in the evaluator, unless `is_stage`.
-        module subroutine restore(self, model, t, origin, increment, is_stage, defect, q, counts, stat)
+        module subroutine restore(self, model, t, origin, increment, is_stage, defect, stage, step, q, counts, stat)
             implicit none (type, external)
             class(position_type), intent(inout) :: self
             type(evaluator_type), intent(inout) :: model
@@ -100,6 +109,9 @@ module tandem_chart_dense_position
             !> h^2 (c^2/2 - sum a c) of an explicit stage, by which its increment misses the motion's second derivative; huge for
             !> none: then the last u is the start value.
             real(wp), intent(in) :: defect
+            !> The number of that stage, 0 for none, and the size of its step.
+            integer, intent(in) :: stage
+            real(wp), intent(in) :: step
             real(wp), intent(out) :: q(self%n)
             type(counts_type), intent(inout) :: counts
             !> A status code.
@@ -159,10 +171,14 @@ contains
         self%first_u = self%u
         self%u_start = self%u
         self%curvature = self%u
+        self%step_of_missed = 0.0_wp
+        self%known = 1
+        self%has_tried = .false.
         self%ageing = unknown
         self%weight = self%u
         if (allocated(self%u_basis)) deallocate (self%u_basis, self%phi_u, self%held_b, self%gram, &
-            self%held_gram, self%origin_gram, self%product, self%residual)
+            self%held_gram, self%origin_gram, self%product, self%residual, self%missed)
+        allocate (self%missed(self%width, most_stages, 2), source=0.0_wp)
         allocate (self%gram(self%width, self%width), self%held_gram(self%width, self%width), source=0.0_wp)
         allocate (self%origin_gram(self%width, self%width), self%product(self%width, self%width), &
             self%residual(self%width, self%width), source=0.0_wp)
@@ -183,6 +199,8 @@ contains
 
         stat = status_ok
         self%u = 0.0_wp
+        ! Another basis may point another way.
+        self%step_of_missed = 0.0_wp
         if (self%nh == 0) return
         call self%refresh(t, jacobian, q, scale, counts, stat)
         if (stat /= status_ok .or. .not. self%refines) return
@@ -229,6 +247,8 @@ contains
         if (self%nh == 0 .or. .not. self%predicts) return
         call multiply_rows(size(jacobian, 1), self%n, self%nh, self%width, jacobian, qdd, self%correction)
         call copy(self%width, self%u, self%u_start)
+        if (self%has_tried) self%known = 3 - self%known
+        self%has_tried = .false.
         if (self%has_gram) then
             call multiply_columns(self%nh, self%width, self%gram, self%correction, self%curvature)
         else
@@ -243,6 +263,7 @@ contains
         class(position_type), intent(inout) :: self
 
         if (self%nh > 0 .and. self%predicts) call copy(self%width, self%u_start, self%u)
+        self%has_tried = .false.
     end subroutine retry_step
 
     !> Let B follow the motion to the point that was restored last, by one refinement (20), if that took many corrections.
@@ -404,6 +425,11 @@ contains
         call pack%item(self%failed_value)
         call pack%item(self%most_corrections)
         call pack%item(self%u, self%u_start, self%curvature)
+        call pack%item(self%missed)
+        call pack%fixed(self%step_of_missed(:, 1))
+        call pack%fixed(self%step_of_missed(:, 2))
+        call pack%item(self%known)
+        call pack%item(self%has_tried)
         call pack%item(self%ageing, self%b_time, self%b_rest, self%origin_time)
         call pack%item(self%gram, self%origin_gram)
         call pack%item(self%has_gram, self%has_learnt)

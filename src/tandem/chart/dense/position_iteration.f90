@@ -12,16 +12,16 @@ contains
             call add(self%n, origin, increment, q)
         else if (self%width == short) then
             ! The same, in the common cases of a length that the compiler knows.
-            call iterate(self, short, model, t, origin, increment, is_stage, defect, q, counts, stat)
+            call iterate(self, short, model, t, origin, increment, is_stage, defect, stage, step, q, counts, stat)
         else if (self%width == lane) then
-            call iterate(self, lane, model, t, origin, increment, is_stage, defect, q, counts, stat)
+            call iterate(self, lane, model, t, origin, increment, is_stage, defect, stage, step, q, counts, stat)
         else
-            call iterate(self, self%width, model, t, origin, increment, is_stage, defect, q, counts, stat)
+            call iterate(self, self%width, model, t, origin, increment, is_stage, defect, stage, step, q, counts, stat)
         end if
     end procedure restore
 
     !> The same by Newton's iteration, for a given padded length.
-    subroutine iterate(self, width, model, t, origin, increment, is_stage, defect, q, counts, stat)
+    subroutine iterate(self, width, model, t, origin, increment, is_stage, defect, stage, step, q, counts, stat)
         class(position_type), intent(inout) :: self
         integer, intent(in), value :: width
         type(evaluator_type), intent(inout) :: model
@@ -29,6 +29,8 @@ contains
         real(wp), intent(in) :: origin(self%n), increment(self%n)
         logical, intent(in) :: is_stage
         real(wp), intent(in) :: defect
+        integer, intent(in) :: stage
+        real(wp), intent(in) :: step
         real(wp), intent(out) :: q(self%n)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
@@ -41,11 +43,13 @@ contains
         real(wp) :: age, error, total, first_error, last_error, utol
         !> B learns from a correction that has made errors smaller by this factor, if they are well above rounding.
         real(wp), parameter :: slow = 0.9_wp, noise = 1.0e-10_wp, rounding = 1.0e-15_wp
-        logical :: is_predicted, learns, trusts
+        logical :: is_predicted, learns, remembers, trusts
         integer :: k
 
         is_predicted = self%predicts .and. defect < huge(1.0_wp)
         call begin(width, is_predicted, defect, self%u_start, self%curvature, self%u, self%first_u)
+        remembers = .false.
+        if (stage > 0) call expect(self, width, is_predicted, stage, step, remembers)
         first_error = 0.0_wp
         last_error = unknown
         if (self%has_learnt .and. abs(t - self%b_time) > abs(t - self%origin_time)) call self%forget_motion()
@@ -60,6 +64,7 @@ contains
             if (k > 0 .and. trusts) then
                 if (distrust*(self%ageing*age + self%b_rest + last_error)*last_error <= utol) then
                     stat = status_ok
+                    if (remembers) call remember(self, width, defect, stage, step)
                     return
                 end if
             end if
@@ -72,7 +77,10 @@ contains
             ! Later pairs are nearer to rounding, and what rounding has made zero says nothing.
             if (k == 1 .and. age > 0.0_wp .and. total <= huge(1.0_wp)) self%ageing = max(max(error, rounding)/(last_error*age), &
                 merge(kept*self%ageing, 0.0_wp, self%ageing < unknown))
-            if (error <= utol .and. total <= huge(1.0_wp)) return
+            if (error <= utol .and. total <= huge(1.0_wp)) then
+                if (remembers) call remember(self, width, defect, stage, step)
+                return
+            end if
             if (.not. total <= huge(1.0_wp)) then
                 model%failed_term = 'phi'
                 stat = status_not_finite
@@ -127,16 +135,61 @@ contains
                 !GCC$ UNROLL 1
                 do i = 1, short
                     u(b + i) = u_start(b + i) - defect*curvature(b + i)
+                    first_u(b + i) = u(b + i)
                 end do
             end do
+        else
+            first_u(:) = u
         end if
+    end subroutine begin
+
+    !> Add to u what its prediction missed at this stage of the last step, where the two are of a size: a part of third order.
+    pure subroutine expect(self, width, is_predicted, stage, step, remembers)
+        class(position_type), intent(inout) :: self
+        integer, intent(in), value :: width
+        logical, intent(in) :: is_predicted
+        integer, intent(in) :: stage
+        real(wp), intent(in) :: step
+        !> Whether the stage is one to remember.
+        logical, intent(out) :: remembers
+        real(wp), parameter :: alike = 4.0_wp
+        real(wp) :: f
+        integer :: b, i
+
+        remembers = is_predicted .and. stage <= most_stages
+        if (.not. remembers) return
+        f = self%step_of_missed(stage, self%known)
+        if (.not. step < alike*f) return
+        f = (step/f)**3
         do b = 0, width - short, short
             !GCC$ UNROLL 1
             do i = 1, short
-                first_u(b + i) = u(b + i)
+                self%u(b + i) = self%u(b + i) + f*self%missed(b + i, stage, self%known)
             end do
         end do
-    end subroutine begin
+    end subroutine expect
+
+    !> Take note of what the prediction has missed, unless it needed no correction.
+    pure subroutine remember(self, width, defect, stage, step)
+        class(position_type), intent(inout) :: self
+        integer, intent(in), value :: width
+        real(wp), intent(in) :: defect
+        integer, intent(in) :: stage
+        real(wp), intent(in) :: step
+        integer :: b, i, new
+
+        new = 3 - self%known
+        self%has_tried = .true.
+        self%step_of_missed(stage, new) = 0.0_wp
+        if (self%n_taken == 0 .and. .not. self%step_of_missed(stage, self%known) > 0.0_wp) return
+        self%step_of_missed(stage, new) = step
+        do b = 0, width - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                self%missed(b + i, stage, new) = self%u(b + i) - (self%u_start(b + i) - defect*self%curvature(b + i))
+            end do
+        end do
+    end subroutine remember
 
     !> q := origin + increment - U u. The last entries are a whole register too, which takes some of those before once more.
     pure subroutine place_of(width, n, u_basis, u, origin, increment, q)

@@ -1,0 +1,343 @@
+! SPDX-License-Identifier: MIT
+!> The loops of `tandem_linalg_elimination`, columns padded to `height`. A module of its own, as gfortran stops inlining where a
+!> file has too many copies of loops for given lengths.
+module tandem_linalg_pivots
+    use tandem_kinds, only: lane, short, wp
+    implicit none (type, external)
+    private
+
+    public :: divide_rows, load, take_all, take_pivot
+
+contains
+
+    !> Copy C twice, as it is and in the order of elimination.
+    pure subroutine load(m, n, height, matrix, mask, order, copy, a)
+        integer, intent(in) :: m, n, order(n)
+        integer, intent(in), value :: height
+        real(wp), intent(in) :: matrix(m*n), mask(height)
+        real(wp), intent(inout) :: copy(height, n), a(height, n)
+        integer :: j, p
+
+        ! Without rows there is no first one.
+        if (height == 0) return
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, n
+            p = order(j)
+            call load_column(m, height, mask, matrix((p - 1)*m + 1), copy(1, p), a(1, j))
+        end do
+    end subroutine load
+
+    !> A column and zeros behind it, where the mask is zero.
+    pure subroutine load_column(m, height, mask, x, copy, a)
+        integer, intent(in) :: m
+        integer, intent(in), value :: height
+        real(wp), intent(in) :: mask(height), x(m)
+        real(wp), intent(inout) :: copy(height), a(height)
+        real(wp) :: f
+        integer :: i
+
+        !GCC$ IVDEP
+        !GCC$ UNROLL 1
+        do i = 1, height
+            f = 0.0_wp
+            if (mask(i) > 0.0_wp) f = x(i)
+            copy(i) = f
+            a(i) = f
+        end do
+    end subroutine load_column
+
+    !> Take all remembered pivots. stat > 0: they do not serve, because one of them is small in its row or an entry of Y is large.
+    !> An entry that is not finite makes a pivot or an entry of Y so, and does not pass either.
+    pure subroutine take_all(m, n, height, matrix, mask, order, scale, pivot_scale, row_size, unit, copy, a, column, second, &
+        pivots, stat)
+        integer, intent(in) :: m, n, height, order(n)
+        !> C; 1 for rows and 0 for padding; scales of the unknowns and of the pivot columns, largest scaled entries of rows, the
+        !> unit matrix.
+        real(wp), intent(in) :: matrix(m*n), mask(height), scale(n), pivot_scale(height), row_size(height), unit(height, height)
+        !> C padded, [Cd^-1, Y], work space, the pivots.
+        real(wp), intent(inout) :: copy(height, n), a(height, n), column(height), second(height), pivots(height)
+        integer, intent(out) :: stat
+
+        ! The same loops, in the common case of a length that the compiler knows.
+        if (height == lane) then
+            call load(m, n, lane, matrix, mask, order, copy, a)
+            call take_pairs(m, n, unit, a, column, second, pivots, stat)
+            if (stat == 0) call divide_rows(n, lane, pivots, a, column)
+            if (stat == 0) call judge(m, n, lane, order, scale, pivot_scale, row_size, a, pivots, column, stat)
+        else
+            call load(m, n, height, matrix, mask, order, copy, a)
+            call take_singly(m, n, height, unit, a, column, pivots, stat)
+            if (stat == 0) call divide_rows(n, height, pivots, a, column)
+            if (stat == 0) call judge(m, n, height, order, scale, pivot_scale, row_size, a, pivots, column, stat)
+        end if
+    end subroutine take_all
+
+    !> Look at the pivots and at Y: what is above its limit, row by row, gives more than 1.
+    pure subroutine judge(m, n, height, order, scale, pivot_scale, row_size, a, pivots, column, stat)
+        integer, intent(in) :: m, n, order(n)
+        integer, intent(in), value :: height
+        real(wp), intent(in) :: scale(n), pivot_scale(height), row_size(height), a(height, n), pivots(height)
+        real(wp), intent(inout) :: column(height)
+        integer, intent(inout) :: stat
+        !> A remembered pivot below this part of its row's largest entry is searched anew: it would amplify rounding.
+        real(wp), parameter :: smallest_pivot = 0.05_wp
+        !> Largest |Y| that remembered pivots may leave.
+        real(wp), parameter :: largest_growth = 10.0_wp
+        real(wp) :: f, sums(short)
+        integer :: b, i, j
+
+        do b = 0, height - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                column(b + i) = merge(0.0_wp, 2.0_wp, abs(pivots(b + i))*pivot_scale(b + i) >= smallest_pivot*row_size(b + i))
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = m + 1, n
+            f = scale(order(j))/largest_growth
+            do b = 0, height - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    column(b + i) = merge(column(b + i), 2.0_wp, abs(a(b + i, j))*f <= pivot_scale(b + i))
+                end do
+            end do
+        end do
+        do i = 1, short
+            sums(i) = 0.0_wp
+        end do
+        do b = 0, height - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                sums(i) = sums(i) + column(b + i)
+            end do
+        end do
+        if ((sums(1) + sums(2)) + (sums(3) + sums(4)) > 1.0_wp) stat = maxloc(column, dim=1)
+    end subroutine judge
+
+    !> Take the pivots one by one.
+    pure subroutine take_singly(m, n, height, unit, a, column, pivots, stat)
+        integer, intent(in) :: m, n
+        integer, intent(in), value :: height
+        real(wp), intent(in) :: unit(height, height)
+        real(wp), intent(inout) :: a(height, n), column(height), pivots(height)
+        integer, intent(out) :: stat
+        integer :: k
+
+        stat = 0
+        do k = 1, m
+            pivots(k) = a(k, k)
+            if (.not. is_pivot(pivots(k))) then
+                stat = k
+                return
+            end if
+            call take_pivot(k, n, height, 1.0_wp/pivots(k), unit, a, column)
+        end do
+    end subroutine take_singly
+
+    !> Take the pivots two by two, in one pass through the other columns.
+    pure subroutine take_pairs(m, n, unit, a, column, second, pivots, stat)
+        integer, intent(in) :: m, n
+        real(wp), intent(in) :: unit(lane, lane)
+        real(wp), intent(inout) :: a(lane, n), column(lane), second(lane), pivots(lane)
+        integer, intent(out) :: stat
+        real(wp) :: inverse, next, pivot
+        integer :: k
+
+        stat = 0
+        !GCC$ UNROLL 1
+        do k = 1, m - 1, 2
+            pivot = a(k, k)
+            pivots(k) = pivot
+            if (.not. is_pivot(pivot)) then
+                stat = k
+                return
+            end if
+            inverse = 1.0_wp/pivot
+            ! The next pivot is known before the columns lose this one, so that the division by it need not wait for them.
+            next = a(k + 1, k + 1) - a(k + 1, k)*inverse*a(k, k + 1)
+            pivots(k + 1) = next
+            if (.not. is_pivot(next)) then
+                stat = k + 1
+                return
+            end if
+            call take_pair(k, n, inverse, 1.0_wp/next, unit, a, column, second)
+        end do
+        if (iand(m, 1) == 1) then
+            pivot = a(m, m)
+            pivots(m) = pivot
+            if (.not. is_pivot(pivot)) then
+                stat = m
+                return
+            end if
+            call take_last(m, n, 1.0_wp/pivot, unit, a, column)
+        end if
+    end subroutine take_pairs
+
+    !> What `take_pivot` does for the last pivot of an odd number.
+    pure subroutine take_last(m, n, inverse, unit, a, column)
+        integer, intent(in) :: m, n
+        real(wp), intent(in), value :: inverse
+        real(wp), intent(in) :: unit(lane, lane)
+        real(wp), intent(inout) :: a(lane, n), column(lane)
+        real(wp) :: f
+        integer :: b, i, j
+
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                column(b + i) = a(b + i, m)*(inverse - inverse*unit(b + i, m))
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, n
+            f = a(m, j)
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    a(b + i, j) = a(b + i, j) - column(b + i)*f
+                end do
+            end do
+        end do
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                a(b + i, m) = unit(b + i, m) - column(b + i)
+            end do
+        end do
+    end subroutine take_last
+
+    !> Whether a number can be divided by.
+    pure logical function is_pivot(x)
+        real(wp), intent(in), value :: x
+
+        is_pivot = abs(x) > tiny(1.0_wp) .and. abs(x) <= huge(1.0_wp)
+    end function is_pivot
+
+    !> What `take_pivot` does for k and then for k + 1, in one pass through the other columns.
+    pure subroutine take_pair(k, n, inverse, next_inverse, unit, a, column, second)
+        integer, intent(in) :: k, n
+        !> 1 over the two pivots, the unit matrix.
+        real(wp), intent(in), value :: inverse, next_inverse
+        real(wp), intent(in) :: unit(lane, lane)
+        real(wp), intent(inout) :: a(lane, n)
+        !> Work space: what a column loses per unit of its rows k and k + 1.
+        real(wp), intent(inout) :: column(lane), second(lane)
+        real(wp) :: below, f, g
+        integer :: b, i, j
+
+        below = a(k + 1, k)*inverse
+        f = a(k, k + 1)
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                column(b + i) = a(b + i, k)*(inverse - inverse*unit(b + i, k))
+                second(b + i) = (a(b + i, k + 1) - column(b + i)*f)*(next_inverse - next_inverse*unit(b + i, k + 1))
+                a(b + i, k) = (unit(b + i, k) - column(b + i)) + second(b + i)*below
+                a(b + i, k + 1) = unit(b + i, k + 1) - second(b + i)
+            end do
+        end do
+        ! The columns of the next pivots first, for which they wait.
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = k + 2, n
+            f = a(k, j)
+            g = a(k + 1, j) - below*f
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    a(b + i, j) = (a(b + i, j) - column(b + i)*f) - second(b + i)*g
+                end do
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, k - 1
+            f = a(k, j)
+            g = a(k + 1, j) - below*f
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    a(b + i, j) = (a(b + i, j) - column(b + i)*f) - second(b + i)*g
+                end do
+            end do
+        end do
+    end subroutine take_pair
+
+    !> Take a(k, k) from column k: the other rows less what makes it zero there, and in its place the column of the inverse. Row k
+    !> itself is divided by its pivot later, see `divide_rows`: so each entry takes one fused multiplication and subtraction, whose
+    !> rounding is that of the result, not that of what cancels; and columns are written as wholes, as a load of what was stored in
+    !> parts would wait for the memory.
+    pure subroutine take_pivot(k, n, height, inverse, unit, a, column)
+        integer, intent(in) :: k, n
+        integer, intent(in), value :: height
+        !> 1/a(k, k), the unit matrix.
+        real(wp), intent(in) :: inverse, unit(height, height)
+        real(wp), intent(inout) :: a(height, n)
+        !> Work space: what a column loses per unit of its row k.
+        real(wp), intent(inout) :: column(height)
+        real(wp) :: f
+        integer :: b, i, j
+
+        do b = 0, height - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                column(b + i) = a(b + i, k)*(inverse - inverse*unit(b + i, k))
+                a(b + i, k) = unit(b + i, k) - column(b + i)
+            end do
+        end do
+        ! The columns of the next pivots first, for which they wait.
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 3
+        do j = k + 1, n
+            f = a(k, j)
+            do b = 0, height - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    a(b + i, j) = a(b + i, j) - column(b + i)*f
+                end do
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 3
+        do j = 1, k - 1
+            f = a(k, j)
+            do b = 0, height - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    a(b + i, j) = a(b + i, j) - column(b + i)*f
+                end do
+            end do
+        end do
+    end subroutine take_pivot
+
+    !> Each row over its pivot; 1 in the padding.
+    pure subroutine divide_rows(n, height, pivots, a, inverse)
+        integer, intent(in) :: n
+        integer, intent(in), value :: height
+        real(wp), intent(in) :: pivots(height)
+        real(wp), intent(inout) :: a(height, n)
+        !> Work space.
+        real(wp), intent(inout) :: inverse(height)
+        integer :: b, i, j
+
+        do b = 0, height - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                inverse(b + i) = 1.0_wp/pivots(b + i)
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 3
+        do j = 1, n
+            do b = 0, height - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    a(b + i, j) = a(b + i, j)*inverse(b + i)
+                end do
+            end do
+        end do
+    end subroutine divide_rows
+end module tandem_linalg_pivots
