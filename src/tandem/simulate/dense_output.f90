@@ -17,6 +17,7 @@ contains
             self%kept_errors = self%errors
             self%kept_segment = self%model%segment
             if (self%has_step) call self%chart%hold()
+            if (.not. allocated(self%slope)) allocate (self%slope(self%model%n, 2))
         end if
         self%is_looking = .true.
         if (abs(t - self%kept%t) <= 0.0_wp) then

@@ -161,6 +161,8 @@ contains
         if (allocated(self%watched)) deallocate (self%watched)
         if (allocated(self%events)) deallocate (self%events)
         if (allocated(self%lambda)) deallocate (self%lambda)
+        if (allocated(self%slope)) deallocate (self%slope)
+        self%kept = state_type()
     end subroutine forget_run
 
     !> States, and what estimates, controls and steps need.
@@ -174,17 +176,18 @@ contains
         if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
         call self%control%initialize(self%options, scale, self%method)
         call self%local_error%initialize(scale)
-        if (self%method%stability_limit > 0.0_wp) call self%stiffness%smoothness%initialize(self%model%n)
+        if (self%method%stability_limit > 0.0_wp .and. self%options%is_adaptive()) then
+            call self%stiffness%smoothness%initialize(self%model%n)
+        end if
         if (self%method%partner /= '') then
             call new_stepper(self%method%partner, partner)
             of_partner = partner%properties()
         end if
         call self%switching%begin(self%method%partner /= '', self%model%n, self%t_start, of_partner%estimate_order)
         call self%stepper%initialize(scale, self%options%newton_tolerance())
-        self%slope = spread(scale, 2, 2)
         call self%state%allocate(self%model%n)
         call self%next%allocate(self%model%n)
         call self%start%allocate(self%model%n)
-        call self%kept%allocate(self%model%n)
+        if (self%method%partner /= '') call self%kept%allocate(self%model%n)
     end subroutine allocate_work
 end submodule tandem_simulate_setup

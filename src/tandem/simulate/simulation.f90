@@ -88,7 +88,9 @@ module tandem_simulation
         class(stepper_type), allocatable, private :: stepper
         !> What it was allocated from, if it is the caller's own.
         class(stepper_type), allocatable, private :: own_stepper
-        type(state_type), private :: next, start, kept
+        type(state_type), private :: next, start
+        !> Where a run has been looked at between its steps, the state to which it goes back.
+        type(state_type), private :: kept
         real(wp), private :: kept_errors(3) = 0.0_wp
         integer, private :: segment_of_step = 1, kept_segment = 1
         logical, private :: has_step = .false., is_looking = .false.
@@ -98,7 +100,7 @@ module tandem_simulation
         real(wp), allocatable, private :: lambda(:)
         !> g of each event at the samples of a step, and the zeros found.
         real(wp), allocatable, private :: samples(:, :)
-        !> Interpolated increments at two times of a step (n, 4).
+        !> Slopes of the interpolated increments where it is looked at (n, 2).
         real(wp), allocatable, private :: slope(:, :)
         type(zeros_type), private :: zeros
         logical, private :: lambda_is_current = .false., values_are_stale = .true., has_to_act = .false.

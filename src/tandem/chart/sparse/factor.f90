@@ -20,7 +20,7 @@ module tandem_chart_sparse_factor
     !> some 1e-15 of it.
     real(wp), parameter :: least_pivot = 1.0e-10_wp
     type :: factor_type
-        !> The parts of C by links, and owned rows by coordinates (n).
+        !> The parts of C by links and behind them owned rows where the model sets these so; owned rows by coordinates (n).
         real(wp), allocatable :: c(:), own(:)
         !> W, its blocks as those of M (mass_width, n), and R (n).
         real(wp), allocatable :: w(:, :), r(:)
@@ -115,9 +115,10 @@ contains
         type(analysis_type), intent(in) :: a
         type(pattern_type), intent(in) :: pattern
 
-        if (allocated(self%c)) deallocate (self%c, self%y, self%sent, self%own, self%w, self%r, self%blocks, &
-            self%above, self%alone, self%added, self%is_out)
-        allocate (self%c(a%n_entries + read_behind), self%y(a%n_entries + read_behind), self%own(a%n), &
+        if (allocated(self%y)) deallocate (self%y, self%sent, self%own, self%r, self%blocks, self%above, self%alone, self%added, &
+            self%is_out)
+        if (allocated(self%c)) deallocate (self%c, self%w)
+        allocate (self%c(a%n_entries + read_behind + a%n), self%y(a%n_entries + read_behind), self%own(a%n), &
             self%sent(most_rows, merge(size(a%link_node), 0, any(a%norm_row > 0))), self%w(pattern%mass_width, a%n), self%r(a%n), &
             self%blocks(a%n_factor + read_behind), self%above(a%n_above + read_behind), self%alone(a%m), self%added(a%n_bodies), &
             source=0.0_wp)
@@ -127,29 +128,35 @@ contains
         self%is_factored = .false.
     end subroutine allocate_factor
 
-    !> Take C. The rows that the model has set in blocks change places with what was here.
+    !> Take C.
     subroutine load_rows(self, a, pattern, jacobian, blocks)
         class(factor_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
         type(pattern_type), intent(in) :: pattern
         !> Compressed, of the rows in use.
         real(wp), intent(in), contiguous :: jacobian(:, :)
+        !> The rows that the model has set in blocks: they are kept as they are.
         real(wp), allocatable, intent(inout) :: blocks(:)
-        real(wp), allocatable :: c(:)
-        integer :: b, j
+        integer :: b, j, start
 
-        if (allocated(pattern%in_blocks)) then
-            call move_alloc(self%c, c)
-            call move_alloc(blocks, self%c)
-            call move_alloc(c, blocks)
-        end if
+        call move_alloc(blocks, self%c)
         if (.not. pattern%all_in_blocks) call take_rows(a%n_bodies, a%n, a%m, size(a%link, 2), size(jacobian, 2), a%first, &
             a%link_start, a%link, pattern%column, jacobian, self%c, pattern%in_blocks)
         do b = 1, a%n_bodies
             if (a%norm_row(b) == 0) cycle
-            do j = a%first(b), a%first(b + 1) - 1
-                self%own(j) = jacobian(a%norm_row(b), pattern%column(j))
-            end do
+            start = -1
+            if (allocated(pattern%in_blocks)) then
+                if (pattern%in_blocks(a%norm_row(b))) start = pattern%block_start(pattern%row_start(a%norm_row(b)))
+            end if
+            if (start >= 0) then
+                do j = a%first(b), a%first(b + 1) - 1
+                    self%own(j) = self%c(start + 1 + j - a%first(b))
+                end do
+            else
+                do j = a%first(b), a%first(b + 1) - 1
+                    self%own(j) = jacobian(a%norm_row(b), pattern%column(j))
+                end do
+            end if
         end do
         self%has_rows = .true.
         self%is_factored = .false.
