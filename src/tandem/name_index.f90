@@ -16,9 +16,9 @@ module tandem_name_index
     !> Names and their numbers.
     type :: name_index_type
         private
-        !> In the order in which they came, the first `n`.
-        character(len=longest_name), allocatable :: names(:)
-        integer, allocatable :: numbers(:)
+        !> In the order in which they came, the first `n`: one behind the other, and where each begins, and the next one would.
+        character(len=:), allocatable :: text
+        integer, allocatable :: from(:), numbers(:)
         integer :: n = 0
         !> The places in these by hash, 0 where there is none; their number is a power of 2, at least twice that of the names.
         integer, allocatable :: slots(:)
@@ -36,7 +36,7 @@ contains
         class(name_index_type), intent(inout) :: self
 
         self%n = 0
-        if (allocated(self%slots)) self%slots = 0
+        if (allocated(self%slots)) deallocate (self%text, self%from, self%numbers, self%slots)
     end subroutine clear
 
     !> Keep a name, unless it is there.
@@ -46,14 +46,16 @@ contains
         character(len=*), intent(in) :: name
         !> What it stands for, > 0.
         integer, intent(in) :: number
-        integer :: k
+        integer :: k, last
 
         if (len_trim(name) > longest_name) return
         call self%grow()
         k = self%slot_of(name)
         if (self%slots(k) > 0) return
         self%n = self%n + 1
-        self%names(self%n) = name
+        last = self%from(self%n) + len_trim(name) - 1
+        self%text(self%from(self%n):last) = name
+        self%from(self%n + 1) = last + 1
         self%numbers(self%n) = number
         self%slots(k) = self%n
     end subroutine put
@@ -76,15 +78,18 @@ contains
         character(len=*), intent(in) :: name
         integer(long), parameter :: begin = 2166136261_long, factor = 16777619_long, mask = 4294967295_long
         integer(long) :: hash
-        integer :: i
+        integer :: i, length
 
+        length = len_trim(name)
         hash = begin
-        do i = 1, len_trim(name)
+        do i = 1, length
             hash = iand(ieor(hash, int(iachar(name(i:i)), long))*factor, mask)
         end do
         k = int(iand(hash, int(size(self%slots) - 1, long))) + 1
         do while (self%slots(k) > 0)
-            if (self%names(self%slots(k)) == name) return
+            associate (from => self%from(self%slots(k)), next => self%from(self%slots(k) + 1))
+                if (self%text(from:next - 1) == name(:length)) return
+            end associate
             k = iand(k, size(self%slots) - 1) + 1
         end do
     end function slot_of
@@ -92,27 +97,29 @@ contains
     !> Room for one name more: twice as much as there was where there is none, so that a name does not cost a copy of all before.
     pure subroutine grow(self)
         class(name_index_type), intent(inout) :: self
-        character(len=longest_name), allocatable :: names(:)
-        integer, allocatable :: numbers(:)
+        character(len=:), allocatable :: text
         integer :: i, room
 
         if (.not. allocated(self%slots)) then
             room = 32
-            allocate (self%names(room), self%numbers(room))
-        else
-            room = size(self%names)
-            if (self%n < room) return
-            allocate (names(2*room), numbers(2*room))
-            names(:room) = self%names
-            numbers(:room) = self%numbers
-            call move_alloc(names, self%names)
-            call move_alloc(numbers, self%numbers)
-            room = 2*room
-            deallocate (self%slots)
+            allocate (self%numbers(room), self%from(room + 1), self%slots(2*room), source=0)
+            allocate (character(len=2*longest_name) :: self%text)
+            self%from(1) = 1
+            return
         end if
-        allocate (self%slots(2*room), source=0)
+        if (len(self%text) < self%from(self%n + 1) + longest_name) then
+            allocate (character(len=2*len(self%text)) :: text)
+            text(:len(self%text)) = self%text
+            call move_alloc(text, self%text)
+        end if
+        room = size(self%numbers)
+        if (self%n < room) return
+        self%from = [self%from, spread(0, 1, room)]
+        self%numbers = [self%numbers, spread(0, 1, room)]
+        deallocate (self%slots)
+        allocate (self%slots(4*room), source=0)
         do i = 1, self%n
-            self%slots(self%slot_of(self%names(i))) = i
+            self%slots(self%slot_of(self%text(self%from(i):self%from(i + 1) - 1))) = i
         end do
     end subroutine grow
 end module tandem_name_index

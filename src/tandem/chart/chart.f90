@@ -448,6 +448,7 @@ module tandem_chart
         end function ahead_interface
 
         !> How far C has changed from the start of the step to the point of `measure_rank`: rows of unit length, Frobenius norm.
+        !> Only asked for where steps are controlled.
         real(wp) function change_interface(self)
             import :: chart_type, wp
             implicit none (type, external)

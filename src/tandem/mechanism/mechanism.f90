@@ -229,6 +229,9 @@ contains
         if (.not. allocated(self%name)) self%name = 'mechanism'
         call number_coordinates(self)
         call name_rows(self)
+        ! The model has their names and units now.
+        call self%held%clear()
+        call self%rolling%clear()
         call form_groups(self)
         call declare_pattern(self)
         allocate (self%f(0:2, size(self%motions)), source=0.0_wp)

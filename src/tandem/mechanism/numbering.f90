@@ -7,7 +7,7 @@ submodule(tandem_mechanism) tandem_mechanism_numbering
     use tandem_mechanism_hinge_group, only: find_hinge_blocks, gather_hinge_groups, place_hinge_groups
     use tandem_mechanism_incidence, only: list_incidence
     use tandem_mechanism_pin, only: find_pin_blocks, gather_pins, place_pins
-    use tandem_mechanism_turning, only: gather_turning, place_turning
+    use tandem_mechanism_turning, only: find_norm_blocks, gather_turning, place_turning
     implicit none (type, external)
 
 contains
@@ -160,7 +160,8 @@ contains
         type(hinge_type), allocatable :: hinges(:)
         integer :: i
 
-        call gather_hinges(self%meetings, self%dots, self%pose, self%held%n, self%hinges, self%loose_meetings, self%loose_dots)
+        call gather_hinges(self%meetings, self%dots, self%pose, self%before_norms, self%hinges, self%loose_meetings, &
+            self%loose_dots)
         allocate (hinges(0))
         if (size(self%hinges) >= many) then
             call move_alloc(self%hinges, hinges)
@@ -237,6 +238,7 @@ contains
         self%pattern%in_blocks = spread(.false., 1, self%pattern%n_rows)
         call find_hinge_blocks(self%pattern, self%hinge_groups)
         call find_pin_blocks(self%pattern, self%pins)
+        call find_norm_blocks(self%pattern, self%turning_groups)
         self%pattern%all_in_blocks = all(self%pattern%in_blocks .or. self%pattern%block_height == 0)
     end procedure find_blocks
 end submodule tandem_mechanism_numbering

@@ -31,7 +31,8 @@ contains
 
         self%n = 0
         call self%heads%clear()
-        if (.not. allocated(self%behind)) allocate (self%behind(16), self%last(16), self%name(16), self%unit(16))
+        if (allocated(self%behind)) deallocate (self%behind, self%last, self%name, self%unit)
+        allocate (self%behind(16), self%last(16), self%name(16), self%unit(16))
     end subroutine clear
 
     !> One row more, after `clear`.

@@ -6,19 +6,21 @@ module tandem_mechanism_turning
     use tandem_kinds, only: lane, wp
     use tandem_mechanism_body, only: body_type
     use tandem_mechanism_pose, only: pose_type
+    use tandem_model_pattern, only: pattern_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_phi, terms_type
     use tandem_rigid_euler_lanes, only: take_four
     implicit none (type, external)
     private
 
-    public :: turning_group_type, gather_turning, place_turning, evaluate_norms, set_masses, add_inertia_forces
+    public :: turning_group_type, gather_turning, place_turning, find_norm_blocks, evaluate_norms, set_masses, add_inertia_forces
 
     !> So many bodies; those behind the last one repeat it and go nowhere.
     type :: turning_group_type
         integer :: n = 0
         !> The bodies; before which coordinate their Euler parameters begin, the rows of their norms, and before which column of the
-        !> C that is set these parameters stand.
-        integer :: body(lane) = 0, before(lane) = 0, row(lane) = 0, column(lane) = 0
+        !> C that is set these parameters stand, or before which entry of the blocks that a chart wants; whether it wants all.
+        integer :: body(lane) = 0, before(lane) = 0, row(lane) = 0, column(lane) = 0, block(lane) = -1
+        logical :: has_blocks = .false.
         !> The columns of the M that is set: of the place, how far apart these are, and before which one the Euler parameters stand.
         integer :: place_mass(lane) = 0, turn_mass(lane) = 0, mass_step = 1
         !> The mass, and J by 11, 22, 33, 12, 13, 23.
@@ -68,6 +70,25 @@ contains
         end do
     end subroutine place_turning
 
+    !> Take note of the blocks that a chart wants, and say which rows are set there: groups as a whole.
+    pure subroutine find_norm_blocks(pattern, groups)
+        type(pattern_type), intent(inout) :: pattern
+        type(turning_group_type), intent(inout) :: groups(:)
+        integer :: i, l
+
+        do i = 1, size(groups)
+            associate (group => groups(i))
+                do l = 1, lane
+                    group%block(l) = pattern%block_of(group%row(l), 1, group%body(l))
+                end do
+                group%has_blocks = all(group%block >= 0)
+                ! The places of bodies come first.
+                group%block = group%block + 3
+                if (group%has_blocks) pattern%in_blocks(group%row) = .true.
+            end associate
+        end do
+    end subroutine find_norm_blocks
+
     !> The rows of the norms.
     pure subroutine evaluate_norms(groups, need, n, q, qd, terms)
         type(turning_group_type), intent(in) :: groups(:)
@@ -84,7 +105,13 @@ contains
                         terms%phi(group%row(l)) = 0.5_wp*(square(q, group%before(l)) - 1.0_wp)
                     end do
                 end if
-                if (iand(need, need_jacobian) /= 0) then
+                if (iand(need, need_jacobian) /= 0 .and. group%has_blocks .and. allocated(terms%blocks)) then
+                    do l = 1, group%n
+                        do k = 1, 4
+                            terms%blocks(group%block(l) + k) = q(group%before(l) + k)
+                        end do
+                    end do
+                else if (iand(need, need_jacobian) /= 0) then
                     do l = 1, group%n
                         do k = 1, 4
                             terms%jacobian(group%row(l), group%column(l) + k) = q(group%before(l) + k)

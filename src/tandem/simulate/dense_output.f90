@@ -22,7 +22,7 @@ module tandem_simulate_dense_output
         real(wp) :: largest_error = 0.0_wp
         !> Whether there is a last step, and whether the state is that of a time within it.
         logical, private :: has_step = .false., is_looking = .false.
-        !> The state that was left, its errors and its segment.
+        !> Where it has been looked at, the state that was left, its errors and its segment.
         type(state_type), private :: kept
         real(wp), private :: kept_errors(3) = 0.0_wp
         integer, private :: kept_segment = 1
@@ -34,16 +34,9 @@ module tandem_simulate_dense_output
 
 contains
 
-    !> Begin a run of n coordinates.
-    subroutine initialize(self, n)
-        class(dense_output_type), intent(inout) :: self
-        integer, intent(in) :: n
-
-        self%has_step = .false.
-        self%is_looking = .false.
-        self%largest_error = 0.0_wp
-        self%slope = spread(spread(0.0_wp, 1, n), 2, 2)
-        call self%kept%allocate(n)
+    !> Begin a run; nothing is allocated before it is looked at.
+    subroutine initialize(self)
+        class(dense_output_type), intent(out) :: self
     end subroutine initialize
 
     !> A step was accepted in this segment of the model.
@@ -85,6 +78,7 @@ contains
             call self%keep(state, errors)
             self%kept_segment = model%segment
             if (self%has_step) call chart%hold()
+            if (.not. allocated(self%slope)) allocate (self%slope(model%n, 2))
             self%is_looking = .true.
         end if
         stat = status_ok

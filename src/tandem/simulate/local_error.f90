@@ -22,10 +22,11 @@ module tandem_simulate_local_error
         real(wp) :: largest = 0.0_wp, total = 0.0_wp
         !> Steps behind them.
         integer(long) :: steps = 0
-        !> 1 / (s + |y|) for q and for qd, s the coordinate scales; the error of the last window (n).
+        !> 1 / (s + |y|) for q and for qd, s the coordinate scales; the error of the last window, within one the weighted sum of its
+        !> rates (n).
         real(wp), allocatable :: weight_q(:), weight_qd(:), error_q(:), error_qd(:)
-        !> The state at the start of the window, the weighted sum of the rates since, and the scales (n).
-        real(wp), allocatable, private :: q0(:), qd0(:), sum_q(:), sum_qd(:), scale(:)
+        !> The state at the start of the window, and the scales (n).
+        real(wp), allocatable, private :: q0(:), qd0(:), scale(:)
         real(wp), private :: t0 = 0.0_wp, h = 0.0_wp, t_last = 0.0_wp
         integer, private :: in_window = 0
         !> The gap of the velocity for which the last try of a step was not kept, and the largest one that is not looked into.
@@ -64,8 +65,6 @@ contains
         self%error_qd = scale
         self%q0 = scale
         self%qd0 = scale
-        self%sum_q = scale
-        self%sum_qd = scale
     end subroutine initialize
 
     !> Make errors relative to a state.
@@ -111,18 +110,18 @@ contains
             self%t0 = start%t
             self%q0(:) = start%q
             self%qd0(:) = start%qd
-            self%sum_q(:) = first_weight*start%qd
-            self%sum_qd(:) = first_weight*start%qdd
+            self%error_q(:) = first_weight*start%qd
+            self%error_qd(:) = first_weight*start%qdd
         end if
         self%in_window = self%in_window + 1
-        call add_rates(size(self%q0), weight(self%in_window), arrived%qd, arrived%qdd, self%sum_q, self%sum_qd)
+        call add_rates(size(self%q0), weight(self%in_window), arrived%qd, arrived%qdd, self%error_q, self%error_qd)
         is_complete = self%in_window == steps_of_window
         if (.not. is_complete) return
         self%in_window = 0
         h = (arrived%t - self%t0)/90.0_wp
         do i = 1, size(self%q0)
-            self%error_q(i) = arrived%q(i) - self%q0(i) - h*self%sum_q(i)
-            self%error_qd(i) = arrived%qd(i) - self%qd0(i) - h*self%sum_qd(i)
+            self%error_q(i) = arrived%q(i) - self%q0(i) - h*self%error_q(i)
+            self%error_qd(i) = arrived%qd(i) - self%qd0(i) - h*self%error_qd(i)
         end do
     end subroutine extend
 
@@ -246,7 +245,7 @@ contains
 
         call pack%item(self%largest, self%total)
         call pack%item(self%steps)
-        call pack%item(self%q0, self%qd0, self%sum_q, self%sum_qd)
+        call pack%item(self%q0, self%qd0, self%error_q, self%error_qd)
         call pack%item(self%t0, self%h, self%t_last)
         call pack%item(self%in_window)
         call pack%item(self%last_gap)

@@ -164,7 +164,9 @@ contains
         call self%local_error%initialize(scale)
         ! The gap of implicit steps also holds what Newton's iterations leave, for which shorter steps are no cure.
         call self%local_error%allow_gap(merge(huge(1.0_wp), warning_limit(self%options), self%method%implicit))
-        if (self%method%stability_limit > 0.0_wp) call self%stiffness%smoothness%initialize(self%model%n)
+        if (self%method%stability_limit > 0.0_wp .and. self%options%is_adaptive()) then
+            call self%stiffness%smoothness%initialize(self%model%n)
+        end if
         if (self%method%partner /= '') then
             call new_stepper(self%method%partner, partner)
             of_partner = partner%properties()
@@ -174,6 +176,6 @@ contains
         call self%state%allocate(self%model%n)
         call self%next%allocate(self%model%n)
         call self%start%allocate(self%model%n)
-        call self%dense%initialize(self%model%n)
+        call self%dense%initialize()
     end subroutine allocate_work
 end submodule tandem_simulate_setup

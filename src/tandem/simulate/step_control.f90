@@ -21,7 +21,8 @@ module tandem_simulate_step_control
         !> The step to try next; 0 before the first.
         real(wp) :: h = 0.0_wp
         real(wp), private :: first_step = 0.0_wp
-        !> 1 / (atol s + rtol |y|) for q and for qd (n), s the coordinate scales.
+        !> 1 / (atol s + rtol |y|) for q and for qd (n), s the coordinate scales; only under error control, as what they are made
+        !> of.
         real(wp), allocatable :: weight_q(:), weight_qd(:)
         !> rtol and atol s for q and for qd (n).
         real(wp), allocatable, private :: rtol_q(:), rtol_qd(:), atol_q(:), atol_qd(:)
@@ -90,6 +91,8 @@ contains
         if (options%max_step > 0.0_wp) self%max_step = options%max_step
         self%first_step = min(options%first_step, self%max_step)
         call self%set_method(method)
+        call self%begin()
+        if (.not. options%is_adaptive()) return
         self%weight_q = scale
         self%weight_qd = scale
         self%rtol_q = scale
@@ -99,7 +102,6 @@ contains
         call options%fill_tolerances(self%rtol_q, self%rtol_qd, self%atol_q, self%atol_qd)
         self%atol_q = self%atol_q*scale
         self%atol_qd = self%atol_qd*scale
-        call self%begin()
     end subroutine initialize
 
     !> Control the steps of a method with an estimate.

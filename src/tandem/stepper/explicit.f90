@@ -25,13 +25,14 @@ module tandem_stepper_explicit
         real(wp), allocatable :: a(:, :), b(:), c(:)
         !> Weights of error estimates (s + 1, number of estimates), the last row for the rate at the end of the step.
         real(wp), allocatable :: e(:, :)
-        !> Rates of the stages and at the end of the step (s + 1), and of the stages that dense output adds: those of the n
-        !> coordinates, zeros up to row `offset`, then those of the velocities, padded with zeros to a multiple of `lane`.
+        !> Rates of the stages, at the end of the step (s + 1) where there are estimates, and of the stages that dense output adds:
+        !> those of the n coordinates, zeros up to row `offset`, then those of the velocities, padded with zeros to a multiple of
+        !> `lane`.
         real(wp), allocatable :: rate(:, :)
         !> Increments, ordered alike: of a stage, and at the start of the step, or the start itself where stages are not projected.
         real(wp), allocatable :: y(:)
         real(wp), allocatable, private :: y_start(:)
-        !> Zeros, and work space, ordered alike.
+        !> Zeros, and work space, ordered alike, where there are estimates.
         real(wp), allocatable :: zero(:), part(:), slope(:)
         !> Its rows of zeros let no register hold both, so that sums for the next position need not wait for the last acceleration.
         integer :: n = 0, offset = 0
@@ -87,12 +88,14 @@ contains
         self%n = n
         self%offset = short*((n + short - 1)/short)
         self%inverse_scale = 1.0_wp/scale
-        if (allocated(self%rate)) deallocate (self%rate, self%y, self%y_start, self%zero, self%part, self%slope, &
-            self%q, self%defect)
-        allocate (self%rate(lane*((self%offset + n + lane - 1)/lane), s + 1 + self%n_extra), source=0.0_wp)
+        n_estimates = 0
+        if (allocated(self%e)) n_estimates = size(self%e, 2)
+        if (allocated(self%rate)) deallocate (self%rate, self%y, self%y_start, self%q, self%defect)
+        if (allocated(self%zero)) deallocate (self%zero, self%part, self%slope)
+        allocate (self%rate(lane*((self%offset + n + lane - 1)/lane), s + min(n_estimates, 1) + self%n_extra), source=0.0_wp)
         associate (height => size(self%rate, 1))
-            allocate (self%y(height), self%y_start(height), self%zero(height), self%part(height), &
-                self%slope(height), source=0.0_wp)
+            allocate (self%y(height), self%y_start(height), source=0.0_wp)
+            if (n_estimates > 0) allocate (self%zero(height), self%part(height), self%slope(height), source=0.0_wp)
         end associate
         allocate (self%q(n), self%defect(s + 1), source=0.0_wp)
         !GCC$ UNROLL 1
@@ -101,8 +104,6 @@ contains
         end do
         self%defect(s + 1) = 0.5_wp - dot_product(self%b, self%c)
         if (allocated(self%stage_sum)) deallocate (self%stage_sum, self%end_sum, self%estimate_sum)
-        n_estimates = 0
-        if (allocated(self%e)) n_estimates = size(self%e, 2)
         allocate (self%stage_sum(s), self%end_sum, self%estimate_sum(n_estimates))
         do i = 2, s
             call self%stage_sum(i)%set(self%a(:i - 1, i))
@@ -156,7 +157,7 @@ contains
             call chart%restore_motion(next%t, next%dq, next%dqd, next%q, next%qd, next%qdd, stat)
         end if
         chart%defect = huge(1.0_wp)
-        if (stat /= 0) return
+        if (stat /= 0 .or. size(self%estimate_sum) == 0) return
         !GCC$ UNROLL 1
         do i = 1, n
             self%rate(i, s + 1) = next%qd(i)

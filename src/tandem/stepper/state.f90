@@ -46,13 +46,14 @@ contains
         call pack%item(self%q, self%qd, self%qdd, self%dq, self%dqd)
     end subroutine pack_state
 
-    !> Take the values of another state of the same size. Assignment would allocate.
+    !> Take the values of another state of the same size, or of any where nothing is allocated. Assignment would allocate again.
     pure subroutine copy(self, other)
         class(state_type), intent(inout) :: self
         type(state_type), intent(in) :: other
         integer :: n
 
         n = size(other%q)
+        if (.not. allocated(self%q)) call self%allocate(n)
         self%t = other%t
         call copy_vector(n, other%q, self%q)
         call copy_vector(n, other%qd, self%qd)

@@ -444,7 +444,8 @@ contains
         call mechanism%start(q, qd)
         do i = 1, 2
             call new_chart(i == 2, chart)
-            call chart%initialize(mechanism, options_type(chart_kind=merge('dense ', 'sparse', i == 1)), .false., failure)
+            call chart%initialize(mechanism, options_type(rtol=1.0e-6_wp, &
+                chart_kind=merge('dense ', 'sparse', i == 1)), .false., failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return
             call chart%renew(0.0_wp, q, qd, stat)

@@ -7,7 +7,8 @@ module test_sparse_kernels
     use large_mechanisms, only: make_large
     use tandem, only: failure_type => error_type, mechanism_type, wp
     use tandem_chart_sparse_blocks, only: keep_both, most_coordinates, multiply_right, read_behind, subtract_update
-    use tandem_chart_sparse_inverses, only: invert
+    use tandem_chart_sparse_inverses, only: invert, invert_fives, side_by_side
+    use tandem_chart_sparse_masses, only: invert_rigid
     use tandem_model_terms, only: need_gamma, need_jacobian, need_phi, terms_type
     use tandem_rigid_euler_parameters, only: rotation
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -24,6 +25,8 @@ contains
 
         testsuite = [ &
             new_unittest('inverses', test_inverses), &
+            new_unittest('inverses-side-by-side', test_side_by_side), &
+            new_unittest('masses-of-rigid-bodies', test_masses), &
             new_unittest('dependent-rows-of-a-block', test_dependent), &
             new_unittest('products', test_products), &
             new_unittest('hinges', test_hinges)]
@@ -85,6 +88,112 @@ contains
             end do
         end do
     end subroutine test_inverses
+
+    !> Several inverses at once: A A^-1 = 1 and the pivots of one at a time, of either sign; what is singular in one of them, or no
+    !> number, is named there and leaves the others alone.
+    subroutine test_side_by_side(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: a(5, 5, side_by_side), x(side_by_side, 5, 5), alone(side_by_side, 5), inverse(25), single(5), sign
+        integer :: i, j, k, l, pass, worst(side_by_side), one
+
+        do pass = 1, 4
+            sign = 3.0_wp - 2*(1 + modulo(pass, 2))
+            do l = 1, side_by_side
+                a(:, :, l) = sign*definite(5, 10*pass + l)
+            end do
+            if (pass == 3) then
+                a(3, :, 2) = 2*a(1, :, 2)
+                a(:, 3, 2) = 2*a(:, 1, 2)
+                a(3, 3, 2) = 4*a(1, 1, 2)
+            else if (pass == 4) then
+                a(4, 4, 2) = ieee_value(1.0_wp, ieee_quiet_nan)
+            end if
+            do l = 1, side_by_side
+                do j = 1, 5
+                    alone(l, j) = a(j, j, l)
+                    x(l, 1:j, j) = a(1:j, j, l)
+                    ! Nobody reads what is below.
+                    x(l, j + 1:, j) = huge(1.0_wp)
+                end do
+            end do
+            call invert_fives(x, alone, 1.0e-10_wp, worst)
+            do l = 1, side_by_side
+                k = 0
+                if (pass > 2 .and. l == 2) k = pass
+                call check_count(error, worst(l), k, 'the row of a pivot that is too small')
+                if (k > 0) cycle
+                do j = 1, 5
+                    do i = 1, 5
+                        inverse(5*(j - 1) + i) = x(l, min(i, j), max(i, j))
+                    end do
+                    single(j) = abs(a(j, j, l))
+                end do
+                call check_close(error, reshape(matmul(a(:, :, l), reshape(inverse, [5, 5])), [25]), &
+                    [((merge(1.0_wp, 0.0_wp, i == j), i=1, 5), j=1, 5)], 1.0e-13_wp, 'A A^-1 and 1')
+                inverse = reshape(a(:, :, l), [25])
+                call invert(5, inverse, single, sign, 1.0e-10_wp, one)
+                call check_close(error, alone(l, :), single, 1.0e-14_wp, 'pivots')
+            end do
+        end do
+    end subroutine test_side_by_side
+
+    !> W M + R c' = 1 and W c = 0 for bodies with Euler parameters, whose M has no inertia along c, and without a row that they own;
+    !> the first coordinate without mass is named.
+    subroutine test_masses(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: n = 7*side_by_side
+        real(wp) :: mass(n, 4), own(n), w(4, n), r(n), b(3, 4), unit(4, 4)
+        integer :: first(side_by_side), i, k, l, n_bodies, worst(side_by_side)
+        logical :: has_row(side_by_side)
+
+        unit = 0.0_wp
+        do i = 1, 4
+            unit(i, i) = 1.0_wp
+        end do
+        do n_bodies = 1, side_by_side
+            own = 0.0_wp
+            mass = 0.0_wp
+            w = 0.0_wp
+            do l = 1, side_by_side
+                k = 7*(l - 1)
+                first(l) = k + 1
+                has_row(l) = l /= 2
+                mass(k + 1:k + 3, 1) = l
+                own(k + 4:k + 7) = scattered(4, l)
+                if (has_row(l)) then
+                    b = reshape(scattered(12, 20 + l), [3, 4])
+                    b = b - spread(matmul(b, own(k + 4:k + 7)), 2, 4)*spread(own(k + 4:k + 7), 1, 3)/sum(own(k + 4:k + 7)**2)
+                    mass(k + 4:k + 7, :) = matmul(transpose(b), b)
+                else
+                    mass(k + 4:k + 7, :) = definite(4, l)
+                end if
+            end do
+            call invert_rigid(n_bodies, first, has_row, n, mass, own, 4, w, r, worst)
+            call check_count(error, sum(worst(:n_bodies)), 0, 'a coordinate without mass')
+            do l = 1, n_bodies
+                k = 7*(l - 1)
+                associate (c => own(k + 4:k + 7), v => w(:, k + 4:k + 7), m => mass(k + 4:k + 7, :), u => r(k + 4:k + 7))
+                    call check_close(error, [(w(1, k + i), i=1, 3)], spread(1.0_wp/l, 1, 3), 1.0e-15_wp, '1/mass')
+                    call check_close(error, r(k + 1:k + 3), spread(0.0_wp, 1, 3), 0.0_wp, 'R of the point of reference')
+                    if (has_row(l)) then
+                        call check_close(error, matmul(v, c), spread(0.0_wp, 1, 4), 1.0e-11_wp, 'W c')
+                        call check_close(error, reshape(matmul(v, m) + spread(u, 2, 4)*spread(c, 1, 4), [16]), &
+                            reshape(unit, [16]), 1.0e-11_wp, 'W M + R c''')
+                    else
+                        call check_close(error, reshape(matmul(v, m), [16]), reshape(unit, [16]), 1.0e-13_wp, 'W M')
+                        call check_close(error, u, spread(0.0_wp, 1, 4), 0.0_wp, 'R of no row')
+                    end if
+                end associate
+            end do
+        end do
+        ! A coordinate with no mass, and three of the Euler parameters, as a c c' stands for one.
+        mass(9, 1) = 0.0_wp
+        mass(18:21, :) = 0.0_wp
+        call invert_rigid(side_by_side, first, has_row, n, mass, own, 4, w, r, worst)
+        call check_count(error, worst(1), 0, 'no coordinate of the first body')
+        call check_count(error, worst(2), 2, 'the second coordinate')
+        call check_count(error, worst(3), 5, 'the second Euler parameter')
+    end subroutine test_masses
 
     !> Of rows that depend on those before them, the first one is named, and so is a NaN.
     subroutine test_dependent(error)

@@ -12,6 +12,7 @@ module tandem_chart_sparse_analysis
     use tandem_kinds, only: long, wp
     use tandem_model_pattern, only: pattern_type
     use tandem_chart_sparse_blocks, only: most_coordinates, of_any_blocks, of_rigid_body, of_single_blocks
+    use tandem_chart_sparse_inverses, only: side_by_side
     use tandem_chart_sparse_order, only: append, list_type, order_nodes
     implicit none (type, external)
     private
@@ -53,6 +54,9 @@ module tandem_chart_sparse_analysis
         !> node, and the entries of diagonal blocks up to its own (5, nodes); the first three of each neighbour behind, the offset
         !> that of the block (3, neighbours + 1).
         integer, allocatable :: node(:, :), behind(:, :)
+        !> How many nodes of five rows from each one on are no neighbours of each other, so that their blocks are inverted at once;
+        !> 0 where the node has other rows or is one of those before.
+        integer, allocatable :: together(:)
         !> Entries of all blocks, and of those that are not diagonal.
         integer :: n_factor = 0, n_above = 0
         !> Where the products of those neighbours go when node k is eliminated, from update_start(k) + 1 on, in the order of pairs;
@@ -123,7 +127,29 @@ contains
         call self%find_updates()
         call self%find_pairs()
         call list_for_loops(self)
+        call find_together(self)
     end subroutine analyse
+
+    !> Nodes of five rows that follow each other and are no neighbours.
+    pure subroutine find_together(self)
+        class(analysis_type), intent(inout) :: self
+        integer :: n, next
+
+        self%together = spread(0, 1, self%n_nodes)
+        n = 1
+        do while (n <= self%n_nodes)
+            next = n + 1
+            if (self%height(n) == 5 .and. .not. self%is_body(n)) then
+                do while (next <= min(self%n_nodes, n + side_by_side - 1))
+                    if (self%height(next) /= 5 .or. self%is_body(next)) exit
+                    if (any(self%later(self%later_start(n):self%later_start(next) - 1) == next)) exit
+                    next = next + 1
+                end do
+                self%together(n) = next - n
+            end if
+            n = next
+        end do
+    end subroutine find_together
 
     !> What loops read, side by side.
     pure subroutine list_for_loops(self)

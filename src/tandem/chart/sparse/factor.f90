@@ -6,7 +6,7 @@ module tandem_chart_sparse_factor
     use tandem_chart_sparse_analysis, only: analysis_type, most_rows
     use tandem_chart_sparse_blocks, only: apply_inverse, keep_both, most_coordinates, multiply_right, of_rigid_body, read_behind, &
         subtract_product, subtract_rows, subtract_update
-    use tandem_chart_sparse_inverses, only: invert, invert_some
+    use tandem_chart_sparse_inverses, only: invert, invert_nodes, invert_some, side_by_side
     use tandem_chart_sparse_masses, only: invert_block, invert_rigid, least_mass
     use tandem_model_pattern, only: pattern_type
     use tandem_pack, only: pack_type
@@ -20,7 +20,7 @@ module tandem_chart_sparse_factor
     !> some 1e-15 of it.
     real(wp), parameter :: least_pivot = 1.0e-10_wp
     type :: factor_type
-        !> The parts of C by links, and owned rows by coordinates (n).
+        !> The parts of C by links and behind them owned rows where the model sets these so; owned rows by coordinates (n).
         real(wp), allocatable :: c(:), own(:)
         !> W, its blocks as those of M (mass_width, n), and R (n).
         real(wp), allocatable :: w(:, :), r(:)
@@ -115,9 +115,10 @@ contains
         type(analysis_type), intent(in) :: a
         type(pattern_type), intent(in) :: pattern
 
-        if (allocated(self%c)) deallocate (self%c, self%y, self%sent, self%own, self%w, self%r, self%blocks, &
-            self%above, self%alone, self%added, self%is_out)
-        allocate (self%c(a%n_entries + read_behind), self%y(a%n_entries + read_behind), self%own(a%n), &
+        if (allocated(self%y)) deallocate (self%y, self%sent, self%own, self%r, self%blocks, self%above, self%alone, self%added, &
+            self%is_out)
+        if (allocated(self%c)) deallocate (self%c, self%w)
+        allocate (self%c(a%n_entries + read_behind + a%n), self%y(a%n_entries + read_behind), self%own(a%n), &
             self%sent(most_rows, merge(size(a%link_node), 0, any(a%norm_row > 0))), self%w(pattern%mass_width, a%n), self%r(a%n), &
             self%blocks(a%n_factor + read_behind), self%above(a%n_above + read_behind), self%alone(a%m), self%added(a%n_bodies), &
             source=0.0_wp)
@@ -127,29 +128,35 @@ contains
         self%is_factored = .false.
     end subroutine allocate_factor
 
-    !> Take C. The rows that the model has set in blocks change places with what was here.
+    !> Take C.
     subroutine load_rows(self, a, pattern, jacobian, blocks)
         class(factor_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
         type(pattern_type), intent(in) :: pattern
         !> Compressed, of the rows in use.
         real(wp), intent(in), contiguous :: jacobian(:, :)
+        !> The rows that the model has set in blocks: they are kept as they are.
         real(wp), allocatable, intent(inout) :: blocks(:)
-        real(wp), allocatable :: c(:)
-        integer :: b, j
+        integer :: b, j, start
 
-        if (allocated(pattern%in_blocks)) then
-            call move_alloc(self%c, c)
-            call move_alloc(blocks, self%c)
-            call move_alloc(c, blocks)
-        end if
+        call move_alloc(blocks, self%c)
         if (.not. pattern%all_in_blocks) call take_rows(a%n_bodies, a%n, a%m, size(a%link, 2), size(jacobian, 2), a%first, &
             a%link_start, a%link, pattern%column, jacobian, self%c, pattern%in_blocks)
         do b = 1, a%n_bodies
             if (a%norm_row(b) == 0) cycle
-            do j = a%first(b), a%first(b + 1) - 1
-                self%own(j) = jacobian(a%norm_row(b), pattern%column(j))
-            end do
+            start = -1
+            if (allocated(pattern%in_blocks)) then
+                if (pattern%in_blocks(a%norm_row(b))) start = pattern%block_start(pattern%row_start(a%norm_row(b)))
+            end if
+            if (start >= 0) then
+                do j = a%first(b), a%first(b + 1) - 1
+                    self%own(j) = self%c(start + 1 + j - a%first(b))
+                end do
+            else
+                do j = a%first(b), a%first(b + 1) - 1
+                    self%own(j) = jacobian(a%norm_row(b), pattern%column(j))
+                end do
+            end if
         end do
         self%has_rows = .true.
         self%is_factored = .false.
@@ -214,16 +221,19 @@ contains
         !> ok or `singular_mass`.
         integer, intent(out) :: stat
         real(wp) :: work(most_coordinates*most_coordinates)
-        integer :: b, i, j, s, worst
+        integer :: b, first(side_by_side), j, s, waiting, worst
+        logical :: has_row(side_by_side)
 
         stat = status_ok
+        waiting = 0
         do b = 1, a%n_bodies
             j = a%first(b)
             if (is_rigid(b)) then
-                call invert_rigid(a%n, mass(j, 1), a%norm_row(b) > 0, self%own(j), size(self%w, 1), self%w(1, j), self%r(j), &
-                    self%added(b), worst)
+                waiting = waiting + 1
+                first(waiting) = j
+                has_row(waiting) = a%norm_row(b) > 0
+                if (waiting == side_by_side) call invert_waiting()
             else
-                worst = 0
                 do while (j < a%first(b + 1))
                     s = 1
                     do while (j + s < a%first(b + 1))
@@ -235,21 +245,44 @@ contains
                     else
                         call invert_block(s, a%n, mass(j, 1), a%norm_row(b) > 0, a%is_kept(b), self%own(j), size(self%w, 1), &
                             self%w(1, j), self%r(j), self%added(b), work, worst)
-                        if (worst > 0) exit
+                        if (worst > 0) call refuse(j + worst - 1)
+                        if (worst > 0) return
                     end if
                     j = j + s
                 end do
             end if
-            if (worst == 0) cycle
-            stat = status_singular_mass
-            self%failed_coordinate = j + worst - 1
-            do i = a%first(b), a%first(b + 1) - 1
-                if (.not. abs(mass(i, 1)) <= huge(1.0_wp)) stat = status_not_finite
-            end do
-            return
+            if (stat /= status_ok) return
         end do
+        if (waiting > 0) call invert_waiting()
 
     contains
+
+        !> The rigid bodies that wait for each other.
+        subroutine invert_waiting()
+            integer :: bad(side_by_side), l
+
+            call invert_rigid(waiting, first, has_row, a%n, mass, self%own, size(self%w, 1), self%w, self%r, bad)
+            do l = 1, waiting
+                if (bad(l) > 0 .and. stat == status_ok) call refuse(first(l) + bad(l) - 1)
+            end do
+            waiting = 0
+        end subroutine invert_waiting
+
+        !> Say what a coordinate without mass means.
+        subroutine refuse(coordinate)
+            integer, intent(in) :: coordinate
+            integer :: body, i
+
+            stat = status_singular_mass
+            self%failed_coordinate = coordinate
+            body = 1
+            do while (a%first(body + 1) <= coordinate)
+                body = body + 1
+            end do
+            do i = a%first(body), a%first(body + 1) - 1
+                if (.not. abs(mass(i, 1)) <= huge(1.0_wp)) stat = status_not_finite
+            end do
+        end subroutine refuse
 
         !> Whether a body goes first and has three single entries, and a block of four with the row that it owns, if it has one.
         pure logical function is_rigid(body)
@@ -401,52 +434,76 @@ contains
         type(analysis_type), intent(in) :: a
         logical, intent(in) :: chooses
         integer, intent(out) :: stat
-        real(wp) :: ratio(max(most_rows, most_coordinates))
-        integer :: d, i, j, n, s, worst
+        integer :: count, d, j, k, n, worst(side_by_side)
 
         stat = status_ok
         self%least = 1.0_wp
         self%weakest = 0
         self%rest = 0.0_wp
         self%loosest = 0
-        do n = 1, a%n_nodes
-            s = a%height(n)
-            associate (diagonal => a%diagonal_offset(n), origin => a%origin(n))
-                if (a%is_body(n)) then
-                    do i = 1, s
-                        ratio(i) = self%blocks(diagonal + (i - 1)*(s + 1) + 1)
-                    end do
-                    call invert(s, self%blocks(diagonal + 1:diagonal + s*s), ratio(:s), 1.0_wp, least_mass, worst)
-                else
-                    if (self%leaves_out) then
-                        call invert_some(s, self%blocks(diagonal + 1), self%alone(origin), -1.0_wp, least_pivot, chooses, &
-                            self%is_out(origin), worst)
-                    else
-                        call invert(s, self%blocks(diagonal + 1), self%alone(origin), -1.0_wp, least_pivot, worst)
-                    end if
-                    do i = origin, origin + merge(s, worst - 1, worst == 0) - 1
-                        if (self%is_out(i)) then
-                            if (self%alone(i) > self%rest) self%loosest = i
-                            self%rest = max(self%rest, self%alone(i))
-                            cycle
-                        end if
-                        if (.not. self%alone(i) < self%least) cycle
-                        self%least = self%alone(i)
-                        self%weakest = i
-                    end do
-                end if
-                if (worst > 0) then
-                    call refuse(origin + worst - 1, a%is_body(n))
+        n = 1
+        do while (n <= a%n_nodes)
+            count = max(a%together(n), 1)
+            if (a%together(n) == 0 .or. self%leaves_out) then
+                count = 1
+                call invert_node(n, worst(1))
+            else
+                call invert_nodes(count, a%node(1, n), self%blocks, self%alone, least_pivot, worst)
+            end if
+            do k = n, n + count - 1
+                if (.not. a%is_body(k)) call judge(a%origin(k), merge(a%height(k), worst(k - n + 1) - 1, worst(k - n + 1) == 0))
+                if (worst(k - n + 1) > 0) then
+                    call refuse(a%origin(k) + worst(k - n + 1) - 1, a%is_body(k))
                     return
                 end if
-                j = a%later_start(n)
-                d = a%update_start(n)
-                call pass_on(s, a%later_start(n + 1) - j, diagonal, a%node(5, n), a%behind(1, j), a%update_target(d + 1), &
-                    self%above, self%blocks)
-            end associate
+                j = a%later_start(k)
+                d = a%update_start(k)
+                call pass_on(a%height(k), a%later_start(k + 1) - j, a%diagonal_offset(k), a%node(5, k), a%behind(1, j), &
+                    a%update_target(d + 1), self%above, self%blocks)
+            end do
+            n = n + count
         end do
 
     contains
+
+        !> A node by itself.
+        subroutine invert_node(node, bad)
+            integer, intent(in) :: node
+            integer, intent(out) :: bad
+            real(wp) :: ratio(max(most_rows, most_coordinates))
+            integer :: i
+
+            associate (s => a%height(node), diagonal => a%diagonal_offset(node), origin => a%origin(node))
+                if (a%is_body(node)) then
+                    do i = 1, s
+                        ratio(i) = self%blocks(diagonal + (i - 1)*(s + 1) + 1)
+                    end do
+                    call invert(s, self%blocks(diagonal + 1:diagonal + s*s), ratio(:s), 1.0_wp, least_mass, bad)
+                else if (self%leaves_out) then
+                    call invert_some(s, self%blocks(diagonal + 1), self%alone(origin), -1.0_wp, least_pivot, chooses, &
+                        self%is_out(origin), bad)
+                else
+                    call invert(s, self%blocks(diagonal + 1), self%alone(origin), -1.0_wp, least_pivot, bad)
+                end if
+            end associate
+        end subroutine invert_node
+
+        !> The smallest pivot of the rows in use, and the largest of those that are left out.
+        subroutine judge(origin, height)
+            integer, intent(in) :: origin, height
+            integer :: i
+
+            do i = origin, origin + height - 1
+                if (self%is_out(i)) then
+                    if (self%alone(i) > self%rest) self%loosest = i
+                    self%rest = max(self%rest, self%alone(i))
+                    cycle
+                end if
+                if (.not. self%alone(i) < self%least) cycle
+                self%least = self%alone(i)
+                self%weakest = i
+            end do
+        end subroutine judge
 
         !> Say what a pivot that is too small means.
         subroutine refuse(unknown, is_body)

@@ -3,11 +3,14 @@
 !> makes of them what would be written out by hand: that was tried, and gained nothing at orders 2 to 4 and an eighth at 5.
 module tandem_chart_sparse_inverses
     use tandem_chart_sparse_blocks, only: most_coordinates
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: short, wp
     implicit none (type, external)
     private
 
-    public :: invert, invert_some
+    public :: invert, invert_fives, invert_nodes, invert_some, side_by_side
+
+    !> So many blocks of order 5 are inverted side by side.
+    integer, parameter :: side_by_side = short
 
 contains
 
@@ -78,7 +81,132 @@ contains
         end do
     end subroutine invert_sized
 
-    !> The same without the rows that are left out, whose rows and columns of the inverse are zero. With `chooses` pivots are
+    !> Inverses of blocks of order 5 side by side, entry by entry in registers: every pivot waits for a division, and those of
+    !> several blocks wait at the same time. A pivot is swept as in `invert_sized`, always the first of those that are left; it then
+    !> goes behind the others, so that all of them meet the same statements.
+    pure subroutine invert_fives(x, alone, least, worst)
+        !> The upper triangles are used.
+        real(wp), intent(inout) :: x(side_by_side, 5, 5)
+        !> On entry the comparison with the sign of the pivot, then the pivots against it.
+        real(wp), intent(inout) :: alone(side_by_side, 5)
+        real(wp), intent(in) :: least
+        !> As of `invert`, of each block.
+        integer, intent(out) :: worst(side_by_side)
+        real(wp), dimension(side_by_side) :: x11, x12, x22, x13, x23, x33, x14, x24, x34, x44, x15, x25, x35, x45, x55
+        real(wp), dimension(side_by_side) :: pivot, v2, v3, v4, v5
+        integer :: k
+
+        x11 = x(:, 1, 1)
+        x12 = x(:, 1, 2)
+        x22 = x(:, 2, 2)
+        x13 = x(:, 1, 3)
+        x23 = x(:, 2, 3)
+        x33 = x(:, 3, 3)
+        x14 = x(:, 1, 4)
+        x24 = x(:, 2, 4)
+        x34 = x(:, 3, 4)
+        x44 = x(:, 4, 4)
+        x15 = x(:, 1, 5)
+        x25 = x(:, 2, 5)
+        x35 = x(:, 3, 5)
+        x45 = x(:, 4, 5)
+        x55 = x(:, 5, 5)
+        !GCC$ UNROLL 5
+        do k = 1, 5
+            alone(:, k) = x11/alone(:, k)
+            pivot = 1.0_wp/x11
+            v2 = x12*pivot
+            v3 = x13*pivot
+            v4 = x14*pivot
+            v5 = x15*pivot
+            x22 = x22 - x12*v2
+            x23 = x23 - x12*v3
+            x33 = x33 - x13*v3
+            x24 = x24 - x12*v4
+            x34 = x34 - x13*v4
+            x44 = x44 - x14*v4
+            x25 = x25 - x12*v5
+            x35 = x35 - x13*v5
+            x45 = x45 - x14*v5
+            x55 = x55 - x15*v5
+            x11 = x22
+            x12 = x23
+            x22 = x33
+            x13 = x24
+            x23 = x34
+            x33 = x44
+            x14 = x25
+            x24 = x35
+            x34 = x45
+            x44 = x55
+            x15 = v2
+            x25 = v3
+            x35 = v4
+            x45 = v5
+            x55 = -pivot
+        end do
+        x(:, 1, 1) = -x11
+        x(:, 1, 2) = -x12
+        x(:, 2, 2) = -x22
+        x(:, 1, 3) = -x13
+        x(:, 2, 3) = -x23
+        x(:, 3, 3) = -x33
+        x(:, 1, 4) = -x14
+        x(:, 2, 4) = -x24
+        x(:, 3, 4) = -x34
+        x(:, 4, 4) = -x44
+        x(:, 1, 5) = -x15
+        x(:, 2, 5) = -x25
+        x(:, 3, 5) = -x35
+        x(:, 4, 5) = -x45
+        x(:, 5, 5) = -x55
+        worst = 0
+        do k = 5, 1, -1
+            where (.not. alone(:, k) > least) worst = k
+        end do
+    end subroutine invert_fives
+
+    !> The inverses of the negative definite blocks of some nodes of five rows, in place.
+    pure subroutine invert_nodes(n_nodes, node, blocks, alone, least, worst)
+        !> As of `tandem_chart_sparse_analysis`.
+        integer, intent(in) :: n_nodes, node(5, n_nodes)
+        !> Those of all nodes; of all rows what pivots are compared with, then the pivots against it.
+        real(wp), intent(inout) :: blocks(*), alone(*)
+        real(wp), intent(in) :: least
+        integer, intent(out) :: worst(side_by_side)
+        real(wp) :: x(side_by_side, 5, 5), ratio(side_by_side, 5)
+        integer :: i, j, l
+
+        do l = 1, side_by_side
+            ! Places that are left over hold what the first one does.
+            associate (diagonal => node(3, merge(l, 1, l <= n_nodes)), origin => node(4, merge(l, 1, l <= n_nodes)))
+                !GCC$ UNROLL 5
+                do j = 1, 5
+                    ratio(l, j) = -alone(origin + j - 1)
+                    !GCC$ UNROLL 5
+                    do i = 1, j
+                        x(l, i, j) = blocks(diagonal + 5*(j - 1) + i)
+                    end do
+                end do
+            end associate
+        end do
+        call invert_fives(x, ratio, least, worst)
+        do l = 1, n_nodes
+            associate (diagonal => node(3, l), origin => node(4, l))
+                !GCC$ UNROLL 5
+                do j = 1, 5
+                    alone(origin + j - 1) = ratio(l, j)
+                    !GCC$ UNROLL 5
+                    do i = 1, j
+                        blocks(diagonal + 5*(j - 1) + i) = x(l, i, j)
+                        blocks(diagonal + 5*(i - 1) + j) = x(l, i, j)
+                    end do
+                end do
+            end associate
+        end do
+    end subroutine invert_nodes
+
+    !> The inverse without the rows that are left out, whose rows and columns of the inverse are zero. With `chooses` pivots are
     !> sought, the largest first, and rows are left out that have none.
     pure subroutine invert_some(s, x, alone, sign, least, chooses, is_out, worst)
         integer, intent(in) :: s

@@ -5,7 +5,7 @@
 !> be definite across c only, and any a > 0 gives the same.
 module tandem_chart_sparse_masses
     use tandem_chart_sparse_blocks, only: most_coordinates
-    use tandem_chart_sparse_inverses, only: invert
+    use tandem_chart_sparse_inverses, only: invert, invert_fives, side_by_side
     use tandem_kinds, only: wp
     implicit none (type, external)
     private
@@ -17,68 +17,67 @@ module tandem_chart_sparse_masses
 
 contains
 
-    !> W and R of a rigid body in space.
-    pure subroutine invert_rigid(ld, mass, has_row, c, ldw, w, r, added, worst)
-        integer, intent(in) :: ld, ldw
-        !> In its places, rows and columns of the compressed M.
-        real(wp), intent(in) :: mass(ld, 4)
-        logical, intent(in) :: has_row
-        !> The owned row.
-        real(wp), intent(in) :: c(7)
-        real(wp), intent(inout) :: w(ldw, 7), r(7), added
-        !> The first coordinate without mass, 0 for none.
-        integer, intent(out) :: worst
-        real(wp) :: along, before(4), n(4, 4), square, trace, u(4)
-        integer :: i, j
+    !> W and R of some rigid bodies in space, side by side. They are blocks of [M + a c c', c; c', 0]^-1.
+    pure subroutine invert_rigid(n_bodies, first, has_row, n, mass, own, ldw, w, r, worst)
+        !> At most `side_by_side` of them, the first coordinate of each, and whether it owns a row.
+        integer, intent(in) :: n_bodies, first(side_by_side), n, ldw
+        logical, intent(in) :: has_row(side_by_side)
+        !> The compressed M, and the owned rows.
+        real(wp), intent(in) :: mass(n, 4), own(n)
+        real(wp), intent(inout) :: w(ldw, n), r(n)
+        !> The first coordinate without mass of each, 0 for none.
+        integer, intent(out) :: worst(side_by_side)
+        real(wp) :: added, alone(side_by_side, 5), square, trace, x(side_by_side, 5, 5)
+        integer :: b, i, j, l
 
-        do i = 1, 3
-            if (.not. mass(i, 1) > 0.0_wp) then
-                worst = i
-                return
-            end if
-            w(1, i) = 1.0_wp/mass(i, 1)
-            r(i) = 0.0_wp
-        end do
-        do j = 1, 4
-            do i = 1, 4
-                n(i, j) = mass(3 + i, j)
-            end do
-        end do
-        square = 0.0_wp
-        if (has_row) square = c(4)**2 + c(5)**2 + c(6)**2 + c(7)**2
-        if (square > 0.0_wp) then
-            trace = n(1, 1) + n(2, 2) + n(3, 3) + n(4, 4)
-            added = merge(trace, 1.0_wp, trace > 0.0_wp)/square
-            do j = 1, 4
-                do i = 1, 4
-                    n(i, j) = n(i, j) + added*c(3 + i)*c(3 + j)
+        do l = 1, side_by_side
+            ! Places that are left over hold what the first one does.
+            b = merge(l, 1, l <= n_bodies)
+            associate (at => first(b) + 2)
+                square = 0.0_wp
+                if (has_row(b)) square = own(at + 1)**2 + own(at + 2)**2 + own(at + 3)**2 + own(at + 4)**2
+                added = 0.0_wp
+                if (square > 0.0_wp) then
+                    trace = (mass(at + 1, 1) + mass(at + 2, 2)) + (mass(at + 3, 3) + mass(at + 4, 4))
+                    added = merge(trace, 1.0_wp, trace > 0.0_wp)/square
+                end if
+                !GCC$ UNROLL 4
+                do j = 1, 4
+                    !GCC$ UNROLL 4
+                    do i = 1, j
+                        x(l, i, j) = mass(at + i, j) + added*own(at + i)*own(at + j)
+                    end do
+                    alone(l, j) = x(l, j, j)
+                    x(l, j, 5) = merge(own(at + j), 0.0_wp, square > 0.0_wp)
                 end do
-            end do
-        end if
-        do i = 1, 4
-            before(i) = n(i, i)
+                x(l, 5, 5) = merge(0.0_wp, 1.0_wp, square > 0.0_wp)
+                ! The last pivot is -c'(M + a c c')^-1 c, that is -1/a where M c = 0.
+                alone(l, 5) = 1.0_wp
+                if (square > 0.0_wp) alone(l, 5) = -1.0_wp/added
+            end associate
         end do
-        call invert(4, n, before, 1.0_wp, least_mass, worst)
-        if (worst > 0) then
-            worst = worst + 3
-            return
-        end if
-        if (square > 0.0_wp) then
-            do i = 1, 4
-                u(i) = (n(i, 1)*c(4) + n(i, 2)*c(5)) + (n(i, 3)*c(6) + n(i, 4)*c(7))
+        call invert_fives(x, alone, least_mass, worst)
+        do l = 1, n_bodies
+            if (worst(l) > 0) worst(l) = worst(l) + 3
+            do j = 3, 1, -1
+                if (.not. mass(first(l) + j - 1, 1) > 0.0_wp) worst(l) = j
             end do
-            along = 1.0_wp/((u(1)*c(4) + u(2)*c(5)) + (u(3)*c(6) + u(4)*c(7)))
-            do j = 1, 4
-                r(3 + j) = u(j)*along
-                do i = 1, 4
-                    n(i, j) = n(i, j) - u(i)*r(3 + j)
+            if (worst(l) > 0) cycle
+            associate (at => first(l) + 2)
+                do j = at - 2, at
+                    w(1, j) = 1.0_wp/mass(j, 1)
+                    r(j) = 0.0_wp
                 end do
-            end do
-        end if
-        do j = 1, 4
-            do i = 1, 4
-                w(i, 3 + j) = n(i, j)
-            end do
+                !GCC$ UNROLL 4
+                do j = 1, 4
+                    !GCC$ UNROLL 4
+                    do i = 1, j
+                        w(i, at + j) = x(l, i, j)
+                        w(j, at + i) = x(l, i, j)
+                    end do
+                    r(at + j) = x(l, j, 5)
+                end do
+            end associate
         end do
     end subroutine invert_rigid
 

@@ -116,8 +116,8 @@ contains
             call set_error(error, status_invalid_option, 'chart_kind = "sparse": '//trim(obstacle), 'use chart_kind = "dense"')
             return
         end if
-        call self%system%initialize(model)
-        call self%rank%allocate(self%system)
+        call self%system%initialize(model, .not. (implicit .or. options%is_adaptive()))
+        self%rank = rank_type()
         self%n = model%n
         self%tolerance = options%constraint_tolerance
         self%allowed = 0.25_wp*self%tolerance
@@ -140,7 +140,6 @@ contains
         self%delta = self%q0
         self%curve = self%q0
         self%delta_rate = self%q0
-        self%held_delta = self%q0
         self%phi_weight = spread(1.0_wp, 1, model%n_holonomic)
         self%velocity_weight = spread(1.0_wp, 1, model%n_constraints())
         self%end_weight = self%velocity_weight
@@ -254,12 +253,17 @@ contains
     subroutine start_step(self, qdd)
         class(sparse_motion_type), intent(inout) :: self
         real(wp), intent(in), contiguous :: qdd(:)
+        integer :: stat
 
         self%has_delta_rate = .false.
-        if (self%system%nh == 0) return
+        ! A try after another starts with the same.
+        if (self%system%nh == 0 .or. self%has_curve) return
         associate (s => self%system, base => self%system%factor(self%system%base))
-            s%g = 0.0_wp
-            call base%multiply(s%analysis, qdd, s%g)
+            call s%visit(self%t0, self%q0, self%counts, stat)
+            if (stat /= status_ok) return
+            call s%load()
+            s%g(:) = 0.0_wp
+            call s%factor(s%here)%multiply(s%analysis, qdd, s%g)
             s%g(:s%nh) = -s%g(:s%nh)
             s%g(s%nh + 1:) = 0.0_wp
             call base%solve(s%analysis, .false., self%curve, s%g, s%x, s%z)
@@ -295,6 +299,7 @@ contains
     subroutine hold(self)
         class(sparse_motion_type), intent(inout) :: self
 
+        if (.not. allocated(self%held_delta)) allocate (self%held_delta(self%n))
         self%held_delta(:) = self%delta
         self%held_position = self%position
         self%held_velocity = self%velocity

@@ -100,7 +100,7 @@ contains
         real(wp), intent(in), contiguous :: mass(:, :)
 
         self%terms%mass(:, :) = mass
-        self%terms%c(:) = here%c
+        self%terms%c(:) = here%c(:size(self%terms%c))
         self%terms%own(:) = here%own
         self%terms%is_out(:) = here%is_out
         self%ha = 0.0_wp
@@ -207,7 +207,7 @@ contains
         !> With its rows loaded.
         type(factor_type), intent(in) :: here
 
-        self%turn%c(:) = self%terms%c - here%c
+        self%turn%c(:) = self%terms%c - here%c(:size(self%terms%c))
         self%turn%own(:) = self%terms%own - here%own
     end subroutine look_at
 

@@ -13,14 +13,12 @@ module tandem_chart_sparse_rank
     public :: rank_type
 
     type :: rank_type
-        !> At the last point where it was asked: the combination (unknowns of nodes), C'y (n).
+        !> At the last point where it was asked: the combination (unknowns of nodes), C'y (n); not allocated where it never was.
         real(wp), allocatable :: y(:), force(:)
         logical :: has_combination = .false.
         !> Work space.
         real(wp), allocatable, private :: next_y(:), next_force(:)
     contains
-        procedure :: allocate => allocate_rank
-        procedure :: find_combination
         procedure :: has_passed_loss
         procedure :: find_rows
         procedure :: pack_state
@@ -28,29 +26,8 @@ module tandem_chart_sparse_rank
 
 contains
 
-    subroutine allocate_rank(self, system)
-        class(rank_type), intent(inout) :: self
-        type(system_type), intent(in) :: system
-
-        self%y = spread(0.0_wp, 1, system%analysis%n_unknowns)
-        self%next_y = self%y
-        self%force = spread(0.0_wp, 1, system%analysis%n)
-        self%next_force = self%force
-        self%has_combination = .false.
-    end subroutine allocate_rank
-
-    !> The combination of rows that is nearest to zero where the system was factored last, by three inverse iterations.
-    subroutine find_combination(self, system)
-        class(rank_type), intent(inout) :: self
-        type(system_type), intent(inout) :: system
-
-        call find_here(self, system)
-        self%y(:) = self%next_y
-        self%force(:) = self%next_force
-        self%has_combination = .true.
-    end subroutine find_combination
-
-    !> The same into the work space.
+    !> The combination of rows that is nearest to zero where the system was factored last, by three inverse iterations, into the
+    !> work space.
     subroutine find_here(self, system)
         class(rank_type), intent(inout) :: self
         type(system_type), intent(inout) :: system
@@ -58,6 +35,11 @@ contains
         real(wp) :: length
         integer :: i, k, n
 
+        if (.not. allocated(self%next_y)) then
+            allocate (self%next_y(system%analysis%n_unknowns), self%next_force(system%analysis%n), source=0.0_wp)
+            if (.not. allocated(self%y)) allocate (self%y, source=self%next_y)
+            if (.not. allocated(self%force)) allocate (self%force, source=self%next_force)
+        end if
         associate (a => system%analysis, here => system%factor(system%here), y => self%next_y)
             ! From the weakest row; all others weigh too, as they may be the ones that matter.
             system%g = 1.0e-3_wp

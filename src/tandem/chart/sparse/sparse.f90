@@ -270,7 +270,6 @@ contains
         loss_ahead = status_ok
         if (self%system%m == 0) return
         associate (s => self%system)
-            call way%allocate(s)
             do k = 0, n_places
                 associate (x => k*h/n_places)
                     call s%visit(t + x, q + x*qd, self%counts, stat)
@@ -292,6 +291,7 @@ contains
     end function loss_ahead
 
     !> How far C has changed from the start of the step to the current point: rows of unit length at the start, Frobenius norm.
+    !> Explicit steps without error control do not keep C of the start.
     real(wp) function relative_change(self)
         class(sparse_chart_type), intent(in) :: self
         real(wp), dimension(self%system%m) :: change, length

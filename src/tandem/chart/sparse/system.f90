@@ -27,6 +27,9 @@ module tandem_chart_sparse_system
         !> Of the origin, and of the point visited last; they may be the same one.
         type(factor_type) :: factor(2)
         integer :: base = 1, here = 1
+        !> Whether there are C and W of the last point alone, which go from one factor to the other: explicit steps solve with the
+        !> factor of the origin without them.
+        logical :: shares_terms = .false.
         !> Whether they hold the inverses of a constant M, without rows that bodies own.
         logical :: has_inverses(2) = .false.
         integer :: nh = 0, m = 0
@@ -47,6 +50,7 @@ module tandem_chart_sparse_system
         procedure :: move_with
         procedure :: choose_rows
         procedure :: find_partners
+        procedure, private :: lend_rows
         procedure :: take_origin
         procedure :: forget
         procedure :: find_errors
@@ -60,9 +64,11 @@ module tandem_chart_sparse_system
 contains
 
     !> Attach a model with a pattern.
-    subroutine initialize(self, model)
+    subroutine initialize(self, model, shares_terms)
         class(system_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
+        !> Whether C of the origin is asked for by `start_step` alone.
+        logical, intent(in) :: shares_terms
         integer :: i
 
         call self%model%initialize(model, compressed=.true.)
@@ -72,10 +78,11 @@ contains
         call self%analysis%analyse(self%pattern, [(i, i=1, self%m)])
         call want_blocks(self%analysis, self%pattern)
         if (allocated(self%model%terms%blocks)) deallocate (self%model%terms%blocks)
-        allocate (self%model%terms%blocks(self%analysis%n_entries + read_behind), source=0.0_wp)
         do i = 1, 2
             call self%factor(i)%allocate(self%analysis, self%pattern)
         end do
+        self%shares_terms = shares_terms
+        if (shares_terms) deallocate (self%factor(2)%c, self%factor(2)%w)
         self%q_point = spread(0.0_wp, 1, model%n)
         self%qd_point = self%q_point
         self%x = self%q_point
@@ -92,7 +99,7 @@ contains
     pure subroutine want_blocks(a, pattern)
         type(analysis_type), intent(in) :: a
         type(pattern_type), intent(inout) :: pattern
-        integer :: b, k, l
+        integer :: b, i, k, l
 
         if (allocated(pattern%in_blocks)) deallocate (pattern%in_blocks)
         pattern%all_in_blocks = .false.
@@ -108,7 +115,32 @@ contains
                 end associate
             end do
         end do
+        do i = 1, pattern%n_rows
+            b = pattern%owner(i)
+            if (b == 0) cycle
+            if (a%is_kept(b)) cycle
+            pattern%block_height(i) = 1
+            pattern%block_start(pattern%row_start(i)) = a%n_entries + read_behind + a%first(b) - 1
+        end do
     end subroutine want_blocks
+
+    !> Let the model set rows where those of the last point were.
+    subroutine lend_rows(self)
+        class(system_type), intent(inout) :: self
+
+        associate (here => self%factor(self%here), other => self%factor(3 - self%here))
+            if (.not. allocated(here%w)) then
+                call move_alloc(other%w, here%w)
+                self%has_inverses(self%here) = self%has_inverses(3 - self%here)
+            end if
+            if (allocated(self%model%terms%blocks)) return
+            if (allocated(here%c)) then
+                call move_alloc(here%c, self%model%terms%blocks)
+            else
+                call move_alloc(other%c, self%model%terms%blocks)
+            end if
+        end associate
+    end subroutine lend_rows
 
     !> Nothing is known of the last point any more.
     pure subroutine forget(self)
@@ -133,12 +165,17 @@ contains
         end if
         call self%forget()
         if (.not. self%model%mass_is_known) self%has_inverses = .false.
-        ! None of these depends on the velocity; q stands in for it.
-        call self%model%evaluate(need_jacobian + need_nu + need_mass, t, q, q, counts, stat)
         if (self%here == self%base) self%here = 3 - self%base
         self%factor(self%here)%has_rows = .false.
         self%factor(self%here)%is_factored = .false.
+        call self%lend_rows()
+        ! None of these depends on the velocity; q stands in for it.
+        call self%model%evaluate(need_jacobian + need_nu + need_mass, t, q, q, counts, stat)
         if (stat /= status_ok) return
+        if (self%pattern%all_in_blocks .and. size(self%model%terms%jacobian) > 0) then
+            deallocate (self%model%terms%jacobian)
+            allocate (self%model%terms%jacobian(self%m, 0))
+        end if
         self%t_point = t
         self%q_point(:) = q
         self%has_point = .true.
@@ -360,12 +397,16 @@ contains
         !> `not_finite` where one was not; kept as it is otherwise.
         integer, intent(inout) :: stat
         character(len=20) :: term
+        real(wp) :: of_rows
 
+        if (self%has_point) call self%load()
+        of_rows = 0.0_wp
+        if (allocated(self%factor(self%here)%c)) of_rows = sum(abs(self%factor(self%here)%c))
         term = ''
         associate (terms => self%model%terms)
             if (.not. sum(abs(terms%phi)) <= huge(1.0_wp)) then
                 term = 'phi'
-            else if (.not. sum(abs(terms%jacobian)) + sum(abs(self%factor(self%here)%c)) <= huge(1.0_wp)) then
+            else if (.not. sum(abs(terms%jacobian)) + of_rows <= huge(1.0_wp)) then
                 term = 'jacobian'
             else if (.not. sum(abs(terms%nu)) <= huge(1.0_wp)) then
                 term = 'nu'
@@ -394,6 +435,7 @@ contains
 
         ! So that C is packed with the factor.
         if (self%has_point) call self%load()
+        if (allocated(self%model%terms%blocks)) call move_alloc(self%model%terms%blocks, self%factor(self%here)%c)
         call self%model%pack_state(pack)
         do i = 1, 2
             call self%factor(i)%pack_state(pack)
