@@ -46,6 +46,7 @@ contains
 
         testsuite = [ &
             new_unittest('rk4-takes-four-right-hand-sides-a-step', test_right_hand_sides), &
+            new_unittest('stages-of-rk4-take-one-correction-each', test_remembered_stages), &
             new_unittest('nonholonomic-model-evaluates-nothing-holonomic', test_nonholonomic), &
             new_unittest('holonomic-model-evaluates-nothing-nonholonomic', test_holonomic), &
             new_unittest('free-model-evaluates-no-constraints', test_free), &
@@ -149,6 +150,29 @@ contains
         call check_count(error, statistics%terms(force), 4*n_steps + 1, 'force')
         call check_count(error, statistics%rejected, 0, 'rejected steps')
     end subroutine test_right_hand_sides
+
+    !> What the last step's stage of the same number missed is remembered: a stage then takes one evaluation of Phi and one
+    !> correction, where it took two of each, and the end of a step one evaluation. The first steps learn it.
+    subroutine test_remembered_stages(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: steps = 200
+        type(rolling_disk_type), target :: disk
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(9), qd(9)
+
+        call disk%define()
+        call disk%start([-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, q, qd)
+        options%stepper = 'rk4'
+        options%step = 2.0e-3_wp
+        call run(simulation, disk, options, 0.0_wp, q, qd, steps*options%step, failure)
+        call check_no_failure(error, failure)
+        statistics = simulation%statistics()
+        call check_true(error, statistics%terms(phi) <= 41*steps/10, 'evaluations of Phi')
+        call check_true(error, statistics%position_corrections <= 31*steps/10, 'corrections')
+    end subroutine test_remembered_stages
 
     subroutine test_nonholonomic(error)
         type(error_type), allocatable, intent(out) :: error
