@@ -53,6 +53,10 @@ module tandem_chart
         !> Set by a stepper while it evaluates a stage whose increment misses the second derivative of the motion by this times qdd
         !> at the start of the step: h^2 (c^2/2 - sum a c). Huge where that is not known.
         real(wp) :: defect = huge(1.0_wp)
+        !> Set by a stepper that solves implicit stages one by one: the number of the stage that it is at, and whether the points that
+        !> it asks for are iterates, which the next correction moves again, as it may what is left of the constraints.
+        integer :: stage_number = 1
+        logical :: is_iterate = .false.
         !> The smallest singular value of the unit rows of C at the origin.
         real(wp) :: independence = 1.0_wp
         !> The largest of these so far, and how many redundant rows were left out.
