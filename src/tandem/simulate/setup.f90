@@ -157,7 +157,7 @@ contains
         class(simulation_type), intent(inout) :: self
         class(stepper_type), allocatable :: partner
         type(properties_type) :: of_partner
-        real(wp), allocatable :: scale(:)
+        real(wp) :: scale(self%model%n)
 
         scale = self%model%scales()
         call self%control%initialize(self%options, scale, self%method)
