@@ -4,8 +4,8 @@
 !> The polynomial through the nearest past stages misses what is particular to a stage: the stages of a method of stage order 1
 !> are off the motion by some J h^2 y'', a different part of it each. But a stage misses in this step about as it did in the steps
 !> before. So what each stage's polynomial missed is kept, over ha^2, and extrapolated over the last steps, by a polynomial of
-!> whichever degree would have been best in the last step; nothing is added where that was best. Kept are the backward differences of
-!> the misses: the polynomial of degree k - 1 was off by the difference k.
+!> whichever degree would have been best in the last step; nothing is added where that was best. Kept are the backward differences
+!> of the misses: the polynomial of degree k - 1 was off by the difference k.
 module tandem_stepper_prediction
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
@@ -23,8 +23,8 @@ module tandem_stepper_prediction
 
     type :: prediction_type
         private
-        !> Differences of misses over ha^2, velocities and accelerations: (2 n, depth, stages); how many there are, and what is used of
-        !> them (stages).
+        !> Differences of misses over ha^2, velocities and accelerations: (2 n, depth, stages); how many there are, and what is used
+        !> of them (stages).
         real(wp), allocatable :: miss(:, :, :)
         integer, allocatable :: n_kept(:), order(:)
         !> Start of the step of the newest miss (stages).

@@ -238,8 +238,8 @@ contains
     end subroutine correct_stage
 
     !> Multipliers for a stage to start from: where steps are alike those of the same stage of the steps before, on the polynomial
-    !> through their times, since a stage of low stage order is off the motion by a part of its own, of which stiff forces make much;
-    !> else those of the last stages. They say how fast a correction arrives, not where.
+    !> through their times, since a stage of low stage order is off the motion by a part of its own, of which stiff forces make
+    !> much; else those of the last stages. They say how fast a correction arrives, not where.
     subroutine begin_multipliers(self, t)
         class(sparse_implicit_type), intent(inout) :: self
         real(wp), intent(in) :: t

@@ -25,8 +25,8 @@ module tandem_chart_sparse_motion
 
     public :: sparse_motion_type, find_obstacle, initialize
 
-    !> Where a correction leaves no more than this, the second derivative tells where an implicit stage will be; where bodies turn far
-    !> within a step it misleads.
+    !> Where a correction leaves no more than this, the second derivative tells where an implicit stage will be; where bodies turn
+    !> far within a step it misleads.
     real(wp), parameter :: near = 0.05_wp
 
     !> The chart without what is asked between steps.
@@ -47,8 +47,8 @@ module tandem_chart_sparse_motion
         !> where stages have none, in implicit steps (n).
         real(wp), allocatable :: delta(:), curve(:), delta_rate(:)
         logical :: has_curve = .false., has_delta_rate = .false.
-        !> Of implicit stages: -Y0 x of the last one over its defect (n), and the defects that `delta` and `delta_rate` are of, 0 where
-        !> they tell nothing.
+        !> Of implicit stages: -Y0 x of the last one over its defect (n), and the defects that `delta` and `delta_rate` are of, 0
+        !> where they tell nothing.
         real(wp), allocatable :: bend(:)
         logical :: has_bend = .false.
         !> Whether `curve` and `bend` are those of another origin, whose complement is not the one here.
@@ -270,28 +270,29 @@ contains
         integer :: stat
 
         self%has_delta_rate = .false.
-        ! A try after another starts with the same.
-        if (self%system%nh == 0 .or. (self%has_curve .and. .not. self%is_curve_old)) return
-        call self%system%visit(self%t0, self%q0, self%counts, stat)
-        if (stat /= status_ok) return
-        call self%system%load()
+        if (self%system%nh == 0) return
+        if (self%system%shares_terms) then
+            ! C of the origin may have given way to that of another point.
+            self%has_curve = .false.
+            call self%system%visit(self%t0, self%q0, self%counts, stat)
+            if (stat /= status_ok) return
+            call self%system%load()
+        end if
         self%curve(:) = qdd
-        call take_complement(self%system, self%system%nh, self%system%here, self%curve)
+        call take_complement(self%system, self%system%nh, self%curve)
         self%has_curve = .true.
         self%is_curve_old = .false.
     end subroutine start_step
 
     !> What the complement at the origin holds of a vector, by the first rows.
-    subroutine take_complement(s, n_rows, with_rows, x)
+    subroutine take_complement(s, n_rows, x)
         type(system_type), intent(inout) :: s
         integer, intent(in) :: n_rows
-        !> The factor that has C of the origin.
-        integer, intent(in) :: with_rows
         real(wp), intent(inout), contiguous :: x(:)
 
         associate (base => s%factor(s%base))
             s%g(:) = 0.0_wp
-            call s%factor(with_rows)%multiply(s%analysis, x, s%g)
+            call s%factor(merge(s%here, s%base, s%shares_terms))%multiply(s%analysis, x, s%g)
             s%g(:n_rows) = -s%g(:n_rows)
             s%g(n_rows + 1:) = 0.0_wp
             call base%solve(s%analysis, .false., x, s%g, s%x, s%z)
@@ -423,8 +424,8 @@ contains
         self%failed_term = trim(self%system%model%failed_term)
     end subroutine restore_position
 
-    !> An implicit stage begins: what the last one has come to, over its defect; at the first one of a step what the step before has,
-    !> as far as the complement here holds it, since all else would move the point along the tangent space.
+    !> An implicit stage begins: what the last one has come to, over its defect; at the first one of a step what the step before
+    !> has, as far as the complement here holds it, since all else would move the point along the tangent space.
     subroutine begin_stage(system, n_rows, defect, is_near, defect_of_last, is_known, is_old, last, unit)
         type(system_type), intent(inout) :: system
         integer, intent(in) :: n_rows
@@ -443,7 +444,7 @@ contains
             is_known = .true.
             is_old = .false.
         else if (is_known .and. is_old .and. is_near) then
-            call take_complement(system, n_rows, system%base, unit)
+            call take_complement(system, n_rows, unit)
             is_old = .false.
         end if
         defect_of_last = defect
