@@ -146,7 +146,6 @@ contains
         integer :: k
 
         stat = 0
-        !GCC$ UNROLL 1
         do k = 1, m - 1, 2
             pivot = a(k, k)
             pivots(k) = pivot

@@ -202,8 +202,8 @@ contains
         options%rtol = rtol
     end function tolerance
 
-    !> Between a thousandth and 30 times the tolerance, for every tolerance from 1e-4 to 1e-12, and falling with it as far as the signs
-    !> of what Newton's iterations and rounding leave do not decide: errors of sdirk54 at 1e-11 are 1e-12 or 1e-13.
+    !> Between a thousandth and 30 times the tolerance, for every tolerance from 1e-4 to 1e-12, and falling with it as far as the
+    !> signs of what Newton's iterations and rounding leave do not decide: errors of sdirk54 at 1e-11 are 1e-12 or 1e-13.
     subroutine check_proportional(error, model, q, qd, exact, t_end)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), intent(inout), target :: model
