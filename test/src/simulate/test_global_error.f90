@@ -134,8 +134,8 @@ contains
     end subroutine test_amplified
 
     !> Runs of one, two or three steps, which their end makes shorter than they may be: the second run has to take other
-    !> ones. Seen: 0.88 to 1.10 of the true error. Errors below a millionth of the tolerance (the disk's with dopri5: 5e-13, 4e-11 at
-    !> 1e-4) are also made of what stages leave of the constraints, by luck 0.66 to 1.23: within two.
+    !> ones. Seen: 0.88 to 1.10 of the true error. Errors below a millionth of the tolerance (the disk's with dopri5 at 1e-4:
+    !> 5e-13 and 4e-11) are also made of what stages leave of the constraints, by luck 0.66 to 1.23: within two.
     subroutine test_short(error)
         type(error_type), allocatable, intent(out) :: error
         type :: case_type
