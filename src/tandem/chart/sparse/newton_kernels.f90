@@ -112,7 +112,6 @@ contains
             odd(i) = y(i) - a(i, 1)*x(1)
             even(i) = a(i, 2)*x(2)
         end do
-        !GCC$ UNROLL 3
         do k = 3, s - 1, 2
             do i = 1, 8
                 odd(i) = odd(i) - a(i, k)*x(k)
