@@ -26,8 +26,6 @@ module tandem_stepper_newton
         real(wp), allocatable :: base_dq(:), base_dqd(:)
         !> What each stage's iteration may leave.
         real(wp), allocatable, private :: tolerance(:)
-        !> By how much increments miss the second derivative of the motion, over ha^2.
-        real(wp), allocatable, private :: defect(:)
         !> A correction below this that no longer falls is rounding, which stiff forces amplify.
         real(wp), private :: standstill = 0.0_wp
         !> Contraction of each stage when it was last seen, and the first correction then; age of that in steps.
@@ -58,7 +56,7 @@ module tandem_stepper_newton
 contains
 
     !> Allocate.
-    subroutine allocate_newton(self, scale, tolerance, amplification, defect)
+    subroutine allocate_newton(self, scale, tolerance, amplification)
         class(newton_type), intent(inout) :: self
         !> Coordinate scales (n).
         real(wp), intent(in) :: scale(:)
@@ -66,10 +64,7 @@ contains
         real(wp), intent(in) :: tolerance
         !> By how much each stage's remainder is amplified at the end of the step, |b_i| / a_ii.
         real(wp), intent(in) :: amplification(:)
-        !> c^2/2 - sum a c of each stage over a_ii^2.
-        real(wp), intent(in) :: defect(:)
 
-        self%defect = defect
         self%tolerance = max(tolerance/max(amplification, 1.0_wp), 2*epsilon(1.0_wp))
         self%standstill = 1.0e3_wp*tolerance
         self%theta = spread(1.0_wp, 1, size(amplification))
@@ -234,28 +229,10 @@ contains
         end do
     end subroutine solve
 
-    !> The iteration, of whose points the chart is told what they are.
+    !> The iteration. One correction suffices where the stage's last known contraction promises so; that knowledge is renewed
+    !> when it is old, or when the first correction has grown since.
     subroutine iterate(self, chart, stage, t, ha, stat)
         class(newton_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
-        integer, intent(in) :: stage
-        real(wp), intent(in) :: t, ha
-        integer, intent(out) :: stat
-
-        chart%counts%implicit_stages = chart%counts%implicit_stages + 1
-        self%age(stage) = self%age(stage) + 1
-        chart%implicit_stage = stage
-        chart%is_iterate = .true.
-        chart%defect = ha**2*self%defect(stage)
-        call approach(self, chart, stage, t, ha, stat)
-        chart%is_iterate = .false.
-        chart%defect = huge(1.0_wp)
-    end subroutine iterate
-
-    !> Its corrections. One suffices where the stage's last known contraction promises so; that knowledge is renewed when it is old,
-    !> or when the first correction has grown since.
-    subroutine approach(self, chart, stage, t, ha, stat)
-        type(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         integer, intent(in) :: stage
         real(wp), intent(in) :: t, ha
@@ -266,8 +243,8 @@ contains
         !> than known it may have become.
         integer, parameter :: oldest = 20
         real(wp), parameter :: largest_growth = 2.0_wp, safety = 20.0_wp
-        !> Corrections that are no more than rounding, and that no tolerance asks for.
-        real(wp), parameter :: rounding = 20*epsilon(1.0_wp), nothing = 2*epsilon(1.0_wp)
+        !> Corrections that are no more than rounding.
+        real(wp), parameter :: rounding = 20*epsilon(1.0_wp)
         !> What corrections below this part of the tolerance do is of no account.
         real(wp), parameter :: negligible = 0.1_wp
         !> A contraction that an old matrix may have, and corrections after which it must be done where it has a worse one.
@@ -279,6 +256,8 @@ contains
         logical :: suffices
         integer :: k
 
+        chart%counts%implicit_stages = chart%counts%implicit_stages + 1
+        self%age(stage) = self%age(stage) + 1
         first_change = 0.0_wp
         last_change = 1.0_wp
         do k = 1, most_corrections
@@ -286,26 +265,21 @@ contains
             if (stat /= status_ok) return
             call chart%correct_stage(t, self%q, self%qd, ha, self%rate_q, self%rate_qd, change, stat)
             if (stat /= status_ok) return
-            ! That was for the first point.
-            chart%defect = huge(1.0_wp)
             if (k == 1) then
                 first_change = change
                 ! The contraction of a matrix grows with the time since it was made.
                 theta = safety*maxval(self%theta*real(1 + self%n_served, wp)/real(1 + self%seen_steps, wp))
                 ! How a correction far below the tolerance grows says nothing: it is what others have left.
-                suffices = theta*change <= self%tolerance(stage)
-                if (suffices .and. self%age(stage) < oldest .and. &
-                    change <= max(largest_growth*self%seen_change(stage), negligible*self%tolerance(stage))) return
+                suffices = change <= max(largest_growth*self%seen_change(stage), negligible*self%tolerance(stage)) .and. &
+                    theta*change <= self%tolerance(stage)
+                if (suffices .and. self%age(stage) < oldest) return
                 ! The second correction is for knowledge, not because the matrix were worse.
                 if (suffices) self%counted = self%counted + 1
             else
                 theta = change/last_change
                 if (k == 2) then
-                    ! The ratio of two corrections that are rounding, or what others have left, says nothing. What the first one
-                    ! leaves is nothing as long as that does not grow.
-                    if (change <= nothing) then
-                        self%theta(stage) = 0.0_wp
-                    else if (first_change > max(rounding, negligible*self%tolerance(stage)) .or. theta < self%theta(stage)) then
+                    ! The ratio of two corrections that are rounding, or what others have left, says nothing.
+                    if (first_change > max(rounding, negligible*self%tolerance(stage)) .or. theta < self%theta(stage)) then
                         self%theta(stage) = theta
                         self%seen_steps(stage) = self%n_served
                     end if
@@ -324,7 +298,7 @@ contains
         end do
         self%theta(stage) = 1.0_wp
         stat = status_newton_failed
-    end subroutine approach
+    end subroutine iterate
 
     !> Position and velocity of the stage from its rates.
     subroutine restore(self, chart, t, ha, stat)
