@@ -3,7 +3,7 @@
 module tandem_model_calls
     use tandem_kinds, only: wp
     use tandem_model, only: model_type
-    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, term_name, terms_type
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use tandem_model_timer, only: of_applied_force, of_constraint_acceleration, of_evaluate, of_holonomic, of_holonomic_jacobian, &
         of_holonomic_rate, of_inertia_force, of_mass_matrix, of_nonholonomic_jacobian, of_nonholonomic_rhs
     use tandem_status, only: status_ok
@@ -22,18 +22,18 @@ contains
         type(terms_type), intent(inout) :: terms
         !> Work space (n).
         real(wp), intent(inout) :: part(:)
-        !> The term being evaluated.
-        character(len=*), intent(inout) :: failed_term
+        !> The number of the term whose procedure has failed, 0 for the fused one.
+        integer, intent(out) :: failed_term
         !> The procedure's own status.
         integer, intent(out) :: stat
         integer :: fused
 
         stat = 0
+        failed_term = 0
         fused = iand(wanted, model%provides)
         if (fused /= 0) then
             if (associated(model%timer)) call model%timer%begin_call(of_evaluate + fused)
             call model%evaluate(fused, t, q, qd, terms, stat)
-            if (stat /= 0) failed_term = 'evaluate'
         end if
         if (stat == 0 .and. wanted /= fused) call evaluate_single(model, wanted - fused, t, q, qd, terms, part, failed_term, stat)
         if (associated(model%timer)) call model%timer%end_call()
@@ -46,40 +46,41 @@ contains
         real(wp), intent(in) :: t, q(:), qd(:)
         type(terms_type), intent(inout) :: terms
         real(wp), intent(inout) :: part(:)
-        character(len=*), intent(inout) :: failed_term
+        integer, intent(out) :: failed_term
         integer, intent(out) :: stat
 
         stat = status_ok
+        failed_term = 0
         if (iand(wanted, need_phi) /= 0) then
-            failed_term = term_name(1)
+            failed_term = 1
             if (associated(model%timer)) call model%timer%begin_call(of_holonomic)
             call model%holonomic(t, q, terms%phi, stat)
             if (stat /= 0) return
         end if
         if (iand(wanted, need_jacobian) /= 0) then
-            failed_term = term_name(2)
+            failed_term = 2
             call evaluate_jacobian(model, t, q, terms%jacobian, stat)
             if (stat /= 0) return
         end if
         if (iand(wanted, need_nu) /= 0) then
-            failed_term = term_name(3)
+            failed_term = 3
             call evaluate_nu(model, t, q, terms%nu, stat)
             if (stat /= 0) return
         end if
         if (iand(wanted, need_gamma) /= 0) then
-            failed_term = term_name(4)
+            failed_term = 4
             if (associated(model%timer)) call model%timer%begin_call(of_constraint_acceleration)
             call model%constraint_acceleration(t, q, qd, terms%gamma, stat)
             if (stat /= 0) return
         end if
         if (iand(wanted, need_mass) /= 0) then
-            failed_term = term_name(5)
+            failed_term = 5
             if (associated(model%timer)) call model%timer%begin_call(of_mass_matrix)
             call model%mass_matrix(q, terms%mass, stat)
             if (stat /= 0) return
         end if
         if (iand(wanted, need_force) /= 0) then
-            failed_term = term_name(6)
+            failed_term = 6
             call evaluate_force(model, t, q, qd, terms%force, part, stat)
         end if
     end subroutine evaluate_single

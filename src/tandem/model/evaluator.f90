@@ -9,7 +9,7 @@ module tandem_model_evaluator
     use tandem_model_derivatives, only: n_derivatives, need_dynamics_q, need_dynamics_qd
     use tandem_model_stiffness, only: stiffness_type
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, &
-        terms_type
+        term_name, terms_type
     use tandem_model_timer, only: of_applied_force, of_evaluate_derivatives
     use tandem_pack, only: pack_type
     use tandem_status, only: status_callback_failed, status_invalid_model, status_not_evaluable, status_ok
@@ -290,14 +290,18 @@ contains
         type(counts_type), intent(inout) :: counts
         !> The procedure's own status.
         integer, intent(out) :: stat
+        integer :: failed
 
         if (iand(wanted, self%model%provides) /= 0) counts%fused_calls = counts%fused_calls + 1
         if (allocated(self%all_rows)) then
-            call evaluate_terms(self%model, wanted, t, q, qd, self%all_rows, self%part, self%failed_term, stat)
+            call evaluate_terms(self%model, wanted, t, q, qd, self%all_rows, self%part, failed, stat)
             if (stat == 0) call self%take_kept(wanted)
         else
-            call evaluate_terms(self%model, wanted, t, q, qd, self%terms, self%part, self%failed_term, stat)
+            call evaluate_terms(self%model, wanted, t, q, qd, self%terms, self%part, failed, stat)
         end if
+        if (stat == 0) return
+        self%failed_term = 'evaluate'
+        if (failed > 0) self%failed_term = term_name(failed)
     end subroutine evaluate_parts
 
     !> Look at a mass matrix that was evaluated: the first one, or a constant one.
