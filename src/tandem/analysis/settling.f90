@@ -83,7 +83,7 @@ contains
         self%q = q
         if (model%n >= large .and. allocated(model%pattern)) then
             call settle_sparsely(model, t, self%q, self%iterations, self%relaxations, has_form, error)
-            if (.not. allocated(error)) self%moved = maxval(abs((self%q - q)/scale_of(model)))
+            if (.not. allocated(error)) self%moved = maxval(abs((self%q - q)/model%scales()))
             if (has_form .or. model%n > most_full) return
             deallocate (error)
             self%q = q
@@ -93,8 +93,13 @@ contains
         call self%iterate(point, t, .false., stat)
         if (stat == status_no_equilibrium) then
             self%q = q
+            ! Each part may do as much.
+            point%n_bases = 0
             call self%relax(point, t, stat)
-            if (stat == status_ok) call self%iterate(point, t, .false., stat)
+            if (stat == status_ok) then
+                point%n_bases = 0
+                call self%iterate(point, t, .false., stat)
+            end if
         end if
         if (stat /= status_ok) then
             call self%refuse(point, stat, 'equilibrium', error)
@@ -102,14 +107,6 @@ contains
         end if
         self%moved = maxval(abs((self%q - q)/point%scale))
     end subroutine find_equilibrium
-
-    !> The coordinate scales of a model (n).
-    pure function scale_of(model) result(scale)
-        class(model_type), intent(in) :: model
-        real(wp) :: scale(model%n)
-
-        scale = model%scales()
-    end function scale_of
 
     !> The steady motion near (q, qd), along all symmetries or along fields that are named. Where none is held, their rates stay
     !> those of qd, if that can be; else they change too. Of a family it is the one nearest to (q, qd).
@@ -134,7 +131,7 @@ contains
             self%q = q
             self%qd = qd
             call find_steady_sparsely(model, t, self%q, self%qd, self%iterations, error, names, held, held_at)
-            if (.not. allocated(error)) self%moved = maxval(abs((self%q - q)/scale_of(model)))
+            if (.not. allocated(error)) self%moved = maxval(abs((self%q - q)/model%scales()))
             if (.not. allocated(error) .or. model%n > most_full) return
             deallocate (self%held, self%held_at, self%symmetry%motions, self%symmetry%rates, error)
         end if

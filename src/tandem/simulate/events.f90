@@ -87,9 +87,9 @@ contains
         call self%run%multipliers(lambda)
     end subroutine multipliers_there
 
-    !> Keep what has happened.
+    !> Keep what has happened. The curve moves the same simulation.
     subroutine record(self, curve, number, direction, x, error)
-        class(simulation_type), intent(inout) :: self
+        class(simulation_type), intent(inout), target :: self
         type(step_curve_type), intent(inout) :: curve
         integer, intent(in) :: number, direction
         real(wp), intent(in) :: x
@@ -129,7 +129,7 @@ contains
 
     !> End the step at events: what they ask for, and where all functions go on from.
     subroutine begin_events(self, curve, x, at_once, error)
-        class(simulation_type), intent(inout) :: self
+        class(simulation_type), intent(inout), target :: self
         type(step_curve_type), intent(inout) :: curve
         !> Place of the cut; zeros that are this near to it are at once with it.
         real(wp), intent(in) :: x, at_once
