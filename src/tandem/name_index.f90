@@ -23,9 +23,7 @@ module tandem_name_index
         !> The places in these by hash, 0 where there is none; their number is a power of 2, at least twice that of the names.
         integer, allocatable :: slots(:)
     contains
-        procedure :: put
-        procedure :: get
-        procedure :: clear
+        procedure :: put, get, clear
         procedure, private :: slot_of, grow
     end type name_index_type
 

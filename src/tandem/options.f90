@@ -137,21 +137,10 @@ module tandem_options
     contains
         procedure :: visit
         procedure, private :: visit_course
-        procedure :: check
-        procedure :: check_sizes
-        procedure :: is_adaptive
-        procedure :: has_one_tolerance
-        procedure :: has_paper_limits
-        procedure :: relative_tolerance
-        procedure :: absolute_tolerance
-        procedure :: fill_tolerances
-        procedure :: position_tolerance
-        procedure :: stage_tolerance
-        procedure :: b_tolerance
-        procedure :: h_tolerance
-        procedure :: newton_tolerance
-        procedure :: pack_state
-        procedure :: first_difference
+        procedure :: check, check_sizes, is_adaptive, has_one_tolerance, has_paper_limits
+        procedure :: relative_tolerance, absolute_tolerance, fill_tolerances
+        procedure :: position_tolerance, stage_tolerance, b_tolerance, h_tolerance, newton_tolerance
+        procedure :: pack_state, first_difference
     end type options_type
 
     !> Finds the first option that cannot be.

@@ -26,10 +26,7 @@ module tandem_pack
         integer(long), allocatable, private :: words(:)
         integer, private :: n = 0
     contains
-        procedure :: begin_writing
-        procedure :: end_writing
-        procedure :: begin_reading
-        procedure :: end_reading
+        procedure :: begin_writing, end_writing, begin_reading, end_reading
         !> Numbers, logicals and texts, and allocatable arrays of numbers with their shapes, or that they are not allocated; up to
         !> five of one kind in a call, texts and cubes one by one.
         generic :: item => item_real, item_integer, item_long, item_logical, item_text, item_reals, item_matrix, item_cube, &

@@ -28,11 +28,7 @@ module tandem_analysis_comoving
         !> The sum of them.
         type(affine_motion_type), private :: field
     contains
-        procedure :: find
-        procedure :: set
-        procedure :: velocity
-        procedure :: turned
-        procedure :: carry
+        procedure :: find, set, velocity, turned, carry
     end type comoving_type
 
     !> What is this part of the largest is rounding; velocities that no motion explains may be as large.

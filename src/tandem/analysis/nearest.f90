@@ -67,8 +67,7 @@ module tandem_analysis_nearest
         !> Work space: unknowns, coordinates.
         complex(wp), allocatable :: b(:), y(:), x(:), f(:)
     contains
-        procedure :: apply
-        procedure :: factor
+        procedure :: apply, factor
     end type inverse_type
 
     !> Forces are in balance where what is left is this of their terms.

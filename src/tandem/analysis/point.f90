@@ -51,19 +51,10 @@ module tandem_analysis_point
         !> 1 over the length of each row of C.
         real(wp), allocatable, private :: row_scale(:)
     contains
-        procedure :: initialize
-        procedure :: evaluate
-        procedure :: refuse_friction
-        procedure :: make_bases
-        procedure :: solve_dynamics
-        procedure :: vary_acceleration
-        procedure :: differentiate
-        procedure :: apply_right_inverse
-        procedure :: apply_position_inverse
-        procedure :: restore_position
-        procedure :: set_acceleration
-        procedure :: size_of_acceleration
-        procedure :: describe
+        procedure :: initialize, evaluate, refuse_friction, make_bases, solve_dynamics
+        procedure :: vary_acceleration, differentiate
+        procedure :: apply_right_inverse, apply_position_inverse, restore_position
+        procedure :: set_acceleration, size_of_acceleration, describe
     end type point_type
 
 contains

@@ -45,8 +45,7 @@ module tandem_analysis_settling
         integer, allocatable, private :: held(:)
         real(wp), allocatable, private :: held_at(:)
     contains
-        procedure :: find_equilibrium
-        procedure :: find_steady_motion
+        procedure :: find_equilibrium, find_steady_motion
         procedure, private :: iterate, relax, approach, go_nearer, hold, form, look, refuse
     end type settling_type
 

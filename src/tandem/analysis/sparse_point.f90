@@ -58,19 +58,10 @@ module tandem_analysis_sparse_point
         type(list_type), allocatable, private :: neighbours(:)
         integer, private :: n_groups = 0
     contains
-        procedure :: initialize
-        procedure :: look
-        procedure :: balance
-        procedure :: find_dependent_rows
-        procedure :: differentiate
-        procedure :: check_structure
-        procedure :: assemble
-        procedure :: solve
-        procedure :: multiply
-        procedure :: imbalance
-        procedure :: violation
-        procedure :: row_length
-        procedure :: row_times
+        procedure :: initialize, look, balance, find_dependent_rows
+        procedure :: differentiate, check_structure
+        procedure :: assemble, solve, multiply
+        procedure :: imbalance, violation, row_length, row_times
         procedure, private :: set_structure, add_forces, multiply_columns
     end type sparse_point_type
 

@@ -40,11 +40,7 @@ module tandem_analysis_sparse_steady
         !> Derivatives of all residuals with respect to the free rates (n + m, free).
         real(wp), allocatable :: by_rate(:, :)
     contains
-        procedure :: look
-        procedure :: residual
-        procedure :: differentiate
-        procedure :: assemble
-        procedure :: iterate
+        procedure :: look, residual, differentiate, assemble, iterate
     end type problem_type
 
     !> Most iterations, and rates that are found besides.

@@ -44,12 +44,7 @@ module tandem_analysis_spectrum
         integer :: n_zeros = 0
         integer, allocatable :: blocks(:)
     contains
-        procedure :: find
-        procedure :: make_shapes
-        procedure :: frequency
-        procedure :: natural_frequency
-        procedure :: damping_ratio
-        procedure :: stability
+        procedure :: find, make_shapes, frequency, natural_frequency, damping_ratio, stability
         procedure, private :: set_zeros, set_vectors, sort
     end type spectrum_type
 

@@ -33,13 +33,7 @@ module tandem_analysis_symmetry
         !> moves the time.
         real(wp), allocatable :: rates_of_time(:)
     contains
-        procedure :: find
-        procedure :: field
-        procedure :: turned
-        procedure :: matrix
-        procedure :: name_of
-        procedure :: knows
-        procedure :: check_names
+        procedure :: find, field, turned, matrix, name_of, knows, check_names
         procedure, nopass :: list_names
         procedure, private :: add_rows, reduce
     end type symmetry_type

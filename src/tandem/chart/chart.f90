@@ -104,10 +104,7 @@ module tandem_chart
         procedure(change_interface), deferred :: relative_change
         procedure(health_interface), deferred :: measure_health
         procedure(energy_interface), deferred :: kinetic_energy
-        procedure :: inherit
-        procedure :: wants_other_rows
-        procedure :: leave_out_dependent
-        procedure :: find_partners
+        procedure :: inherit, wants_other_rows, leave_out_dependent, find_partners
         procedure(pack_interface), deferred :: pack_state
         procedure :: pack_contract
     end type chart_type

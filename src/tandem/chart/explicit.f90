@@ -13,16 +13,8 @@ module tandem_chart_explicit
     !> A chart for explicit steppers alone: what implicit stages ask of a chart is refused.
     type, abstract, extends(chart_type) :: explicit_chart_type
     contains
-        procedure :: factor_stage
-        procedure :: reuse_stage
-        procedure :: matrix_cost
-        procedure :: correct_stage
-        procedure :: expect_pairs
-        procedure :: find_residual
-        procedure :: solve_real
-        procedure :: solve_pair
-        procedure :: move_rates
-        procedure :: filter_error
+        procedure :: factor_stage, reuse_stage, matrix_cost, correct_stage, expect_pairs
+        procedure :: find_residual, solve_real, solve_pair, move_rates, filter_error
     end type explicit_chart_type
 
 contains

@@ -57,8 +57,7 @@ module tandem_legacy_c_model
         !> Handed through to every function.
         type(c_ptr) :: user_data = c_null_ptr
     contains
-        procedure :: call_one
-        procedure :: call_fused
+        procedure :: call_one, call_fused
     end type c_model_type
 
 contains

@@ -35,11 +35,7 @@ module tandem_legacy_callback_model
         !> A matrix on its way (n*n).
         real(wp), allocatable, private :: work(:)
     contains
-        procedure :: prepare
-        procedure :: release
-        procedure :: set_callback
-        procedure :: set_fused
-        procedure :: take_function
+        procedure :: prepare, release, set_callback, set_fused, take_function
         procedure(call_interface), deferred :: call_one
         procedure(fused_interface), deferred :: call_fused
     end type callback_model_type

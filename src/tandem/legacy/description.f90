@@ -60,26 +60,11 @@ module tandem_legacy_description
         !> True while the user's procedures may be called: what those use must not change. To be read only.
         logical :: busy = .false.
     contains
-        procedure :: set_up
-        procedure :: await_mechanism
-        procedure :: prepare
-        procedure :: release
-        procedure :: refuse
-        procedure :: set_procedure
-        procedure :: set_evaluate
-        procedure :: set => set_named
-        procedure :: set_vector
-        procedure :: set_row_name
-        procedure :: add_event
-        procedure :: clear_events
-        procedure :: check
-        procedure :: linearise
-        procedure :: find_equilibrium
-        procedure :: find_steady_motion
-        procedure :: assemble => assemble_start
-        procedure :: conclude
-        procedure :: succeed
-        procedure :: is_free
+        procedure :: set_up, await_mechanism, prepare, release, refuse
+        procedure :: set_procedure, set_evaluate, set => set_named, set_vector, set_row_name
+        procedure :: add_event, clear_events
+        procedure :: check, linearise, find_equilibrium, find_steady_motion, assemble => assemble_start
+        procedure :: conclude, succeed, is_free
         procedure, private :: change_model, is_by_procedures
     end type description_type
 

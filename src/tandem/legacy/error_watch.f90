@@ -27,11 +27,7 @@ module tandem_legacy_error_watch
         logical, private :: has_begun = .false.
         real(wp), allocatable, private :: q(:), qd(:)
     contains
-        procedure :: begin
-        procedure :: forget
-        procedure :: integrate
-        procedure :: step
-        procedure :: estimate
+        procedure :: begin, forget, integrate, step, estimate
     end type error_watch_type
 
 contains

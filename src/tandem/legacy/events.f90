@@ -33,11 +33,7 @@ module tandem_legacy_events
         type(callback_event_type), allocatable, private :: wanted(:)
         type(callback_event_type), pointer, private :: watched(:) => null()
     contains
-        procedure :: add
-        procedure :: clear
-        procedure :: watch
-        procedure :: release
-        procedure :: stopped_by
+        procedure :: add, clear, watch, release, stopped_by
     end type event_list_type
 
 contains

@@ -96,8 +96,7 @@ module tandem_legacy_f77_model
         real(wp), pointer, contiguous, private :: rpar(:) => null()
         integer, pointer, contiguous, private :: ipar(:) => null()
     contains
-        procedure :: call_one
-        procedure :: call_fused
+        procedure :: call_one, call_fused
     end type f77_model_type
 
 contains

@@ -28,16 +28,14 @@ module tandem_legacy_figures
         logical :: found = .false.
         real(wp) :: number = 0.0_wp
     contains
-        procedure :: count => find_count
-        procedure :: value => find_value
+        procedure :: count => find_count, value => find_value
     end type finder_type
 
     !> Lists the names of all figures.
     type, extends(figure_reader_type) :: lister_type
         character(len=:), allocatable :: names
     contains
-        procedure :: count => list_count
-        procedure :: value => list_value
+        procedure :: count => list_count, value => list_value
     end type lister_type
 
 contains

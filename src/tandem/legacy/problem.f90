@@ -22,25 +22,11 @@ module tandem_legacy_problem
         type(simulation_type) :: simulation
         type(error_watch_type), private :: watch
     contains
-        procedure :: start
-        procedure :: integrate
-        procedure :: step
-        procedure :: advance
-        procedure :: watch_error
-        procedure :: estimate_error
-        procedure :: get_state
-        procedure :: show_state
-        procedure :: get_state_at
-        procedure :: get_multipliers
-        procedure :: get_energies
-        procedure :: get_statistic
-        procedure :: count_events
-        procedure :: get_event
-        procedure :: get_stop
-        procedure :: count_warnings
-        procedure :: get_warning
-        procedure :: save_state
-        procedure :: restore_state
+        procedure :: start, integrate, step, advance
+        procedure :: watch_error, estimate_error
+        procedure :: get_state, show_state, get_state_at, get_multipliers, get_energies
+        procedure :: get_statistic, count_events, get_event, get_stop, count_warnings, get_warning
+        procedure :: save_state, restore_state
         procedure, private :: is_running
     end type problem_type
 

@@ -33,10 +33,7 @@ module tandem_linalg_basis
         real(wp), allocatable, private :: rows(:, :), tau(:), work(:), singular(:)
         integer, allocatable, private :: order(:)
     contains
-        procedure :: allocate => allocate_basis
-        procedure :: factor_qr
-        procedure :: factor_svd
-        procedure :: largest_secant
+        procedure :: allocate => allocate_basis, factor_qr, factor_svd, largest_secant
         procedure, private :: load, decide_rank
     end type basis_type
 

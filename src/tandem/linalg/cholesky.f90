@@ -18,11 +18,7 @@ module tandem_linalg_cholesky
         integer :: n = 0
         real(wp), allocatable :: factor_(:, :)
     contains
-        procedure :: allocate => allocate_cholesky
-        procedure :: factor
-        procedure :: solve
-        procedure :: solve_rows
-        procedure :: pack_state
+        procedure :: allocate => allocate_cholesky, factor, solve, solve_rows, pack_state
         procedure, private :: factor_small, solve_small
     end type cholesky_type
 

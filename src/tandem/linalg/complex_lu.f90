@@ -18,10 +18,7 @@ module tandem_linalg_complex_lu
         !> For checkpoints, which know real numbers (n, n).
         real(wp), allocatable :: part(:, :)
     contains
-        procedure :: allocate => allocate_complex_lu
-        procedure :: factor
-        procedure :: solve
-        procedure :: pack_state
+        procedure :: allocate => allocate_complex_lu, factor, solve, pack_state
     end type complex_lu_type
 
 contains

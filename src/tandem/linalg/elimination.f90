@@ -45,17 +45,10 @@ module tandem_linalg_elimination
         integer, allocatable, private :: exchanges(:)
         real(wp), allocatable, private :: row_factor(:)
     contains
-        procedure :: allocate => allocate_elimination
-        procedure :: forget
-        procedure :: hold
-        procedure :: release
-        procedure :: eliminate
-        procedure :: solve
-        procedure :: orientation
-        procedure :: measure_rows
-        procedure :: get_right_inverse
-        procedure :: get_null_space
-        procedure :: pack_state
+        procedure :: allocate => allocate_elimination, forget
+        procedure :: hold, release
+        procedure :: eliminate, solve, orientation, measure_rows
+        procedure :: get_right_inverse, get_null_space, pack_state
         procedure, private :: choose_pivots, factor, solve_all, swap
     end type elimination_type
 

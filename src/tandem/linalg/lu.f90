@@ -22,15 +22,8 @@ module tandem_linalg_lu
         real(wp), allocatable :: factors(:, :), work(:)
         integer, allocatable :: pivots(:), iwork(:)
     contains
-        procedure :: allocate => allocate_lu
-        procedure :: factor
-        procedure :: solve
-        procedure :: solve_transposed
-        procedure :: invert
-        procedure :: reciprocal_condition
-        procedure :: determinant_sign
-        procedure :: smallest_pivot
-        procedure :: pack_state
+        procedure :: allocate => allocate_lu, factor, solve, solve_transposed, invert
+        procedure :: reciprocal_condition, determinant_sign, smallest_pivot, pack_state
         procedure, private :: factor_small, solve_small, solve_small_transposed
     end type lu_type
 

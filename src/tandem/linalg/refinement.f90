@@ -17,8 +17,7 @@ module tandem_linalg_refinement
         integer :: last_corrections = 0
         real(wp), allocatable, private :: defect(:, :), correction(:, :)
     contains
-        procedure :: allocate => allocate_refinement
-        procedure :: refine
+        procedure :: allocate => allocate_refinement, refine
     end type refinement_type
 
 contains

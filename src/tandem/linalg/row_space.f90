@@ -17,9 +17,7 @@ module tandem_linalg_row_space
         real(wp), allocatable :: rows(:, :), square(:, :), singular(:), work(:)
         type(lu_type) :: lu
     contains
-        procedure :: forget
-        procedure :: find_weakest
-        procedure :: keeps_orientation
+        procedure :: forget, find_weakest, keeps_orientation
         procedure, private :: prepare
     end type row_space_type
 

@@ -24,13 +24,8 @@ module tandem_linalg_singular
         real(wp), allocatable, private :: u(:, :), vt(:, :), matrix(:, :), work(:)
         integer, allocatable, private :: integers(:)
     contains
-        procedure :: allocate => allocate_singular
-        procedure :: factor
-        procedure :: solve
-        procedure :: solve_within
-        procedure :: solve_transposed
-        procedure :: get_null_basis
-        procedure :: get_row_basis
+        procedure :: allocate => allocate_singular, factor, solve, solve_within
+        procedure :: solve_transposed, get_null_basis, get_row_basis
         procedure, private :: components
     end type singular_type
 

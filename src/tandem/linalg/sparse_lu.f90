@@ -35,10 +35,7 @@ module tandem_linalg_sparse_lu
         !> Row and column of each pivot, and the pivot of each row, 0 for none.
         integer, allocatable, private :: row_of(:), column_of(:), pivot_of(:)
     contains
-        procedure :: factor
-        procedure :: solve
-        procedure :: solve_refined
-        procedure :: n_entries
+        procedure :: factor, solve, solve_refined, n_entries
         procedure, private :: eliminate, store
     end type sparse_lu_type
 

@@ -34,31 +34,12 @@ module tandem_mechanism_drawing
     !> The words.
     type, extends(drawn_type) :: drawing_type
     contains
-        procedure :: add_body
-        procedure :: add_point
-        procedure :: add_joint
-        procedure :: add_distance
-        procedure :: add_coupling
-        procedure :: add_rate_row
-        procedure :: add_spring
-        procedure :: add_torsion
-        procedure :: add_friction
-        procedure :: add_bushing
-        procedure :: add_load
-        procedure :: add_knife_edge
-        procedure :: add_rolling_disk
-        procedure :: add_rolling_sphere
-        procedure :: add_massless_wheel
-        procedure :: add_point_sensor
-        procedure :: add_joint_sensor
-        procedure :: add_distance_sensor
-        procedure :: add_energy_sensor
-        procedure :: add_balance_sensor
-        procedure :: add_body_sensor
-        procedure :: add_reaction_sensor
-        procedure :: add_force_sensor
-        procedure :: add_results
-        procedure :: add_rolling_ellipsoid
+        procedure :: add_body, add_point, add_joint, add_distance, add_coupling, add_rate_row
+        procedure :: add_spring, add_torsion, add_friction, add_bushing, add_load
+        procedure :: add_knife_edge, add_rolling_disk, add_rolling_sphere, add_massless_wheel
+        procedure :: add_point_sensor, add_joint_sensor, add_distance_sensor, add_energy_sensor, add_balance_sensor
+        procedure :: add_body_sensor, add_reaction_sensor, add_force_sensor
+        procedure :: add_results, add_rolling_ellipsoid
         procedure, private :: check_name, take_point, take_pair, place_joint
     end type drawing_type
 

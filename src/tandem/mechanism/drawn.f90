@@ -99,22 +99,10 @@ module tandem_mechanism_drawn
         !> What each is, `of_joint` and so on, 0 for a body, and its number in the list of its type.
         integer, allocatable :: types(:), numbers(:)
     contains
-        procedure :: clear
-        procedure :: fit
-        procedure :: find_body
-        procedure :: find_element
-        procedure :: keep_name
-        procedure :: variable_names
-        procedure :: list_variables
-        procedure :: take_motion
-        procedure :: take_law
-        procedure :: take_formula
-        procedure :: take_direction
-        procedure :: need_turning_body
-        procedure :: find_coordinate
-        procedure :: frame_of
-        procedure :: angle_of
-        procedure :: drawn_length
+        procedure :: clear, fit, find_body, find_element
+        procedure :: keep_name, variable_names, list_variables
+        procedure :: take_motion, take_law, take_formula, take_direction
+        procedure :: need_turning_body, find_coordinate, frame_of, angle_of, drawn_length
     end type drawn_type
 
 contains

@@ -53,8 +53,7 @@ module tandem_mechanism_entries
         type(name_index_type), private :: places
     contains
         generic :: set => set_value, set_number, set_text, set_truth, set_numbers, set_texts
-        procedure :: append
-        procedure :: find
+        procedure :: append, find
         procedure, private :: set_value, set_number, set_text, set_truth, set_numbers, set_texts
     end type entries_type
 

@@ -27,21 +27,11 @@ module tandem_mechanism_expression
         type(code_type), private :: code
     contains
         !> What it is made of.
-        procedure :: is_constant
-        procedure :: uses
-        procedure :: first_not_in
-        procedure :: n_operations
-        procedure :: n_kinks
-        procedure :: kink_order
-        procedure :: kink_depends_on_others
-        procedure :: renumber
+        procedure :: is_constant, uses, first_not_in, n_operations
+        procedure :: n_kinks, kink_order, kink_depends_on_others, renumber
         !> What it gives at a point.
-        procedure :: value => evaluate_value
-        procedure :: evaluate_gradient
-        procedure :: evaluate_along
-        procedure :: evaluate_gradient_along
-        procedure :: evaluate_kinks
-        procedure :: find_sides
+        procedure :: value => evaluate_value, evaluate_gradient, evaluate_along
+        procedure :: evaluate_gradient_along, evaluate_kinks, find_sides
         procedure, private :: fill_leaves, branch_at
     end type expression_type
 

@@ -45,9 +45,7 @@ module tandem_mechanism_expression_code
         integer, private :: operations(max_slots), left(max_slots), right(max_slots)
         real(wp), private :: constants(max_slots)
     contains
-        procedure :: variable
-        procedure :: apply
-        procedure :: arrange
+        procedure :: variable, apply, arrange
         procedure, private :: place_of, append
     end type builder_type
 

@@ -42,23 +42,10 @@ module tandem_mechanism_expression_parser
         character(len=:), allocatable :: problem
         integer :: column = 0
     contains
-        procedure :: fail
-        procedure :: skip_blanks
-        procedure :: found
-        procedure :: found_behind
-        procedure :: is_next
-        procedure :: takes
-        procedure :: parse_sum
-        procedure :: parse_product
-        procedure :: parse_factor
-        procedure :: parse_power
-        procedure :: parse_operand
-        procedure :: parse_number
-        procedure :: parse_function
-        procedure :: parse_name
-        procedure :: make_power
-        procedure :: make_smooth_step
-        procedure :: make
+        procedure :: fail, skip_blanks, found, found_behind, is_next, takes
+        procedure :: parse_sum, parse_product, parse_factor, parse_power, parse_operand
+        procedure :: parse_number, parse_function, parse_name
+        procedure :: make_power, make_smooth_step, make
     end type parser_type
 
 contains

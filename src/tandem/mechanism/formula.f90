@@ -37,11 +37,7 @@ module tandem_mechanism_formula
         !> Values of the variables, their rates, and derivatives by them.
         real(wp), allocatable :: x(:), v(:), by(:), by_rate(:)
     contains
-        procedure :: initialize
-        procedure :: read_state
-        procedure :: value
-        procedure :: evaluate_gradient
-        procedure :: variable_gradient
+        procedure :: initialize, read_state, value, evaluate_gradient, variable_gradient
     end type formula_type
 
 contains

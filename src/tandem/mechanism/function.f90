@@ -18,8 +18,7 @@ module tandem_mechanism_function
     contains
         procedure(evaluate_interface), deferred :: evaluate
         !> Only of a function with kinks: where they are, and the smooth piece that is held.
-        procedure :: find_kinks => find_no_kinks
-        procedure :: hold => hold_nothing
+        procedure :: find_kinks => find_no_kinks, hold => hold_nothing
     end type function_type
 
     abstract interface
@@ -60,9 +59,7 @@ module tandem_mechanism_function
     type, extends(function_type) :: expression_function_type
         type(piecewise_type) :: pieces
     contains
-        procedure :: evaluate => evaluate_expression
-        procedure :: find_kinks => find_expression_kinks
-        procedure :: hold => hold_expression
+        procedure :: evaluate => evaluate_expression, find_kinks => find_expression_kinks, hold => hold_expression
     end type expression_function_type
 
     !> A table over the time.
@@ -72,9 +69,7 @@ module tandem_mechanism_function
         logical :: holds = .false.
         integer :: piece = 0
     contains
-        procedure :: evaluate => evaluate_table
-        procedure :: find_kinks => find_table_kinks
-        procedure :: hold => hold_table
+        procedure :: evaluate => evaluate_table, find_kinks => find_table_kinks, hold => hold_table
     end type table_function_type
 
 contains

@@ -57,35 +57,14 @@ module tandem_mechanism_key_reader
         character(len=key_length), allocatable, private :: table_names(:)
         type(table_type), allocatable, private :: tables(:)
     contains
-        procedure :: take
-        procedure :: n_of
-        procedure :: open
-        procedure :: close
-        procedure :: blame
-        procedure :: blame_named
+        procedure :: take, n_of, open, close, blame, blame_named
         procedure, private :: place_in
-        procedure :: failed
-        procedure :: fail
-        procedure :: refuse
-        procedure :: gives
-        procedure :: is_text_at
-        procedure :: has_text
+        procedure :: failed, fail, refuse, gives, is_text_at, has_text
         procedure :: keys_below
-        procedure :: get_number
-        procedure :: get_numbers
-        procedure :: get_text
-        procedure :: get_choice
-        procedure :: get_texts
-        procedure :: get_truth
-        procedure :: pass
-        procedure :: count_of
-        procedure :: add_table
+        procedure :: get_number, get_numbers, get_text, get_choice, get_texts, get_truth
+        procedure :: pass, count_of, add_table
         procedure, private :: table_at
-        procedure :: get_function
-        procedure :: get_law
-        procedure :: get_expressions
-        procedure :: evaluate_text
-        procedure :: show
+        procedure :: get_function, get_law, get_expressions, evaluate_text, show
         procedure, private :: evaluate, find, index_of, remember, constants, fail_at
     end type key_reader_type
 

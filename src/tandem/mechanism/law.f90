@@ -17,8 +17,7 @@ module tandem_mechanism_law
     contains
         procedure(evaluate_interface), deferred :: evaluate
         !> Only of a law with kinks in time: where they are, and the smooth piece that is held.
-        procedure :: find_kinks => find_no_kinks
-        procedure :: hold => hold_nothing
+        procedure :: find_kinks => find_no_kinks, hold => hold_nothing
     end type law_type
 
     abstract interface
@@ -43,9 +42,7 @@ module tandem_mechanism_law
     type, extends(law_type) :: expression_law_type
         type(piecewise_type) :: pieces
     contains
-        procedure :: evaluate => evaluate_expression
-        procedure :: find_kinks => find_expression_kinks
-        procedure :: hold => hold_expression
+        procedure :: evaluate => evaluate_expression, find_kinks => find_expression_kinks, hold => hold_expression
     end type expression_law_type
 
     !> A table over the coordinate.

@@ -84,11 +84,7 @@ module tandem_mechanism
         !> The gradient blocks of one element, in the coordinates of the bodies that it joins.
         type(derivatives_type), private :: window
     contains
-        procedure :: define
-        procedure :: start
-        procedure :: find_body_motions
-        procedure :: pack_state
-        procedure :: arrive
+        procedure :: define, start, find_body_motions, pack_state, arrive
     end type mechanism_type
 
     interface

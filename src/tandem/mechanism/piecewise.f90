@@ -23,13 +23,8 @@ module tandem_mechanism_piecewise
         !> Whether sides are held, and whether all of them are.
         logical :: holds = .false., holds_all = .false.
     contains
-        procedure :: initialize
-        procedure :: find_kinks
-        procedure :: hold
-        procedure :: evaluate_value
-        procedure :: evaluate_gradient
-        procedure :: evaluate_along
-        procedure :: evaluate_gradient_along
+        procedure :: initialize, find_kinks, hold, evaluate_value
+        procedure :: evaluate_gradient, evaluate_along, evaluate_gradient_along
         procedure, private :: current_sides
     end type piecewise_type
 

@@ -24,8 +24,7 @@ module tandem_mechanism_pin
         !> Its value at the last point, cosine and sine; what does not turn has 0 as its number.
         real(wp), allocatable :: angle(:), c(:), s(:)
     contains
-        procedure :: gather => gather_angles
-        procedure :: set => set_angles
+        procedure :: gather => gather_angles, set => set_angles
     end type angles_type
 
     !> A pin of two bodies in the plane: their points meet, two rows.

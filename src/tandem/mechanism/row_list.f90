@@ -17,10 +17,7 @@ module tandem_mechanism_row_list
         type(name_index_type), private :: heads
         integer, allocatable, private :: behind(:), last(:)
     contains
-        procedure :: add
-        procedure :: first
-        procedure :: next
-        procedure :: clear
+        procedure :: add, first, next, clear
     end type row_list_type
 
 contains

@@ -30,10 +30,7 @@ module tandem_mechanism_table_function
         !> The lowest derivative that jumps at each point, -1 for none.
         integer, allocatable :: orders(:)
     contains
-        procedure :: initialize
-        procedure :: piece_at
-        procedure :: evaluate
-        procedure :: find_kinks
+        procedure :: initialize, piece_at, evaluate, find_kinks
         procedure, private :: point_before
     end type table_type
 

@@ -26,11 +26,7 @@ module tandem_model_affine_motion
         integer, allocatable :: place(:)
         real(wp), allocatable :: constant(:)
     contains
-        procedure :: initialize
-        procedure :: add_entry
-        procedure :: add_constant
-        procedure :: add_field
-        procedure :: add_turned
+        procedure :: initialize, add_entry, add_constant, add_field, add_turned
     end type affine_motion_type
 
 contains

@@ -34,15 +34,8 @@ module tandem_model_differences
         !> Work space for single derivative procedures (m, n), (n, n).
         real(wp), allocatable :: block_m(:, :), block_n(:, :)
     contains
-        procedure, public :: initialize
-        procedure, public :: evaluate_gamma
-        procedure, public :: evaluate_derivatives
-        procedure, public :: has_all_derivatives
-        procedure, public :: pack_state
-        procedure :: add_single
-        procedure :: differentiate
-        procedure :: difference_by
-        procedure :: residuals
+        procedure, public :: initialize, evaluate_gamma, evaluate_derivatives, has_all_derivatives, pack_state
+        procedure :: add_single, differentiate, difference_by, residuals
     end type differences_type
 
     !> What the single procedures of a model may stand for.

@@ -54,19 +54,11 @@ module tandem_model_evaluator
         !> (frictions, m); only where there is any.
         real(wp), allocatable :: directions(:, :), normals(:), normals_gradient(:, :)
     contains
-        procedure :: segment
-        procedure :: constant_mass
-        procedure :: evaluate_stiffness
-        procedure :: initialize
-        procedure :: evaluate
-        procedure :: evaluate_phi
+        procedure :: segment, constant_mass, evaluate_stiffness, initialize, evaluate, evaluate_phi
         procedure, private :: evaluate_parts, note_mass, take_kept, take_blocks
         procedure :: judge_blocks
         procedure, private :: judge_mass, find_blocks, add_block
-        procedure :: times_jacobian
-        procedure :: find_directions
-        procedure :: add_friction
-        procedure :: pack_state
+        procedure :: times_jacobian, find_directions, add_friction, pack_state
     end type evaluator_type
 
 contains

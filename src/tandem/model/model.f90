@@ -178,12 +178,7 @@ module tandem_model
         !> and their sums. Where it is missing, all translations and rotations of the coordinates are tried, if these are few.
         procedure(list_motions_interface), pointer :: list_motions => null()
     contains
-        procedure :: n_constraints
-        procedure :: row_name
-        procedure :: coordinate_label
-        procedure :: scales
-        procedure :: pack_state
-        procedure :: arrive
+        procedure :: n_constraints, row_name, coordinate_label, scales, pack_state, arrive
     end type model_type
 
     abstract interface

@@ -42,12 +42,7 @@ module tandem_model_pattern
         !> large systems; they may come more than once, 0 is the ground; none where not allocated.
         integer, allocatable :: coupled(:, :)
     contains
-        procedure :: build
-        procedure :: find_fault
-        procedure :: multiply
-        procedure :: multiply_mass
-        procedure :: add_row_scales
-        procedure :: block_of
+        procedure :: build, find_fault, multiply, multiply_mass, add_row_scales, block_of
         procedure, private :: colour
     end type pattern_type
 

@@ -37,9 +37,7 @@ module tandem_model_redundancy
         type(differences_type), private :: differences
         real(wp), allocatable, private :: scale(:)
     contains
-        procedure :: analyse
-        procedure :: choose
-        procedure :: partners
+        procedure :: analyse, choose, partners
         procedure, private :: restore, find_contradiction, probe
     end type redundancy_type
 

@@ -20,12 +20,7 @@ module tandem_model_stiffness
         !> K and D.
         real(wp), allocatable :: by_q(:), by_qd(:)
     contains
-        procedure :: build
-        procedure :: clear
-        procedure :: block_of
-        procedure :: add
-        procedure :: multiply
-        procedure :: pack_state
+        procedure :: build, clear, block_of, add, multiply, pack_state
     end type stiffness_type
 
 contains

@@ -48,8 +48,7 @@ module tandem_model_terms
         !> S + Q_A (n).
         real(wp), allocatable :: force(:)
     contains
-        procedure :: allocate => allocate_terms
-        procedure :: pack_state
+        procedure :: allocate => allocate_terms, pack_state
     end type terms_type
 
 contains

@@ -29,8 +29,7 @@ module tandem_models_articulated_vehicle
         real(wp), private :: c1 = 1.0_wp, s1 = 0.0_wp, c2 = 1.0_wp, s2 = 0.0_wp
         real(wp), private :: theta_rate = 0.0_wp, c_theta = 1.0_wp, s_theta = 0.0_wp
     contains
-        procedure :: define
-        procedure :: start
+        procedure :: define, start
         procedure, private :: turn_to
     end type articulated_vehicle_type
 

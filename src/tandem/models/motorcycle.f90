@@ -55,9 +55,7 @@ module tandem_models_motorcycle
         real(wp), private :: t_of_fork = huge(1.0_wp)
         integer, private :: segment_of_fork = 0
     contains
-        procedure :: define
-        procedure :: start
-        procedure :: spring_length
+        procedure :: define, start, spring_length
         procedure, private :: steering, turn_fork
     end type motorcycle_type
 

@@ -28,8 +28,7 @@ module tandem_models_rolling_disk
         !> Radius (m) and acceleration due to gravity (m/s^2).
         real(wp) :: radius = 1.0_wp, gravity = 9.6_wp
     contains
-        procedure :: define
-        procedure :: start
+        procedure :: define, start
     end type rolling_disk_type
 
 contains

@@ -48,19 +48,8 @@ module tandem_profile_ledger
         logical, private :: is_in_call = .false.
         type(mark_type), private :: call_mark
     contains
-        procedure :: begin
-        procedure :: enter
-        procedure :: leave
-        procedure :: begin_call
-        procedure :: end_call
-        procedure :: finish
-        procedure :: compare
-        procedure :: seconds
-        procedure :: whole_seconds
-        procedure :: total
-        procedure :: output_seconds
-        procedure :: bare_seconds
-        procedure :: clock_seconds
+        procedure :: begin, enter, leave, begin_call, end_call, finish, compare
+        procedure :: seconds, whole_seconds, total, output_seconds, bare_seconds, clock_seconds
         procedure, private :: start_clock
     end type profile_type
 

@@ -17,26 +17,11 @@ module tandem_profile_sparse_chart
         !> Where the time is booked; it must outlive the simulation.
         type(profile_type), pointer :: profile => null()
     contains
-        procedure :: renew
-        procedure :: refresh
-        procedure :: restore_position
-        procedure :: restore_velocity
-        procedure :: solve_dynamics
-        procedure :: factor_stage
-        procedure :: reuse_stage
-        procedure :: correct_stage
-        procedure :: find_residual
-        procedure :: solve_real
-        procedure :: solve_pair
-        procedure :: move_rates
-        procedure :: filter_error
-        procedure :: restore_near
-        procedure :: multipliers
-        procedure :: project_velocity
-        procedure :: constraint_errors
-        procedure :: measure_rank
-        procedure :: kinetic_energy
-        procedure :: loss_ahead
+        procedure :: renew, refresh, restore_position, restore_velocity, solve_dynamics
+        procedure :: factor_stage, reuse_stage, correct_stage
+        procedure :: find_residual, solve_real, solve_pair, move_rates, filter_error
+        procedure :: restore_near, multipliers, project_velocity, constraint_errors
+        procedure :: measure_rank, kinetic_energy, loss_ahead
     end type profiled_chart_type
 
 contains

@@ -26,8 +26,7 @@ module tandem_simulate_event
         logical :: needs_multipliers = .false.
     contains
         procedure(evaluate_interface), deferred :: evaluate
-        procedure :: act
-        procedure :: pack_state
+        procedure :: act, pack_state
     end type event_type
 
     abstract interface
@@ -70,8 +69,7 @@ module tandem_simulate_event
         class(model_type), pointer :: told_by => null()
         real(wp), allocatable, private :: shown(:), still(:)
     contains
-        procedure :: evaluate => evaluate_threshold
-        procedure :: act => change_model
+        procedure :: evaluate => evaluate_threshold, act => change_model
     end type threshold_event_type
 
 contains

@@ -11,8 +11,7 @@ submodule(tandem_simulation) tandem_simulate_events
     type, extends(curve_type) :: step_curve_type
         class(simulation_type), pointer :: run => null()
     contains
-        procedure :: go_to
-        procedure :: multipliers => multipliers_there
+        procedure :: go_to, multipliers => multipliers_there
     end type step_curve_type
 
 contains

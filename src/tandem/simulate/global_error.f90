@@ -66,10 +66,7 @@ module tandem_simulate_global_error
         real(wp), allocatable, private :: difference(:, :, :)
         logical, private :: is_second = .false.
     contains
-        procedure :: initialize
-        procedure :: observe
-        procedure :: estimate
-        procedure :: pack_state
+        procedure :: initialize, observe, estimate, pack_state
         procedure, private :: choose_second, take, evaluate
     end type global_error_type
 

@@ -32,18 +32,8 @@ module tandem_simulate_local_error
         !> The gap of the velocity for which the last try of a step was not kept, and the largest one that is not looked into.
         real(wp), private :: last_gap = huge(1.0_wp), allowed_gap = huge(1.0_wp)
     contains
-        procedure :: initialize
-        procedure :: set_weights
-        procedure :: add
-        procedure :: extend
-        procedure :: restart
-        procedure :: pack_state
-        procedure :: gap
-        procedure :: allow_gap
-        procedure :: begin_step
-        procedure :: find_gap
-        procedure :: is_missed
-        procedure :: largest_part
+        procedure :: initialize, set_weights, add, extend, restart, pack_state
+        procedure :: gap, allow_gap, begin_step, find_gap, is_missed, largest_part
     end type local_error_type
 
 contains

@@ -55,8 +55,7 @@ module tandem_simulate_nearest_position
         real(wp), allocatable, private :: length(:), first_scale(:), a(:, :)
         type(singular_type), private :: singular
     contains
-        procedure :: initialize
-        procedure :: find
+        procedure :: initialize, find
         procedure, private :: evaluate, try, factor, radius, reach, kick, approach, walk, get_hessian, blame
     end type nearest_position_type
 

@@ -37,8 +37,7 @@ module tandem_simulate_nearest_velocity
         !> Z (free, free - rank), (Z'KZ)^+ and Z'K (free - rank, free).
         real(wp), allocatable, private :: z(:, :), inverse(:, :), coupling(:, :)
     contains
-        procedure :: initialize
-        procedure :: find
+        procedure :: initialize, find
         procedure, private :: factor, factor_mass, respond
     end type nearest_velocity_type
 

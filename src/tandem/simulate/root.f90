@@ -19,8 +19,7 @@ module tandem_simulate_root
         real(wp), private :: weight_a = 1.0_wp, weight_b = 1.0_wp, last_width = huge(1.0_wp)
         integer, private :: slow = 0, last_end = 0
     contains
-        procedure :: next_point => next_secant
-        procedure :: narrow => narrow_bracket
+        procedure :: next_point => next_secant, narrow => narrow_bracket
     end type bracket_type
 
     !> A minimum between a and b, and the best point so far.
@@ -36,10 +35,7 @@ module tandem_simulate_root
         real(wp), private :: second = 0.0_wp, value_second = huge(1.0_wp), third = 0.0_wp, value_third = huge(1.0_wp)
         real(wp), private :: move = 0.0_wp, move_before = 0.0_wp
     contains
-        procedure :: begin
-        procedure :: next_point => next_of_minimum
-        procedure :: narrow => narrow_minimum
-        procedure :: width
+        procedure :: begin, next_point => next_of_minimum, narrow => narrow_minimum, width
     end type minimum_type
 
     !> Zeros found in a step, in the order of their places.
@@ -50,8 +46,7 @@ module tandem_simulate_root
         real(wp), allocatable :: place(:)
         integer, allocatable :: number(:), direction(:)
     contains
-        procedure :: allocate => allocate_zeros
-        procedure :: add
+        procedure :: allocate => allocate_zeros, add
     end type zeros_type
 
     !> Golden section, and the tolerance of a minimum's place: finer is lost in rounding.

@@ -114,26 +114,15 @@ module tandem_simulation
         real(wp), private :: t_start = 0.0_wp
         logical, private :: chart_is_current = .false.
     contains
-        procedure :: initialize
-        procedure :: step
-        procedure :: integrate
-        procedure :: limit_steps
-        procedure :: look_at
-        procedure :: look_back
-        procedure :: statistics
-        procedure :: multipliers
-        procedure :: kinetic_energy
-        procedure :: potential_energy
-        procedure :: warn
-        procedure :: add_event
-        procedure :: save_state
-        procedure :: restore_state
+        procedure :: initialize, step, integrate, limit_steps
+        procedure :: look_at, look_back
+        procedure :: statistics, multipliers, kinetic_energy, potential_energy
+        procedure :: warn, add_event, save_state, restore_state
         procedure, private :: check_ready, advance, look_for_events, act_on_events, accept_start, choose_rows_anew
         procedure, private :: has_surplus_rows, allocate_chart, allocate_stepper, renew_chart, consider_exchange
         procedure, private :: consider_beginning, take_stepper, set_method, measure_errors, fail, explain, compare_procedures
         procedure, private :: with_rows
-        procedure :: start_clock
-        procedure :: stop_clock
+        procedure :: start_clock, stop_clock
     end type simulation_type
 
     abstract interface

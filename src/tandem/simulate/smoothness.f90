@@ -24,12 +24,7 @@ module tandem_simulate_smoothness
         real(wp), allocatable, private :: error_q(:), error_qd(:)
         real(wp), private :: closed = 0.0_wp
     contains
-        procedure :: initialize
-        procedure :: pause
-        procedure :: observe
-        procedure :: look_at_window
-        procedure :: restart
-        procedure :: pack_state
+        procedure :: initialize, pause, observe, look_at_window, restart, pack_state
     end type smoothness_type
 
     !> The error of a step of radau5 over that of the polynomial in the middle: by its steps on pendulums and motorcycles. The power

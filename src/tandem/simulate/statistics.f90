@@ -71,10 +71,7 @@ module tandem_simulate_statistics
         integer(long), private :: clock_from = 0
         real(wp), private :: cpu_from = 0.0_wp
     contains
-        procedure :: start_clock
-        procedure :: book_time
-        procedure :: stop_clock
-        procedure :: pack_state
+        procedure :: start_clock, book_time, stop_clock, pack_state
     end type statistics_type
 
 contains

@@ -48,18 +48,9 @@ module tandem_simulate_step_control
         real(wp), private :: barrier = 0.0_wp, ceiling = huge(1.0_wp)
         integer, private :: since_barrier = 0
     contains
-        procedure :: initialize
-        procedure :: set_method
-        procedure :: set_order
-        procedure :: set_weights
-        procedure :: accept
-        procedure :: reject
-        procedure :: fail
-        procedure :: set_max_step
-        procedure :: limit
-        procedure :: begin
-        procedure :: restart
-        procedure :: pack_state
+        procedure :: initialize, set_method, set_order, set_weights
+        procedure :: accept, reject, fail
+        procedure :: set_max_step, limit, begin, restart, pack_state
         procedure, private :: round_down, meet_barrier
     end type step_control_type
 

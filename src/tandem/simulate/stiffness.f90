@@ -30,10 +30,7 @@ module tandem_simulate_stiffness
         integer, private :: in_a_row = 0, others = 0
         real(wp), private :: first = 0.0_wp
     contains
-        procedure :: pause
-        procedure :: observe
-        procedure :: part_of_implicit
-        procedure :: pack_state
+        procedure :: pause, observe, part_of_implicit, pack_state
     end type stiffness_type
 
 contains

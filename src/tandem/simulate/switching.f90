@@ -51,21 +51,10 @@ module tandem_simulate_switching
         real(wp), allocatable, private :: scale(:)
         type(state_type), private :: moved
     contains
-        procedure :: begin
-        procedure :: is_asked
-        procedure :: count_implicit
-        procedure :: may_begin_implicit
-        procedure :: begins_implicit
-        procedure :: wants_implicit
-        procedure :: is_due
-        procedure :: wants_explicit
-        procedure :: note_decision
-        procedure :: begin_looks
-        procedure :: is_certain
-        procedure :: look_at_eigenvalue
-        procedure :: first_step_at
-        procedure :: note_switch
-        procedure :: pack_state
+        procedure :: begin, is_asked
+        procedure :: count_implicit, may_begin_implicit, begins_implicit, wants_implicit
+        procedure :: is_due, wants_explicit, note_decision
+        procedure :: begin_looks, is_certain, look_at_eigenvalue, first_step_at, note_switch, pack_state
     end type switching_type
 
     !> The part of the cost that makes an exchange worth it.

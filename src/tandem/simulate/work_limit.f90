@@ -17,10 +17,7 @@ module tandem_simulate_work_limit
         real(wp), private :: max_seconds = 0.0_wp
         logical, private :: has_started = .false.
     contains
-        procedure :: set
-        procedure :: is_spent
-        procedure :: describe
-        procedure :: pack_state
+        procedure :: set, is_spent, describe, pack_state
     end type work_limit_type
 
 contains

@@ -18,8 +18,7 @@ module tandem_stepper_combination
         real(wp), allocatable :: weight(:, :)
         integer, allocatable :: column(:, :)
     contains
-        procedure :: set
-        procedure :: add
+        procedure :: set, add
     end type combination_type
 
 contains

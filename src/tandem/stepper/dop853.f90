@@ -22,8 +22,7 @@ module tandem_stepper_dop853
         type(combination_type) :: extra_sum(3), dense_sum(4)
     contains
         procedure, nopass :: properties
-        procedure :: set_tableau
-        procedure :: interpolate
+        procedure :: set_tableau, interpolate
     end type dop853_type
 
 contains

@@ -50,12 +50,7 @@ module tandem_stepper_explicit
         !> The tableau as sums of rates: of the stages (s, the first is empty), of the end, of the estimates.
         type(combination_type), allocatable, private :: stage_sum(:), end_sum, estimate_sum(:)
     contains
-        procedure :: initialize
-        procedure :: advance
-        procedure :: estimate
-        procedure :: start_near
-        procedure :: set_near
-        procedure :: stiffness
+        procedure :: initialize, advance, estimate, start_near, set_near, stiffness
         procedure, private :: estimate_norm
         procedure :: pack_state
         procedure(set_tableau_interface), deferred :: set_tableau

@@ -20,16 +20,8 @@ module tandem_stepper_history
         real(wp) :: t(capacity) = 0.0_wp
         real(wp), allocatable :: qd(:, :), qdd(:, :)
     contains
-        procedure, public :: allocate => allocate_history
-        procedure, public :: clear
-        procedure, public :: continue_from
-        procedure, public :: push
-        procedure, public :: extrapolate
-        procedure, public :: knows
-        procedure, public :: difference
-        procedure, public :: drop
-        procedure, public :: curvature
-        procedure, public :: pack_state
+        procedure, public :: allocate => allocate_history, clear, continue_from, push, extrapolate
+        procedure, public :: knows, difference, drop, curvature, pack_state
     end type history_type
 
 contains

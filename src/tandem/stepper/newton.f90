@@ -42,15 +42,9 @@ module tandem_stepper_newton
         type(prediction_type), private :: prediction
         real(wp), allocatable, private :: dq(:), dqd(:), q(:), qd(:)
     contains
-        procedure :: allocate => allocate_newton
-        procedure :: prepare
-        procedure :: solve
-        procedure :: renew
-        procedure :: renew_in_step
-        procedure, private :: iterate
-        procedure, private :: restore
-        procedure :: finish
-        procedure :: pack_state
+        procedure :: allocate => allocate_newton, prepare, solve, renew, renew_in_step
+        procedure, private :: iterate, restore
+        procedure :: finish, pack_state
     end type newton_type
 
 contains

@@ -34,11 +34,7 @@ module tandem_stepper_prediction
         !> The last extrapolation of past stages (n), a miss (2 n), what misses are measured by (2 n).
         real(wp), allocatable :: plain_q(:), plain_qd(:), new(:), weight_of(:)
     contains
-        procedure, public :: allocate => allocate_prediction
-        procedure, public :: forget
-        procedure, public :: predict
-        procedure, public :: learn
-        procedure, public :: pack_state
+        procedure, public :: allocate => allocate_prediction, forget, predict, learn, pack_state
     end type prediction_type
 
 contains

@@ -47,13 +47,7 @@ module tandem_stepper_radau
         logical, private :: was_hard = .false.
     contains
         procedure, nopass :: properties
-        procedure :: initialize
-        procedure :: advance
-        procedure :: estimate
-        procedure :: interpolate
-        procedure :: longest_next
-        procedure :: order_of_estimate
-        procedure :: pack_state
+        procedure :: initialize, advance, estimate, interpolate, longest_next, order_of_estimate, pack_state
         procedure, private :: iterate
     end type radau_type
 

@@ -30,14 +30,7 @@ module tandem_stepper_radau_choice
         !> How often in a row more stages have cost more.
         integer, private :: disappointed = 0
     contains
-        procedure :: restart
-        procedure :: forget
-        procedure :: note_failure
-        procedure :: note_step
-        procedure :: note_contraction
-        procedure :: is_due
-        procedure :: choose
-        procedure :: pack_state
+        procedure :: restart, forget, note_failure, note_step, note_contraction, is_due, choose, pack_state
     end type choice_type
 
     !> Steps with a number of stages before there may be more, twice as many after each disappointment, up to so many of them; or

@@ -44,10 +44,7 @@ module tandem_stepper_sdirk54
         real(wp), allocatable :: rate_q(:, :), rate_qd(:, :), start_q(:), start_qd(:), error_q(:), error_qd(:)
     contains
         procedure, nopass :: properties
-        procedure :: initialize
-        procedure :: advance
-        procedure :: estimate
-        procedure :: pack_state
+        procedure :: initialize, advance, estimate, pack_state
     end type sdirk54_type
 
 contains

@@ -17,9 +17,7 @@ module tandem_stepper_state
         !> Position and velocity increments since the chart's origin (n), in the chart's own coordinates.
         real(wp), allocatable :: dq(:), dqd(:)
     contains
-        procedure :: allocate => allocate_state
-        procedure :: pack_state
-        procedure :: copy
+        procedure :: allocate => allocate_state, pack_state, copy
     end type state_type
 
 contains

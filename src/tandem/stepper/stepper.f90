@@ -50,10 +50,7 @@ module tandem_stepper
         procedure(advance_interface), deferred :: advance
         procedure(estimate_interface), deferred :: estimate
         procedure(pack_interface), deferred :: pack_state
-        procedure :: interpolate
-        procedure :: stiffness
-        procedure :: longest_next
-        procedure :: order_of_estimate
+        procedure :: interpolate, stiffness, longest_next, order_of_estimate
     end type stepper_type
 
     abstract interface

@@ -24,10 +24,7 @@ module tandem_stepper_trapezoid
         real(wp), allocatable :: error_q(:), error_qd(:)
     contains
         procedure, nopass :: properties
-        procedure :: initialize
-        procedure :: advance
-        procedure :: estimate
-        procedure :: pack_state
+        procedure :: initialize, advance, estimate, pack_state
     end type trapezoid_type
 
 contains

@@ -105,42 +105,15 @@ module tandem_chart_dense
         !> Work space for stages.
         real(wp), allocatable :: b_phi(:, :), lambda(:), change_q(:), change_qd(:)
     contains
-        procedure :: initialize
-        procedure :: renew
-        procedure :: remainder
-        procedure :: refresh
-        procedure :: start_step
-        procedure :: retry_step
-        procedure :: forget
-        procedure :: forget_model
-        procedure :: hold
-        procedure :: release
-        procedure :: restore_position
-        procedure :: restore_velocity
-        procedure :: solve_dynamics
-        procedure :: restore_motion
-        procedure :: restore_near
-        procedure :: keep_tangent
-        procedure :: factor_stage
-        procedure :: reuse_stage
-        procedure :: matrix_cost
-        procedure :: correct_stage
-        procedure :: expect_pairs
-        procedure :: find_residual
-        procedure :: solve_real
-        procedure :: solve_pair
-        procedure :: move_rates
-        procedure :: filter_error
-        procedure :: multipliers
-        procedure :: project_velocity
-        procedure :: constraint_errors
-        procedure :: inherit
-        procedure :: measure_rank
-        procedure :: loss_ahead
-        procedure :: relative_change
-        procedure :: measure_health
-        procedure :: kinetic_energy
-        procedure :: pack_state
+        procedure :: initialize, renew, remainder, refresh
+        procedure :: start_step, retry_step, forget, forget_model
+        procedure :: hold, release
+        procedure :: restore_position, restore_velocity, solve_dynamics, restore_motion
+        procedure :: restore_near, keep_tangent
+        procedure :: factor_stage, reuse_stage, matrix_cost, correct_stage, expect_pairs
+        procedure :: find_residual, solve_real, solve_pair, move_rates, filter_error
+        procedure :: multipliers, project_velocity, constraint_errors, inherit
+        procedure :: measure_rank, loss_ahead, relative_change, measure_health, kinetic_energy, pack_state
         procedure, private, non_overridable :: place_bases, visit, move_to, refuse_infinite, find_velocity_basis
         procedure, private, non_overridable :: complete_velocity_basis, measure_split, move_with, blame, blame_dependent
         procedure, private, non_overridable :: fail_term, judge_blocks, name_infinite

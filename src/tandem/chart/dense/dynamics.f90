@@ -21,11 +21,7 @@ module tandem_chart_dense_dynamics
         !> M D (n, k), D' M D (k, k), right sides (n), (k), and C qdd + gamma (m).
         real(wp), allocatable :: mass_times_basis(:, :), reduced_mass(:, :), ambient(:), rhs(:), defect(:)
     contains
-        procedure :: allocate => allocate_dynamics
-        procedure :: factor
-        procedure :: solve
-        procedure :: project
-        procedure :: multipliers
+        procedure :: allocate => allocate_dynamics, factor, solve, project, multipliers
     end type dynamics_type
 
 contains

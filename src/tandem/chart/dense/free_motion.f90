@@ -47,13 +47,8 @@ module tandem_chart_dense_free_motion
         real(wp), allocatable :: scale(:), rows(:, :), gram(:, :)
         type(cholesky_type) :: mass_factor
     contains
-        procedure :: allocate => allocate_reduced
-        procedure :: load
-        procedure :: set_origin
-        procedure :: find_independence => find_independence_here
-        procedure :: restore_velocity
-        procedure :: solve
-        procedure :: pack_state
+        procedure :: allocate => allocate_reduced, load, set_origin
+        procedure :: find_independence => find_independence_here, restore_velocity, solve, pack_state
     end type free_motion_type
 
 contains

@@ -44,12 +44,8 @@ module tandem_chart_dense_friction
         real(wp), allocatable, private :: pressed(:, :), along(:, :)
         type(lu_type), private :: lu
     contains
-        procedure :: allocate => allocate_friction
-        procedure :: add_force
-        procedure :: find_left_basis
-        procedure, private :: contracts
-        procedure, private :: find_normals
-        procedure, private :: find_residual
+        procedure :: allocate => allocate_friction, add_force, find_left_basis
+        procedure, private :: contracts, find_normals, find_residual
     end type friction_type
 
 contains

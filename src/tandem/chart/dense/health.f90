@@ -20,9 +20,7 @@ module tandem_chart_dense_health
         real(wp), allocatable, private :: cosines(:, :), equations(:, :)
         type(lu_type), private :: lu
     contains
-        procedure :: allocate => allocate_watch
-        procedure :: measure_secants
-        procedure :: condition_of
+        procedure :: allocate => allocate_watch, measure_secants, condition_of
     end type watch_type
 
 contains

@@ -19,8 +19,7 @@ module tandem_chart_dense_massless_ties
         !> How firmly the loosest was tied at the last comparison, and at best: about squares of singular values.
         real(wp), private :: weakest = 0.0_wp, best = 0.0_wp
     contains
-        procedure :: allocate => allocate_ties
-        procedure :: find_massless, weigh_rows, compare, measure, inherit, pack_state
+        procedure :: allocate => allocate_ties, find_massless, weigh_rows, compare, measure, inherit, pack_state
     end type massless_ties_type
 
 contains

@@ -53,18 +53,8 @@ module tandem_chart_dense_metric
         !> Work space of the eigenvalues.
         real(wp), allocatable, private :: vectors(:, :), values(:), work(:)
     contains
-        procedure :: allocate => allocate_metric
-        procedure :: load
-        procedure :: note_move
-        procedure :: set
-        procedure :: lean
-        procedure :: pack_state
-        procedure, private :: pays
-        procedure, private :: measure
-        procedure, private :: is_felt
-        procedure, private :: form
-        procedure, private :: add_forces
-        procedure, private :: find_trace
+        procedure :: allocate => allocate_metric, load, note_move, set, lean, pack_state
+        procedure, private :: pays, measure, is_felt, form, add_forces, find_trace
     end type metric_type
 
     !> A metric, and a trace, serve steps that are so many times longer or shorter.

@@ -66,27 +66,11 @@ module tandem_chart_dense_newton_matrix
         !> Whether the factors are of other pairs.
         logical, private :: is_outdated = .false.
     contains
-        procedure :: allocate => allocate_stage
-        procedure :: form
-        procedure :: factor
-        procedure :: adapt
-        procedure :: enter_chart
-        procedure :: correct
-        procedure :: expect_pairs
-        procedure :: find_residual
-        procedure :: solve_real
-        procedure :: solve_pair
-        procedure :: get_residual
-        procedure :: move_rates
-        procedure :: filter
-        procedure :: restore_error
-        procedure :: reciprocal_condition
-        procedure :: pack_state
-        procedure, private :: solve
-        procedure, private :: take_there
-        procedure, private :: bring_back
-        procedure, private :: is_near
-        procedure, private :: set_carry
+        procedure :: allocate => allocate_stage, form, factor, adapt, enter_chart
+        procedure :: correct, expect_pairs
+        procedure :: find_residual, solve_real, solve_pair
+        procedure :: get_residual, move_rates, filter, restore_error, reciprocal_condition, pack_state
+        procedure, private :: solve, take_there, bring_back, is_near, set_carry
     end type stage_type
 
 contains

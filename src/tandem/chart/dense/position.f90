@@ -74,24 +74,11 @@ module tandem_chart_dense_position
         type(lu_type), private :: lu
         type(refinement_type), private :: b
     contains
-        procedure :: allocate => allocate_position
-        procedure :: start
-        procedure :: start_without_basis
-        procedure :: start_step
-        procedure :: retry_step
-        procedure :: follow
-        procedure :: refresh
-        procedure :: refine
-        procedure :: restore
-        procedure :: find_remainder
-        procedure :: judge
-        procedure :: is_restored
-        procedure :: get_b_phi
-        procedure :: hold
-        procedure :: release
-        procedure :: pack_state
-        procedure, private :: forget_motion
-        procedure, private :: factor
+        procedure :: allocate => allocate_position, start, start_without_basis
+        procedure :: start_step, retry_step, follow, refresh, refine, restore
+        procedure :: find_remainder, judge, is_restored, get_b_phi
+        procedure :: hold, release, pack_state
+        procedure, private :: forget_motion, factor
     end type position_type
 
     interface

@@ -50,17 +50,9 @@ module tandem_chart_dense_velocity_basis
         !> C X (m, m), C W (m, k).
         real(wp), allocatable, private :: c_x(:, :), c_w(:, :), held_h(:, :), y(:)
     contains
-        procedure :: allocate => allocate_split
-        procedure :: start
-        procedure :: eliminate
-        procedure :: update
-        procedure :: measure_orientation
-        procedure :: complete
-        procedure :: subtract_right_inverse
-        procedure :: subtract_reaction
-        procedure :: hold
-        procedure :: release
-        procedure :: pack_state
+        procedure :: allocate => allocate_split, start, eliminate, update
+        procedure :: measure_orientation, complete, subtract_right_inverse, subtract_reaction
+        procedure :: hold, release, pack_state
         procedure, private :: invert
     end type velocity_basis_type
 

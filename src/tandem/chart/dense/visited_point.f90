@@ -18,9 +18,8 @@ module tandem_chart_dense_visited_point
         logical, private :: has_point = .false., has_motion = .false.
         real(wp), allocatable, private :: q(:), qd(:)
     contains
-        procedure :: allocate => allocate_point
-        procedure :: is_at, leave, arrive, note_velocity_basis, forget_velocity_basis, is_moving_with, note_motion
-        procedure :: forget_motion, forget, pack_state
+        procedure :: allocate => allocate_point, is_at, leave, arrive, forget, pack_state
+        procedure :: note_velocity_basis, forget_velocity_basis, is_moving_with, note_motion, forget_motion
     end type visited_point_type
 
 contains

@@ -69,8 +69,7 @@ module tandem_chart_sparse_analysis
         procedure, private :: gather_rows
         procedure :: find_waiting
         procedure, private :: number_nodes
-        procedure :: place_blocks
-        procedure :: find_updates
+        procedure :: place_blocks, find_updates
         procedure, private :: find_pairs
         procedure :: block_of
     end type analysis_type

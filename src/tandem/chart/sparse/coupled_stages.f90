@@ -29,15 +29,8 @@ module tandem_chart_sparse_coupled_stages
         !> Work space: forces (n) and right sides (m) of an imaginary part.
         real(wp), allocatable, private :: force_im(:), rows_im(:)
     contains
-        procedure :: initialize
-        procedure :: expect_pairs
-        procedure :: find_residual
-        procedure :: solve_real
-        procedure :: solve_pair
-        procedure :: move_rates
-        procedure :: pack_coupled
-        procedure, private :: allocate_stages
-        procedure, private :: begin_stage
+        procedure :: initialize, expect_pairs, find_residual, solve_real, solve_pair, move_rates, pack_coupled
+        procedure, private :: allocate_stages, begin_stage
     end type sparse_coupled_type
 
 contains

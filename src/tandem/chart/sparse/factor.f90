@@ -47,18 +47,9 @@ module tandem_chart_sparse_factor
         !> Whether C, and whether the factor too, are those of the current point.
         logical :: has_rows = .false., is_factored = .false.
     contains
-        procedure :: allocate => allocate_factor
-        procedure :: load_rows
-        procedure :: invert_masses
-        procedure :: factorize
-        procedure :: solve
-        procedure :: multiply
-        procedure :: add_reactions
-        procedure :: move
-        procedure :: add_squares
-        procedure :: pack_state
-        procedure, private :: add_bodies
-        procedure, private :: eliminate
+        procedure :: allocate => allocate_factor, load_rows, invert_masses, factorize, solve, multiply
+        procedure :: add_reactions, move, add_squares, pack_state
+        procedure, private :: add_bodies, eliminate
     end type factor_type
 
     interface

@@ -45,16 +45,8 @@ module tandem_chart_sparse_implicit_stage
         !> Work space: forces, corrections and their sum (n), multipliers and right sides (m).
         real(wp), allocatable :: force(:), part(:), total(:), mu(:), total_mu(:), rows(:)
     contains
-        procedure :: initialize
-        procedure :: factor_stage
-        procedure :: reuse_stage
-        procedure :: matrix_cost
-        procedure :: correct_stage
-        procedure :: filter_error
-        procedure :: pack_newton
-        procedure, private :: begin_multipliers
-        procedure, private :: find_correction
-        procedure, private :: make_tangent
+        procedure :: initialize, factor_stage, reuse_stage, matrix_cost, correct_stage, filter_error, pack_newton
+        procedure, private :: begin_multipliers, find_correction, make_tangent
     end type sparse_implicit_type
 
 contains

@@ -50,22 +50,10 @@ module tandem_chart_sparse_motion
         !> Mends corrections that leave much, where steps may be long.
         type(secants_type) :: secants
     contains
-        procedure :: initialize
-        procedure :: renew
-        procedure :: remainder
-        procedure :: refresh
-        procedure :: start_step
-        procedure :: retry_step
-        procedure :: forget
-        procedure :: forget_model
-        procedure :: leave_out_dependent
-        procedure :: find_partners
-        procedure :: hold
-        procedure :: release
-        procedure :: restore_position
-        procedure :: restore_velocity
-        procedure :: solve_dynamics
-        procedure :: restore_motion
+        procedure :: initialize, renew, remainder, refresh
+        procedure :: start_step, retry_step, forget, forget_model
+        procedure :: leave_out_dependent, find_partners, hold, release
+        procedure :: restore_position, restore_velocity, solve_dynamics, restore_motion
         procedure, non_overridable :: fail_here
         procedure, private, non_overridable :: meet_velocity
     end type sparse_motion_type

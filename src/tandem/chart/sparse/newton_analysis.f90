@@ -24,8 +24,7 @@ module tandem_chart_sparse_newton_analysis
         integer, allocatable :: force_target(:)
     contains
         procedure :: analyse_newton
-        procedure, private :: number_all
-        procedure, private :: find_targets
+        procedure, private :: number_all, find_targets
     end type newton_analysis_type
 
 contains

@@ -32,11 +32,7 @@ module tandem_chart_sparse_newton_factor
         !> Blocks below the diagonal, times the inverses of diagonal ones, and these inverses; the blocks above the diagonal.
         real(wp), allocatable :: lower(:), upper(:)
     contains
-        procedure :: allocate => allocate_factor
-        procedure :: fill
-        procedure :: eliminate
-        procedure :: solve
-        procedure :: pack_state
+        procedure :: allocate => allocate_factor, fill, eliminate, solve, pack_state
     end type newton_factor_type
 
 contains

@@ -36,17 +36,8 @@ module tandem_chart_sparse_newton_matrix
         !> Work space: unknowns of nodes.
         real(wp), allocatable, private :: z(:), w(:)
     contains
-        procedure :: initialize
-        procedure :: expect_pairs
-        procedure :: form
-        procedure :: factor
-        procedure :: solve
-        procedure :: solve_pair
-        procedure :: look_at
-        procedure :: turned
-        procedure :: pack_state
-        procedure, private :: gather
-        procedure, private :: scatter
+        procedure :: initialize, expect_pairs, form, factor, solve, solve_pair, look_at, turned, pack_state
+        procedure, private :: gather, scatter
     end type newton_matrix_type
 
 contains

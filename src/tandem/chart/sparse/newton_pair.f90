@@ -19,10 +19,7 @@ module tandem_chart_sparse_newton_pair
         !> The real and the imaginary part of the factor.
         type(newton_factor_type) :: re, im
     contains
-        procedure :: allocate => allocate_pair
-        procedure :: factor
-        procedure :: solve
-        procedure :: pack_state
+        procedure :: allocate => allocate_pair, factor, solve, pack_state
     end type newton_pair_type
 
 contains

@@ -20,9 +20,7 @@ module tandem_chart_sparse_order
         integer :: least = 0
         integer, allocatable :: head(:), tail(:), next(:), before(:), degree(:)
     contains
-        procedure :: enter
-        procedure :: leave
-        procedure :: take
+        procedure :: enter, leave, take
     end type queue_type
 
 contains

@@ -19,9 +19,7 @@ module tandem_chart_sparse_rank
         !> Work space.
         real(wp), allocatable, private :: next_y(:), next_force(:)
     contains
-        procedure :: has_passed_loss
-        procedure :: find_rows
-        procedure :: pack_state
+        procedure :: has_passed_loss, find_rows, pack_state
     end type rank_type
 
 contains

@@ -29,9 +29,7 @@ module tandem_chart_sparse_secants
         !> Whether there is space for any.
         logical, public :: is_used = .false.
     contains
-        procedure :: allocate => allocate_secants
-        procedure :: begin
-        procedure :: improve
+        procedure :: allocate => allocate_secants, begin, improve
     end type secants_type
 
 contains

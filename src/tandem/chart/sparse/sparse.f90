@@ -20,17 +20,9 @@ module tandem_chart_sparse
     !> The chart by blocks of a factor.
     type, extends(sparse_coupled_type) :: sparse_chart_type
     contains
-        procedure :: restore_near
-        procedure :: keep_tangent
-        procedure :: multipliers
-        procedure :: project_velocity
-        procedure :: constraint_errors
-        procedure :: measure_rank
-        procedure :: loss_ahead
-        procedure :: relative_change
-        procedure :: measure_health
-        procedure :: kinetic_energy
-        procedure :: pack_state
+        procedure :: restore_near, keep_tangent
+        procedure :: multipliers, project_velocity, constraint_errors
+        procedure :: measure_rank, loss_ahead, relative_change, measure_health, kinetic_energy, pack_state
     end type sparse_chart_type
 
 contains

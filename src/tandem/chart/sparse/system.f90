@@ -43,22 +43,10 @@ module tandem_chart_sparse_system
         !> Work space: unknowns of nodes, (m), (n).
         real(wp), allocatable :: z(:), g(:), x(:)
     contains
-        procedure :: initialize
-        procedure :: visit
-        procedure :: load
-        procedure :: factorize
-        procedure :: move_with
-        procedure :: choose_rows
-        procedure :: find_partners
+        procedure :: initialize, visit, load, factorize, move_with, choose_rows, find_partners
         procedure, private :: lend_rows
-        procedure :: take_origin
-        procedure :: forget
-        procedure :: find_errors
-        procedure :: find_weights
-        procedure :: find_diagonal
-        procedure :: find_multipliers
-        procedure :: name_infinite
-        procedure :: pack_state
+        procedure :: take_origin, forget, find_errors, find_weights
+        procedure :: find_diagonal, find_multipliers, name_infinite, pack_state
     end type system_type
 
 contains
