@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> What a writer may have meant who wrote a name that there is not.
+!> What a writer may have meant who wrote a name that there is not, and names in lower case.
 module tandem_names
     implicit none (type, external)
     private
 
-    public :: nearest_name, question
+    public :: nearest_name, question, lower_case
 
     !> How many letters stand around the name in a question.
     integer, parameter :: around = 19
@@ -38,7 +38,7 @@ contains
         least = huge(1)
         if (len(word) > 64) return
         do i = 1, size(names)
-            distance = edits(lower(word), lower(trim(names(i))))
+            distance = edits(lower_case(word), lower_case(names(i)))
             if (distance < least .and. distance <= max(1, len_trim(names(i))/3)) then
                 least = distance
                 nearest_place = i
@@ -92,15 +92,15 @@ contains
         edits = cost(len(a), len(b))
     end function edits
 
-    !> Lower case.
-    pure function lower(word) result(text)
-        character(len=*), intent(in) :: word
-        character(len=len(word)) :: text
+    !> A name in lower case, without trailing blanks.
+    pure function lower_case(name) result(lower)
+        character(len=*), intent(in) :: name
+        character(len=len_trim(name)) :: lower
         integer :: i
 
-        text = word
-        do i = 1, len(word)
-            if (word(i:i) >= 'A' .and. word(i:i) <= 'Z') text(i:i) = achar(iachar(word(i:i)) + 32)
+        lower = name
+        do i = 1, len(lower)
+            if (lower(i:i) >= 'A' .and. lower(i:i) <= 'Z') lower(i:i) = achar(iachar(lower(i:i)) + 32)
         end do
-    end function lower
+    end function lower_case
 end module tandem_names

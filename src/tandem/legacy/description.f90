@@ -10,12 +10,13 @@ module tandem_legacy_description
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_comparison, only: compare_procedures
     use tandem_legacy_events, only: event_list_type
-    use tandem_legacy_settings, only: lower_case, set_option, take_flags, take_list
+    use tandem_legacy_settings, only: set_option, take_flags, take_list
     use tandem_legacy_terms, only: find_term, names_of_kind, terms
     use tandem_legacy_wording, only: in_words_of
     use tandem_mechanism_entries, only: entries_type
     use tandem_model, only: label_length, model_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
+    use tandem_names, only: lower_case
     use tandem_options, only: options_type
     use tandem_simulate_assembly, only: assemble, assembly_type
     use tandem_status, only: status_invalid_model, status_invalid_option, status_ok

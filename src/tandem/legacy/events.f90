@@ -5,8 +5,8 @@ module tandem_legacy_events
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_legacy_callback_model, only: callback_model_type
-    use tandem_legacy_settings, only: lower_case
     use tandem_model, only: label_length
+    use tandem_names, only: lower_case
     use tandem_simulate_event, only: threshold_event_type
     use tandem_simulation, only: simulation_type
     use tandem_status, only: status_invalid_option

@@ -5,7 +5,7 @@ module tandem_legacy_figures
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: long, wp
     use tandem_legacy_error_watch, only: error_watch_type
-    use tandem_legacy_settings, only: lower_case
+    use tandem_names, only: lower_case
     use tandem_simulate_error_warnings, only: find_error_warnings
     use tandem_simulate_figures, only: figure_reader_type, tell_figures
     use tandem_simulate_global_error, only: global_error_type

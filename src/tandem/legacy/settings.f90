@@ -4,6 +4,7 @@
 module tandem_legacy_settings
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
+    use tandem_names, only: lower_case
     use tandem_options, only: check_word, option_row_type, option_visitor_type, options_type
     use tandem_simulate_assembly, only: assembly_type, velocity_metrics
     use tandem_status, only: status_invalid_option
@@ -11,7 +12,7 @@ module tandem_legacy_settings
     implicit none (type, external)
     private
 
-    public :: set_option, take_flags, take_list, lower_case
+    public :: set_option, take_flags, take_list
 
     !> Gives the option of a name its value, which is one of four kinds.
     type, extends(option_visitor_type) :: setter_type
@@ -175,16 +176,4 @@ contains
         if (allocated(flags)) deallocate (flags)
         if (size(values) > 0) flags = abs(values) > 0.0_wp
     end subroutine take_flags
-
-    !> A name in lower case, without trailing blanks.
-    pure function lower_case(name) result(lower)
-        character(len=*), intent(in) :: name
-        character(len=len_trim(name)) :: lower
-        integer :: i
-
-        lower = name
-        do i = 1, len(lower)
-            if (lower(i:i) >= 'A' .and. lower(i:i) <= 'Z') lower(i:i) = achar(iachar(lower(i:i)) + 32)
-        end do
-    end function lower_case
 end module tandem_legacy_settings

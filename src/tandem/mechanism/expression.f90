@@ -27,7 +27,7 @@ module tandem_mechanism_expression
         type(code_type), private :: code
     contains
         !> What it is made of.
-        procedure :: is_constant, uses, first_not_in, n_operations
+        procedure :: is_constant, first_not_in, n_operations
         procedure :: n_kinks, kink_order, kink_depends_on_others, renumber
         !> What it gives at a point.
         procedure :: value => evaluate_value, evaluate_gradient, evaluate_along
@@ -121,15 +121,6 @@ contains
 
         is_constant = size(self%code%variables) == 0
     end function is_constant
-
-    !> Whether it depends on a variable.
-    pure logical function uses(self, variable)
-        class(expression_type), intent(in) :: self
-        !> Its place in the list of names.
-        integer, intent(in) :: variable
-
-        uses = any(self%code%variables == variable)
-    end function uses
 
     !> The first of its variables that is not among some, or 0.
     pure integer function first_not_in(self, some)

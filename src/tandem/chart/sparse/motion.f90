@@ -5,7 +5,6 @@
 !> origin, so that the factor with which the acceleration there was found serves all corrections of the step. Neither a basis nor a
 !> projector is formed. Corrections for Phi move no row of E, which is one complement of the tangent space as good as others.
 module tandem_chart_sparse_motion
-    use tandem_chart_explicit, only: explicit_chart_type
     use tandem_chart_sparse_errors, only: judge_velocity
     use tandem_chart_sparse_progress, only: is_rounding, is_trusted, largest, learn, progress_type, unknown
     use tandem_chart_sparse_rank, only: rank_type
@@ -19,6 +18,7 @@ module tandem_chart_sparse_motion
     use tandem_options, only: options_type
     use tandem_status, only: status_chart_left, status_invalid_option, status_not_finite, status_ok, status_position_diverged, &
         status_rank_deficient, status_singular_mass
+    use tandem_chart, only: chart_type
     use tandem_chart_sparse_blocks, only: most_coordinates
     implicit none (type, external)
     private
@@ -26,7 +26,7 @@ module tandem_chart_sparse_motion
     public :: sparse_motion_type, find_obstacle, initialize
 
     !> The chart without what is asked between steps.
-    type, abstract, extends(explicit_chart_type) :: sparse_motion_type
+    type, abstract, extends(chart_type) :: sparse_motion_type
         type(system_type) :: system
         type(rank_type) :: rank
         !> What may be left of a constraint on its natural scale: in the end; of Phi and of C qd - nu at ends of steps and at
