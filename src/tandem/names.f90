@@ -73,8 +73,7 @@ contains
     !> How many insertions, deletions, replacements and swaps of neighbours turn a into b.
     pure integer function edits(a, b)
         character(len=*), intent(in) :: a, b
-        integer :: cost(0:len(a), 0:len(b))
-        integer :: i, j
+        integer :: cost(0:len(a), 0:len(b)), i, j
 
         cost(:, 0) = [(i, i=0, len(a))]
         cost(0, :) = [(j, j=0, len(b))]

@@ -371,8 +371,7 @@ subroutine tdassm(h, t, q, qd, rpar, ipar, ierr)
     implicit none (type, external)
     integer, intent(in) :: h(4)
     real(wp), intent(in) :: t
-    real(wp), intent(inout) :: q(*), qd(*)
-    real(wp), intent(inout) :: rpar(*)
+    real(wp), intent(inout) :: q(*), qd(*), rpar(*)
     integer, intent(inout) :: ipar(*)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
@@ -441,8 +440,7 @@ subroutine tddens(h, t, q, qd, qdd, rpar, ipar, ierr)
     implicit none (type, external)
     integer, intent(in) :: h(4)
     real(wp), intent(in) :: t
-    real(wp), intent(inout) :: q(*), qd(*), qdd(*)
-    real(wp), intent(inout) :: rpar(*)
+    real(wp), intent(inout) :: q(*), qd(*), qdd(*), rpar(*)
     integer, intent(inout) :: ipar(*)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
@@ -458,8 +456,7 @@ subroutine tdlamb(h, t, alam, rpar, ipar, ierr)
     implicit none (type, external)
     integer, intent(in) :: h(4)
     real(wp), intent(in) :: t
-    real(wp), intent(inout) :: alam(*)
-    real(wp), intent(inout) :: rpar(*)
+    real(wp), intent(inout) :: alam(*), rpar(*)
     integer, intent(inout) :: ipar(*)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem

@@ -9,8 +9,7 @@ subroutine tdlin(h, t, q, qd, k, re, im, a, rpar, ipar, ierr)
     integer, intent(in) :: h(4)
     real(wp), intent(in) :: t, q(*), qd(*)
     integer, intent(out) :: k
-    real(wp), intent(inout) :: re(*), im(*), a(*)
-    real(wp), intent(inout) :: rpar(*)
+    real(wp), intent(inout) :: re(*), im(*), a(*), rpar(*)
     integer, intent(inout) :: ipar(*)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
@@ -27,8 +26,7 @@ subroutine tdequi(h, t, q, rpar, ipar, ierr)
     implicit none (type, external)
     integer, intent(in) :: h(4)
     real(wp), intent(in) :: t
-    real(wp), intent(inout) :: q(*)
-    real(wp), intent(inout) :: rpar(*)
+    real(wp), intent(inout) :: q(*), rpar(*)
     integer, intent(inout) :: ipar(*)
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem

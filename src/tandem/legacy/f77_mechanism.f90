@@ -9,8 +9,7 @@ subroutine tdmech(h, ierr)
     use tandem_legacy_handle, only: new_handle, to_handle
     use tandem_status, only: status_invalid_model
     implicit none (type, external)
-    integer, intent(out) :: h(4)
-    integer, intent(out) :: ierr
+    integer, intent(out) :: h(4), ierr
     type(f77_model_type), pointer :: model
     class(callback_model_type), pointer :: callback_model
     type(problem_type), pointer :: problem
@@ -111,8 +110,7 @@ subroutine tddefn(h, iplan, iopen, t0, t1, ierr)
     use tandem_legacy_drawn, only: define_mechanism
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
-    integer, intent(in) :: h(4)
-    integer, intent(in) :: iplan, iopen
+    integer, intent(in) :: h(4), iplan, iopen
     real(wp), intent(in) :: t0, t1
     integer, intent(out) :: ierr
     type(problem_type), pointer :: problem
@@ -127,8 +125,7 @@ subroutine tdsize(h, n, nh, nd, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
     integer, intent(in) :: h(4)
-    integer, intent(out) :: n, nh, nd
-    integer, intent(out) :: ierr
+    integer, intent(out) :: n, nh, nd, ierr
     type(problem_type), pointer :: problem
 
     n = 0

@@ -42,10 +42,8 @@ module tandem_legacy_f77_model
             integer, intent(in) :: n, m
             !> Time; coordinates and velocities (n).
             real(wp), intent(in) :: t, q(*), qd(*)
-            real(wp), intent(inout) :: val(*)
-            real(wp), intent(inout) :: rpar(*)
-            integer, intent(inout) :: ipar(*)
-            integer, intent(inout) :: istat
+            real(wp), intent(inout) :: val(*), rpar(*)
+            integer, intent(inout) :: ipar(*), istat
         end subroutine f77_motion
 
         !> A derivative with a constant vector X.
@@ -55,10 +53,8 @@ module tandem_legacy_f77_model
             integer, intent(in) :: n, m
             !> Time; coordinates (n); x, (n) or (nh + nd).
             real(wp), intent(in) :: t, q(*), x(*)
-            real(wp), intent(inout) :: val(*)
-            real(wp), intent(inout) :: rpar(*)
-            integer, intent(inout) :: ipar(*)
-            integer, intent(inout) :: istat
+            real(wp), intent(inout) :: val(*), rpar(*)
+            integer, intent(inout) :: ipar(*), istat
         end subroutine f77_direction
 
         !> Several terms at once.
@@ -71,8 +67,7 @@ module tandem_legacy_f77_model
             !> PHI(NH), C(NH + ND, N), ANU(NH + ND), GAM(NH + ND), AM(N, N), F(N).
             real(wp), intent(inout) :: phi(*), c(*), anu(*), gam(*), am(*), f(*)
             real(wp), intent(inout) :: rpar(*)
-            integer, intent(inout) :: ipar(*)
-            integer, intent(inout) :: istat
+            integer, intent(inout) :: ipar(*), istat
         end subroutine f77_evaluate
     end interface
 
@@ -85,8 +80,7 @@ module tandem_legacy_f77_model
             real(c_double), intent(in) :: t, q(*), qd(*)
             type(c_ptr), value :: phi, c, anu, gam, am, f
             real(c_double), intent(inout) :: rpar(*)
-            integer(c_int), intent(inout) :: ipar(*)
-            integer(c_int), intent(inout) :: istat
+            integer(c_int), intent(inout) :: ipar(*), istat
         end subroutine f77_evaluate_by_address
     end interface
 

@@ -6,10 +6,8 @@ subroutine tdnone(n, m, t, q, val, rpar, ipar, istat)
     implicit none (type, external)
     integer, intent(in) :: n, m
     real(wp), intent(in) :: t, q(*)
-    real(wp), intent(inout) :: val(*)
-    real(wp), intent(inout) :: rpar(*)
-    integer, intent(inout) :: ipar(*)
-    integer, intent(inout) :: istat
+    real(wp), intent(inout) :: val(*), rpar(*)
+    integer, intent(inout) :: ipar(*), istat
 
     istat = -1
 end subroutine tdnone

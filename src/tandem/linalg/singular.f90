@@ -84,8 +84,7 @@ contains
     !> The x (n) that minimises |A x - b| within |x| <= radius, a tenth more or less: (A'A + mu I) x = A'b.
     subroutine solve_within(self, b, radius, noise, x)
         class(singular_type), intent(in) :: self
-        real(wp), intent(in) :: b(:)
-        real(wp), intent(in) :: radius
+        real(wp), intent(in) :: b(:), radius
         !> Components of b along a singular vector of at most this size are rounding and ask for nothing.
         real(wp), intent(in) :: noise
         real(wp), intent(out) :: x(:)

@@ -372,8 +372,7 @@ contains
     !> Euler parameters of a turn about an axis.
     pure function turned_by(rotation) result(p)
         real(wp), intent(in) :: rotation(3)
-        real(wp) :: p(4)
-        real(wp) :: angle
+        real(wp) :: p(4), angle
 
         angle = norm2(rotation)
         p = [cos(angle/2), rotation/2]

@@ -271,8 +271,7 @@ contains
         !> By each variable, zero where it is not used.
         real(wp), intent(out) :: gradient(:)
         integer, intent(in), optional :: sides(:)
-        real(wp) :: w(max_slots), g(max_slots), d(5, max_slots)
-        real(wp) :: a, b
+        real(wp) :: w(max_slots), g(max_slots), d(5, max_slots), a, b
         integer :: k, n
 
         call self%fill_leaves(x, w)

@@ -25,8 +25,7 @@ contains
     !> The columns of the gradient's entries, 0 for one that goes nowhere.
     pure function columns(first, second) result(c)
         type(pose_type), intent(in) :: first, second
-        integer :: c(n_local)
-        integer :: i
+        integer :: c(n_local), i
 
         c = 0
         do i = 1, first%n_place
@@ -46,8 +45,7 @@ contains
     !> The same in the C that is set, which may be compressed.
     pure function columns_of_c(first, second) result(c)
         type(pose_type), intent(in) :: first, second
-        integer :: c(n_local)
-        integer :: i
+        integer :: c(n_local), i
 
         c = 0
         do i = 1, first%n_place
@@ -134,8 +132,7 @@ contains
     !> The part of a holonomic row that is a weighted scalar function, where the row is a sum of them.
     pure subroutine add_holonomic(need, row, c, weight, gradient, second, lambda, derivatives)
         integer, intent(in) :: need, row, c(n_local)
-        real(wp), intent(in) :: weight, gradient(n_local, 0:2), second(n_local, n_local)
-        real(wp), intent(in) :: lambda
+        real(wp), intent(in) :: weight, gradient(n_local, 0:2), second(n_local, n_local), lambda
         type(derivatives_type), intent(inout) :: derivatives
 
         if (iand(need, need_velocity_q) /= 0) call add_row(c, weight, gradient(:, 1), row, derivatives%velocity_q)

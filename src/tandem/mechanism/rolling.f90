@@ -487,8 +487,7 @@ contains
     pure subroutine differentiate_ellipsoid(roller, body, y, y_p, gradient, second)
         type(roller_type), intent(in) :: roller
         type(pose_type), intent(in) :: body
-        real(wp), intent(out) :: y(3, 0:1), y_p(3, 4, 0:1)
-        real(wp), intent(out) :: gradient(4, 0:2), second(4, 4)
+        real(wp), intent(out) :: y(3, 0:1), y_p(3, 4, 0:1), gradient(4, 0:2), second(4, 4)
         real(wp) :: m(3, 0:2), c(3, 4, 0:2), s(3, 0:2), x(3), s_p(3, 4, 0:1), g(0:2), g_p(4, 0:1)
         integer :: k
 

@@ -46,8 +46,7 @@ contains
         real(wp), intent(in) :: t, q(:), qd(:)
         type(terms_type), intent(inout) :: terms
         real(wp), intent(inout) :: part(:)
-        integer, intent(out) :: failed_term
-        integer, intent(out) :: stat
+        integer, intent(out) :: failed_term, stat
 
         stat = status_ok
         failed_term = 0

@@ -117,8 +117,7 @@ contains
         !> What rounding may leave of the terms that cancel.
         real(wp), parameter :: rounding = 100*epsilon(1.0_wp)
         real(wp), dimension(size(value, 1), n_kinds) :: least, most, error, allowed
-        real(wp) :: product(size(value, 1))
-        real(wp) :: s
+        real(wp) :: product(size(value, 1)), s
         integer :: k, stat
 
         is_wrong = .false.

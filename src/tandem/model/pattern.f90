@@ -175,8 +175,7 @@ contains
     pure subroutine find_fault_of_rows(self, fault)
         type(pattern_type), intent(in) :: self
         character(len=*), intent(inout) :: fault
-        integer :: taken_by(max(self%width, 1)), owned_by(self%n_bodies)
-        integer :: b, i, j, k
+        integer :: taken_by(max(self%width, 1)), owned_by(self%n_bodies), b, i, j, k
 
         if (any(self%row_start(2:) < self%row_start(:self%n_rows)) .or. self%row_start(1) /= 1 .or. &
             self%row_start(self%n_rows + 1) /= size(self%row_body) + 1) then

@@ -36,8 +36,7 @@ contains
 
     subroutine restore_motion(self, t, increment, increment_qd, q, qd, qdd, stat)
         class(profiled_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: increment(self%n), increment_qd(self%n)
+        real(wp), intent(in) :: t, increment(self%n), increment_qd(self%n)
         real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
         integer, intent(out) :: stat
 

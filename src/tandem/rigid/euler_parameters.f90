@@ -66,8 +66,7 @@ contains
     !> B(p, a) x = B(x, a) p.
     pure function b_matrix(p, a) result(b)
         real(wp), intent(in) :: p(4), a(3)
-        real(wp) :: b(3, 4)
-        real(wp) :: d(3), s
+        real(wp) :: b(3, 4), d(3), s
 
         ! d = (e0 I + ~e) a; s = e'a. The last three columns are 2 (e a' - e0 ~a - ~e ~a), ~e ~a = a e' - (e'a) I.
         d(1) = p(1)*a(1) + p(3)*a(3) - p(4)*a(2)
@@ -99,8 +98,7 @@ contains
     !> K(a, b) = (B(p, a)' b)_p = 2 [a'b, a' ~b; ~a b, a b' + b a' - (a'b) I] (4, 4), symmetric and independent of p.
     pure function k_matrix(a, b) result(k)
         real(wp), intent(in) :: a(3), b(3)
-        real(wp) :: k(4, 4)
-        real(wp) :: ab, cross(3)
+        real(wp) :: k(4, 4), ab, cross(3)
         integer :: i, j
 
         ab = a(1)*b(1) + a(2)*b(2) + a(3)*b(3)
@@ -157,8 +155,7 @@ contains
     !> n' B(p, a) = K(a, n) p (4), the gradient of n' A(p) a, without the matrix.
     pure function b_row(p, a, n) result(row)
         real(wp), intent(in) :: p(4), a(3), n(3)
-        real(wp) :: row(4)
-        real(wp) :: along, cross(3), ea, en
+        real(wp) :: row(4), along, cross(3), ea, en
 
         along = n(1)*a(1) + n(2)*a(2) + n(3)*a(3)
         cross = [a(2)*n(3) - a(3)*n(2), a(3)*n(1) - a(1)*n(3), a(1)*n(2) - a(2)*n(1)]
@@ -226,8 +223,7 @@ contains
     !> G(p)' diag(j) G(x) (4, 4).
     pure function g_sandwich(p, j, x) result(s)
         real(wp), intent(in) :: p(4), j(3), x(4)
-        real(wp) :: s(4, 4)
-        real(wp) :: gp(3, 4), gx(3, 4)
+        real(wp) :: s(4, 4), gp(3, 4), gx(3, 4)
         integer :: k, l
 
         gp = g_matrix(p)
@@ -279,8 +275,7 @@ contains
     !> B(p, a) x (3), without the matrix: twice the bilinear form of A(p) a in p and x.
     pure function b_product(p, a, x) result(y)
         real(wp), intent(in) :: p(4), a(3), x(4)
-        real(wp) :: y(3)
-        real(wp) :: d, pa, xa
+        real(wp) :: y(3), d, pa, xa
 
         ! A(p) a = (e0^2 - e'e) a + 2 e (e'a) + 2 e0 e x a, polarised in p and x.
         d = p(1)*x(1) - p(2)*x(2) - p(3)*x(3) - p(4)*x(4)

@@ -70,8 +70,7 @@ contains
     !> Set the tableau and allocate the stages.
     subroutine initialize(self, scale, newton_tolerance)
         class(explicit_type), intent(inout) :: self
-        real(wp), intent(in) :: scale(:)
-        real(wp), intent(in) :: newton_tolerance
+        real(wp), intent(in) :: scale(:), newton_tolerance
         type(properties_type) :: properties
         integer :: i, n, n_estimates, s
 

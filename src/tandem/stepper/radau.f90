@@ -79,8 +79,7 @@ contains
     !> Allocate the work space.
     subroutine initialize(self, scale, newton_tolerance)
         class(radau_type), intent(inout) :: self
-        real(wp), intent(in) :: scale(:)
-        real(wp), intent(in) :: newton_tolerance
+        real(wp), intent(in) :: scale(:), newton_tolerance
         integer :: n
 
         n = size(scale)

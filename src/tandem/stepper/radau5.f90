@@ -30,8 +30,7 @@ contains
     !> Allocate the work space.
     subroutine initialize(self, scale, newton_tolerance)
         class(radau5_type), intent(inout) :: self
-        real(wp), intent(in) :: scale(:)
-        real(wp), intent(in) :: newton_tolerance
+        real(wp), intent(in) :: scale(:), newton_tolerance
 
         self%least = 3
         self%most = 3

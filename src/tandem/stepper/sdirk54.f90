@@ -60,8 +60,7 @@ contains
     !> Allocate the work space.
     subroutine initialize(self, scale, newton_tolerance)
         class(sdirk54_type), intent(inout) :: self
-        real(wp), intent(in) :: scale(:)
-        real(wp), intent(in) :: newton_tolerance
+        real(wp), intent(in) :: scale(:), newton_tolerance
         integer :: n
 
         n = size(scale)

@@ -165,8 +165,7 @@ module tandem_chart_dense
         module subroutine restore_position(self, t, increment, q, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            real(wp), intent(in) :: increment(self%n)
+            real(wp), intent(in) :: t, increment(self%n)
             real(wp), intent(out) :: q(self%n)
             integer, intent(out) :: stat
         end subroutine restore_position
@@ -175,8 +174,7 @@ module tandem_chart_dense
         module subroutine visit(self, t, q, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            real(wp), intent(in) :: q(self%n)
+            real(wp), intent(in) :: t, q(self%n)
             integer, intent(out) :: stat
         end subroutine visit
 
@@ -184,8 +182,7 @@ module tandem_chart_dense
         module subroutine move_to(self, t, q, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            real(wp), intent(in) :: q(self%n)
+            real(wp), intent(in) :: t, q(self%n)
             integer, intent(out) :: stat
         end subroutine move_to
 
@@ -214,8 +211,7 @@ module tandem_chart_dense
         module subroutine restore_velocity(self, t, q, increment, qd, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            real(wp), intent(in) :: q(self%n), increment(self%n)
+            real(wp), intent(in) :: t, q(self%n), increment(self%n)
             real(wp), intent(out) :: qd(self%n)
             integer, intent(out) :: stat
         end subroutine restore_velocity
@@ -224,8 +220,7 @@ module tandem_chart_dense
         module subroutine move_with(self, t, q, qd, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            real(wp), intent(in) :: q(self%n), qd(self%n)
+            real(wp), intent(in) :: t, q(self%n), qd(self%n)
             integer, intent(out) :: stat
         end subroutine move_with
 
@@ -233,8 +228,7 @@ module tandem_chart_dense
         module subroutine solve_dynamics(self, t, q, qd, qdd, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            real(wp), intent(in) :: q(self%n), qd(self%n)
+            real(wp), intent(in) :: t, q(self%n), qd(self%n)
             real(wp), intent(out) :: qdd(self%n)
             integer, intent(out) :: stat
         end subroutine solve_dynamics
@@ -243,8 +237,7 @@ module tandem_chart_dense
         module subroutine restore_motion(self, t, increment, increment_qd, q, qd, qdd, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            real(wp), intent(in) :: increment(self%n), increment_qd(self%n)
+            real(wp), intent(in) :: t, increment(self%n), increment_qd(self%n)
             real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
             integer, intent(out) :: stat
         end subroutine restore_motion
@@ -360,8 +353,7 @@ module tandem_chart_dense
             integer, intent(in) :: stage
             real(wp), intent(in) :: t
             real(wp), intent(in), contiguous :: q(:), qd(:)
-            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-            real(wp), intent(inout), contiguous :: residual(:)
+            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:), residual(:)
             integer, intent(out) :: stat
         end subroutine find_residual
 
@@ -427,8 +419,7 @@ module tandem_chart_dense
             real(wp), intent(in) :: t
             real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
             real(wp), intent(out) :: errors(3)
-            integer, intent(out) :: rows(3)
-            integer, intent(out) :: stat
+            integer, intent(out) :: rows(3), stat
         end subroutine constraint_errors
 
         !> What the policy watches: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.

@@ -23,8 +23,7 @@ contains
     !> Evaluate C, nu and M at (t, q).
     subroutine go_to(self, t, q, remembers, stat)
         class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: q(self%n)
+        real(wp), intent(in) :: t, q(self%n)
         !> Whether a later call may ask for this point again.
         logical, intent(in) :: remembers
         integer, intent(out) :: stat
@@ -136,8 +135,7 @@ contains
     !> Evaluate gamma and the forces at the current point.
     subroutine go_with(self, t, q, qd, remembers, stat)
         class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: q(self%n), qd(self%n)
+        real(wp), intent(in) :: t, q(self%n), qd(self%n)
         !> Whether a later call may ask for this velocity again.
         logical, intent(in) :: remembers
         integer, intent(out) :: stat
@@ -159,8 +157,7 @@ contains
     !> Add what friction makes of the reactions here to the forces.
     subroutine add_friction(self, t, q, qd, stat)
         class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: q(self%n), qd(self%n)
+        real(wp), intent(in) :: t, q(self%n), qd(self%n)
         integer, intent(out) :: stat
 
         call self%complete_velocity_basis(stat)

@@ -25,8 +25,7 @@ contains
         class(position_type), intent(inout) :: self
         integer, intent(in), value :: width
         type(evaluator_type), intent(inout) :: model
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: origin(self%n), increment(self%n)
+        real(wp), intent(in) :: t, origin(self%n), increment(self%n)
         logical, intent(in) :: is_stage
         real(wp), intent(in) :: defect
         integer, intent(in) :: stage

@@ -440,8 +440,7 @@ contains
     !> Numbers in ascending order, by insertion: lists are short.
     pure function sorted(list)
         integer, intent(in) :: list(:)
-        integer :: sorted(size(list))
-        integer :: i, j, x
+        integer :: sorted(size(list)), i, j, x
 
         sorted = list
         do i = 2, size(list)

@@ -82,8 +82,7 @@ contains
         integer, intent(in) :: stage
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:)
-        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-        real(wp), intent(inout), contiguous :: residual(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:), residual(:)
         integer, intent(out) :: stat
 
         self%failed_row = 0

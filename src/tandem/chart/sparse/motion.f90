@@ -305,8 +305,7 @@ contains
     !> q = q0 + xi - Y0 mu with Phi(t, q) = 0.
     subroutine restore_position(self, t, increment, q, stat)
         class(sparse_motion_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: increment(self%n)
+        real(wp), intent(in) :: t, increment(self%n)
         real(wp), intent(out) :: q(self%n)
         integer, intent(out) :: stat
         !> Corrections with a factor that is O(h) off; whatever takes more has left the chart.
@@ -399,9 +398,7 @@ contains
     !> qd = qd0 + eta - Y0 x with C qd = nu.
     subroutine restore_velocity(self, t, q, increment, qd, stat)
         class(sparse_motion_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: q(self%n)
-        real(wp), intent(in) :: increment(self%n)
+        real(wp), intent(in) :: t, q(self%n), increment(self%n)
         real(wp), intent(out) :: qd(self%n)
         integer, intent(out) :: stat
 
@@ -501,8 +498,7 @@ contains
     !> The acceleration at (t, q, qd).
     subroutine solve_dynamics(self, t, q, qd, qdd, stat)
         class(sparse_motion_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: q(self%n), qd(self%n)
+        real(wp), intent(in) :: t, q(self%n), qd(self%n)
         real(wp), intent(out) :: qdd(self%n)
         integer, intent(out) :: stat
         integer :: pass
@@ -549,8 +545,7 @@ contains
     !> All of them.
     subroutine restore_motion(self, t, increment, increment_qd, q, qd, qdd, stat)
         class(sparse_motion_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: increment(self%n), increment_qd(self%n)
+        real(wp), intent(in) :: t, increment(self%n), increment_qd(self%n)
         real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
         integer, intent(out) :: stat
         logical :: has_phi

@@ -171,8 +171,7 @@ contains
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
         real(wp), intent(out) :: errors(3)
-        integer, intent(out) :: rows(3)
-        integer, intent(out) :: stat
+        integer, intent(out) :: rows(3), stat
 
         errors = 0.0_wp
         rows = 0
