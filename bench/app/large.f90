@@ -56,6 +56,8 @@ contains
         real(wp), allocatable :: q(:), qd(:)
         real(wp) :: seconds, best, memory
         integer :: k, round, steps
+        !> Four-bars of A02 lie flat at t = 0.72 s: each round begins anew before that.
+        integer, parameter :: most_steps = 600
 
         memory = memory_in_kb()
         call make_large(name, n, mechanism, error)
@@ -74,6 +76,10 @@ contains
         best = huge(1.0_wp)
         steps = 10
         do round = 1, 4
+            if (name == 'four_bars') then
+                steps = min(steps, most_steps)
+                call simulation%initialize(mechanism, options, 0.0_wp, q, qd, error)
+            end if
             seconds = now()
             do k = 1, steps
                 call simulation%step(huge(1.0_wp), error)
