@@ -108,9 +108,7 @@ contains
             call point%make_bases()
             call point%refuse_friction(stat)
         end if
-        if (stat == status_ok) then
-            call point%solve_dynamics(stat)
-        end if
+        if (stat == status_ok) call point%solve_dynamics(stat)
         if (stat == status_ok) call point%differentiate(stat)
         call point%describe(stat, 'cannot be linearised at the point', error)
         if (allocated(error)) return

@@ -269,9 +269,7 @@ contains
         self%busy = .true.
         call self%simulation%look_back()
         call self%simulation%kinetic_energy(kinetic, stat)
-        if (stat == 0 .and. associated(self%model%potential_energy)) then
-            call self%simulation%potential_energy(potential, stat)
-        end if
+        if (stat == 0 .and. associated(self%model%potential_energy)) call self%simulation%potential_energy(potential, stat)
         self%busy = .false.
         if (stat /= 0) then
             call set_error(error, merge(status_not_evaluable, status_callback_failed, stat > 0), &

@@ -7,14 +7,7 @@ submodule(tandem_linalg_elimination) tandem_linalg_elimination_lapack
 
 contains
 
-    !> Take all remembered pivots. stat > 0: they do not serve.
-    module subroutine factor(self, matrix, is_choosy, stat)
-        class(elimination_type), intent(inout) :: self
-        !> C (m, n).
-        real(wp), intent(in) :: matrix(self%m, self%n)
-        !> Whether to refuse small pivots and large entries of Y too, for which a search may find better ones.
-        logical, intent(in) :: is_choosy
-        integer, intent(out) :: stat
+    module procedure factor
         !> Rows are exchanged, so that a small pivot amplifies no rounding: it says that the pivot columns depend on each other.
         real(wp), parameter :: smallest_pivot = 1.0e-8_wp, largest_growth = 10.0_wp
         real(wp) :: least, most
@@ -53,13 +46,9 @@ contains
                 end do
             end do
         end associate
-    end subroutine factor
+    end procedure factor
 
-    !> The rows Cd^-1 of R, each in the place of its pivot column.
-    module subroutine solve_all(self, right_inverse)
-        class(elimination_type), intent(in) :: self
-        !> R (n, m).
-        real(wp), intent(inout) :: right_inverse(:, :)
+    module procedure solve_all
         real(wp) :: inverse(self%m, self%m)
         integer :: i, info
 
@@ -71,14 +60,10 @@ contains
         do i = 1, self%m
             right_inverse(self%order(i), :) = inverse(i, :)
         end do
-    end subroutine solve_all
+    end procedure solve_all
 
     !> y := Cd^-1 x.
-    module subroutine solve(self, x, y)
-        class(elimination_type), intent(in) :: self
-        !> x (m), y (height).
-        real(wp), intent(in), contiguous :: x(:)
-        real(wp), intent(inout), contiguous :: y(:)
+    module procedure solve
         integer :: i, info
 
         if (self%m > largest_small) then
@@ -92,5 +77,5 @@ contains
             end do
             call add_product(self%eliminated(:, :self%m), x, 1.0_wp, y)
         end if
-    end subroutine solve
+    end procedure solve
 end submodule tandem_linalg_elimination_lapack

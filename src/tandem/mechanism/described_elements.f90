@@ -222,9 +222,7 @@ contains
             call take_point(reader, 'on', text, mechanism, n_points, point)
             allocate (variables(0))
             ! Their number grows with that of bodies, and most loads need none.
-            if (reader%has_text('force') .or. reader%has_text('torque')) then
-                call list_variables(mechanism, variables)
-            end if
+            if (reader%has_text('force') .or. reader%has_text('torque')) call list_variables(mechanism, variables)
             call reader%get_expressions('force', [merge(2, 3, mechanism%planar)], variables, by_force, 'N', &
                 'numbers, or expressions of t and the state, such as "rod.x" or "rod.vx"')
             call reader%get_expressions('torque', [merge(1, 3, mechanism%planar)], variables, by_torque, 'N m', 'the same')

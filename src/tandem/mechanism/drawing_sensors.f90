@@ -56,9 +56,7 @@ contains
             sensor%y1 = its%axes1(:, 2)
             sensor%x2 = its%axes2(:, 1)
             if (present(zero)) sensor%zero = zero
-            if (self%planar .and. sensor%turns) then
-              sensor%zero = sensor%zero - self%angle_of(its%second) + self%angle_of(its%first)
-            end if
+            if (self%planar .and. sensor%turns) sensor%zero = sensor%zero - self%angle_of(its%second) + self%angle_of(its%first)
         end associate
         call keep_sensor(self, sensor)
     end procedure add_joint_sensor

@@ -101,15 +101,9 @@ contains
         class(model_type), intent(in) :: model
         type(error_type), allocatable, intent(out) :: error
 
-        if (allocated(model%coordinate_name)) then
-            call check_length('coordinate_name', size(model%coordinate_name), model%n)
-        end if
-        if (allocated(model%coordinate_unit)) then
-            call check_length('coordinate_unit', size(model%coordinate_unit), model%n)
-        end if
-        if (allocated(model%holonomic_name)) then
-            call check_length('holonomic_name', size(model%holonomic_name), model%n_holonomic)
-        end if
+        if (allocated(model%coordinate_name)) call check_length('coordinate_name', size(model%coordinate_name), model%n)
+        if (allocated(model%coordinate_unit)) call check_length('coordinate_unit', size(model%coordinate_unit), model%n)
+        if (allocated(model%holonomic_name)) call check_length('holonomic_name', size(model%holonomic_name), model%n_holonomic)
         if (allocated(model%nonholonomic_name)) then
             call check_length('nonholonomic_name', size(model%nonholonomic_name), model%n_nonholonomic)
         end if

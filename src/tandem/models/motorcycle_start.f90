@@ -6,13 +6,7 @@ submodule(tandem_models_motorcycle) tandem_models_motorcycle_start
 
 contains
 
-    !> The static equilibrium over the origin, heading along y, with the rear axle's centre at a speed (m/s) and no pitch rate.
-    !> stat > 0: there is no equilibrium near, or the velocity constraints do not fix the rest.
-    module subroutine start(self, speed, q, qd, stat)
-        class(motorcycle_type), intent(inout) :: self
-        real(wp), intent(in) :: speed
-        real(wp), intent(out) :: q(10), qd(10)
-        integer, intent(out) :: stat
+    module procedure start
         type(terms_type) :: terms
         type(lu_type) :: lu
         real(wp) :: pitch, tilt, system(10, 10), pitch_row(4), rear(3, 4)
@@ -43,7 +37,7 @@ contains
         qd(:8) = terms%nu
         qd(9) = speed
         call lu%solve(qd)
-    end subroutine start
+    end procedure start
 
     !> The fork's length at a pitch with all wheels on the ground (m).
     pure real(wp) function fork_length(self, pitch)

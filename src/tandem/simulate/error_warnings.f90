@@ -106,8 +106,7 @@ contains
     !> A positive number with two digits, as 1.3e-7, with blanks behind.
     pure function two_digits_padded(value) result(text)
         real(wp), intent(in) :: value
-        character(len=16) :: text
-        character(len=16) :: buffer
+        character(len=16) :: text, buffer
         integer :: exponent, point
 
         if (value >= 1.0_wp .and. value < 1.0e4_wp) then
