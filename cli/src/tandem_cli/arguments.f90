@@ -30,10 +30,7 @@ module tandem_cli_arguments
         character(len=:), allocatable, private :: given(:)
         integer, private :: first = 2
     contains
-        procedure :: parse
-        procedure :: value_of
-        procedure :: number_of
-        procedure :: count_of
+        procedure :: parse, value_of, number_of, count_of
         procedure, private :: take
     end type arguments_type
 

@@ -15,8 +15,7 @@ module tandem_cli_profiling
         type(profile_type) :: profile
         type(profiled_observer_type), private :: watching, writing
     contains
-        procedure :: begin
-        procedure :: observe
+        procedure :: begin, observe
     end type profiling_type
 
 contains

@@ -15,8 +15,7 @@ module tandem_cli_report_json
     type, extends(figure_reader_type) :: member_writer_type
         type(json_type) :: json
     contains
-        procedure :: count => add_count
-        procedure :: value => add_value
+        procedure :: count => add_count, value => add_value
     end type member_writer_type
 
 contains

@@ -15,9 +15,7 @@ module tandem_cli_study_progress
         !> Whether nothing is told.
         logical :: quiet = .false.
     contains
-        procedure :: remark
-        procedure :: show
-        procedure :: clear
+        procedure :: remark, show, clear
     end type study_progress_type
 
 contains

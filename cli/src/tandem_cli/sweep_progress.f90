@@ -22,11 +22,7 @@ module tandem_cli_sweep_progress
         integer(long), private :: started = -1, shown = -1
         integer, private :: tenths = 0
     contains
-        procedure :: begin
-        procedure :: tell
-        procedure :: stops
-        procedure :: remark
-        procedure :: clear
+        procedure :: begin, tell, stops, remark, clear
     end type sweep_progress_type
 
 contains

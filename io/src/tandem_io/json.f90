@@ -15,14 +15,10 @@ module tandem_io_json
         logical, private :: is_first = .true.
     contains
         !> Begin an object or an array; with a name, as the member of an object.
-        procedure :: begin_object
-        procedure :: begin_array
-        procedure :: end_object
-        procedure :: end_array
+        procedure :: begin_object, begin_array, end_object, end_array
         !> A member of an object, or with an empty name an element of an array.
         generic :: add => add_real, add_integer, add_long, add_logical, add_text, add_reals, add_texts
-        procedure, private :: add_real, add_integer, add_long, add_logical, add_text, add_reals, add_texts
-        procedure, private :: put
+        procedure, private :: add_real, add_integer, add_long, add_logical, add_text, add_reals, add_texts, put
     end type json_type
 
 contains

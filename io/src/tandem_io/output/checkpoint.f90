@@ -51,10 +51,7 @@ module tandem_io_output_checkpoint
         type(pack_type) :: pack
         integer(long), allocatable :: words(:)
     contains
-        procedure :: make
-        procedure :: take_up
-        procedure :: write => write_snapshot
-        procedure :: close
+        procedure :: make, take_up, write => write_snapshot, close
     end type checkpoint_type
 
 contains

@@ -31,11 +31,7 @@ module tandem_io_output_checksums
         character(len=:), allocatable :: names
         integer(long), allocatable :: words(:)
     contains
-        procedure :: make
-        procedure :: take_up
-        procedure :: write => write_sums
-        procedure :: note_texts
-        procedure :: close
+        procedure :: make, take_up, write => write_sums, note_texts, close
     end type checksums_type
 
     !> What a file was found to be.
@@ -149,8 +145,7 @@ contains
         integer(long), intent(in), optional :: rows, events
         character(len=:), allocatable :: status, name
         type(fletcher_type) :: sum
-        integer(long) :: asked(2), there
-        integer(long) :: sum_of_texts, written
+        integer(long) :: asked(2), there, sum_of_texts, written
         logical :: are_events, is_torn
         integer :: i, start, last
 

@@ -26,11 +26,7 @@ module tandem_io_output_events
         !> The sums of the rows of time, name, number, direction, q and qd.
         type(fletcher_type) :: sums(6)
     contains
-        procedure :: open
-        procedure :: take_up
-        procedure :: cut
-        procedure :: append
-        procedure :: close
+        procedure :: open, take_up, cut, append, close
     end type event_output_type
 
 contains

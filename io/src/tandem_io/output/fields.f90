@@ -73,8 +73,7 @@ module tandem_io_output_fields
         !> Names of the fields.
         character(len=field_length), allocatable :: fields(:)
     contains
-        procedure :: asks_for
-        procedure :: problem
+        procedure :: asks_for, problem
     end type output_type
 
 contains

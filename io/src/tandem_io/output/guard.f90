@@ -13,13 +13,7 @@ module tandem_io_output_guard
         integer(c_int), private :: file = -1_c_int
         character(len=:), allocatable, private :: path
     contains
-        procedure :: take
-        procedure :: mend
-        procedure :: trim => trim_file
-        procedure :: has_room
-        procedure :: is_there
-        procedure :: is_whole
-        procedure :: release
+        procedure :: take, mend, trim => trim_file, has_room, is_there, is_whole, release
     end type guard_type
 
     interface

@@ -42,51 +42,23 @@ module tandem_io_output_hdf5
         logical, private :: is_growing = .false.
         type(guard_type), private :: guard
     contains
-        procedure :: create
-        procedure :: start_appending
-        procedure :: reopen
-        procedure :: flush
-        procedure :: close
-        procedure :: let_go
-        procedure :: add_group
-        procedure :: add_dataset
-        procedure :: append
-        procedure :: append_texts
-        procedure :: close_dataset
+        procedure :: create, start_appending, reopen, flush, close, let_go
+        procedure :: add_group, add_dataset, append, append_texts, close_dataset
         procedure, private :: note
         ! Attributes.
         generic :: attach => attach_integer, attach_real, attach_string, attach_strings
         procedure, private :: attach_integer, attach_real, attach_string, attach_strings
-        procedure :: reserve
-        procedure :: reserve_text
-        procedure :: detach_all
-        procedure :: get_attribute
-        procedure :: get_text
-        procedure :: replace_text
+        procedure :: reserve, reserve_text, detach_all, get_attribute, get_text, replace_text
         ! Whole datasets.
         generic :: put => put_integers, put_reals, put_strings, put_matrix
         procedure, private :: put_integers, put_reals, put_strings, put_matrix
-        procedure :: add_column
-        procedure :: fill_column
-        procedure :: name_columns
-        procedure :: list_users
+        procedure :: add_column, fill_column, name_columns, list_users
         procedure, private :: make_scale, scale_rows
-        procedure :: link
-        procedure :: open_to_read
-        procedure :: get
+        procedure :: link, open_to_read, get
         ! Runs that go on.
-        procedure :: open_to_append
-        procedure :: open_dataset
-        procedure :: rows_of
-        procedure :: cut
-        procedure :: remove
-        procedure :: add_words
-        procedure :: write_words
-        procedure :: get_words
+        procedure :: open_to_append, open_dataset, rows_of, cut, remove, add_words, write_words, get_words
         ! What is there, and whether it can be read.
-        procedure :: has
-        procedure :: sum_rows
-        procedure :: read_all
+        procedure :: has, sum_rows, read_all
     end type hdf5_type
 
     interface
@@ -299,16 +271,14 @@ module tandem_io_output_hdf5
         module subroutine attach_string(self, path, name, value)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
-            character(len=*), intent(in) :: path, name
-            character(len=*), intent(in) :: value
+            character(len=*), intent(in) :: path, name, value
         end subroutine attach_string
 
         !> Give an object an array of texts, blanks at their ends dropped.
         module subroutine attach_strings(self, path, name, values)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
-            character(len=*), intent(in) :: path, name
-            character(len=*), intent(in) :: values(:)
+            character(len=*), intent(in) :: path, name, values(:)
         end subroutine attach_strings
 
         !> Give an object its meaning, and room for attributes that come after `start_appending`, in one piece, which is written at
@@ -392,8 +362,7 @@ module tandem_io_output_hdf5
         module subroutine put_strings(self, path, values)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
-            character(len=*), intent(in) :: path
-            character(len=*), intent(in) :: values(:)
+            character(len=*), intent(in) :: path, values(:)
         end subroutine put_strings
 
         !> Open a file to read from it.

@@ -35,8 +35,7 @@ contains
     !> Give an object a text, blanks at its end dropped.
     module subroutine attach_string(self, path, name, value)
         class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name
-        character(len=*), intent(in) :: value
+        character(len=*), intent(in) :: path, name, value
 
         call attach_texts(self, path, name, [value], -1)
     end subroutine attach_string
@@ -44,8 +43,7 @@ contains
     !> Give an object an array of texts, blanks at their ends dropped.
     module subroutine attach_strings(self, path, name, values)
         class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name
-        character(len=*), intent(in) :: values(:)
+        character(len=*), intent(in) :: path, name, values(:)
 
         call attach_texts(self, path, name, values, size(values))
     end subroutine attach_strings
@@ -53,8 +51,7 @@ contains
     !> Texts of variable length in UTF-8, which Python reads as str.
     subroutine attach_texts(self, path, name, values, length)
         class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name
-        character(len=*), intent(in) :: values(:)
+        character(len=*), intent(in) :: path, name, values(:)
         !> Length of the array, -1 for a single text.
         integer, intent(in) :: length
         character(kind=c_char), allocatable, target :: letters(:)

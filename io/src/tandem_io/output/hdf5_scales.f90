@@ -130,8 +130,7 @@ contains
     module subroutine name_columns(self, dataset, path, scale, names)
         class(hdf5_type), intent(inout) :: self
         integer(hid_t), intent(in) :: dataset
-        character(len=*), intent(in) :: path, scale
-        character(len=*), intent(in) :: names(:)
+        character(len=*), intent(in) :: path, scale, names(:)
         integer(hid_t) :: other
         integer :: stat
         logical :: exists

@@ -44,8 +44,7 @@ contains
     !> Make a dataset of texts (rows), blanks at their ends dropped.
     module subroutine put_strings(self, path, values)
         class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        character(len=*), intent(in) :: values(:)
+        character(len=*), intent(in) :: path, values(:)
         character(kind=c_char), allocatable, target :: letters(:)
         type(c_ptr), target :: starts(size(values))
         integer(hid_t) :: text_type

@@ -15,8 +15,7 @@ module tandem_io_output_observers
     type, extends(observer_type) :: observer_list_type
         type(item_type), allocatable, private :: items(:)
     contains
-        procedure :: add
-        procedure :: observe
+        procedure :: add, observe
     end type observer_list_type
 
 contains

@@ -15,8 +15,7 @@ module tandem_io_output_report
     type, extends(figure_reader_type) :: attacher_type
         type(hdf5_type), pointer :: file => null()
     contains
-        procedure :: count => attach_count
-        procedure :: value => attach_value
+        procedure :: count => attach_count, value => attach_value
     end type attacher_type
 
 contains

@@ -23,8 +23,7 @@ module tandem_io_output_series
         !> The sum of the rows that the dataset has.
         type(fletcher_type) :: sum
     contains
-        procedure :: make
-        procedure :: append
+        procedure :: make, append
     end type series_type
 
     !> The names of columns, as a dataset that the series of a group share.

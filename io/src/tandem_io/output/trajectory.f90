@@ -79,24 +79,9 @@ module tandem_io_output_trajectory
         integer(long), private :: intervals = 0
         character(len=:), allocatable, private :: path
     contains
-        procedure :: open
-        procedure :: go_on
-        procedure :: observe
-        procedure :: close
-        procedure :: add_error
-        procedure :: add_profile
-        procedure :: release
-        procedure, private :: gather
-        procedure, private :: gather_between
-        procedure, private :: measure
-        procedure, private :: integrate
-        procedure, private :: write_rows
-        procedure, private :: bring
-        procedure, private :: watch
-        procedure, private :: save
-        procedure, private :: save_simulation
-        procedure, private :: close_datasets
-        procedure, private :: prepare, fail
+        procedure :: open, go_on, observe, close, add_error, add_profile, release
+        procedure, private :: gather, gather_between, measure, integrate, write_rows, bring
+        procedure, private :: watch, save, save_simulation, close_datasets, prepare, fail
     end type trajectory_type
 
     interface

@@ -31,12 +31,7 @@ module tandem_io_scene_ledger
         type(entry_type), allocatable :: entries(:)
         integer :: n = 0
     contains
-        procedure :: add
-        procedure :: hide
-        procedure :: keys
-        procedure :: text
-        procedure :: unit_of
-        procedure :: value_of
+        procedure :: add, hide, keys, text, unit_of, value_of
     end type ledger_type
 
 contains

@@ -35,12 +35,8 @@ module tandem_io_scene_lexer
         type(path_type), allocatable, private :: values(:), headings(:)
         integer, private :: n_values = 0, n_headings = 0
     contains
-        procedure :: next
-        procedure :: extract_datetime
-        procedure, private :: take_key
-        procedure, private :: keep_value
-        procedure, private :: may_go_on
-        procedure, private :: is_known
+        procedure :: next, extract_datetime
+        procedure, private :: take_key, keep_value, may_go_on, is_known
     end type scene_lexer_type
 
     !> What ends a key in a path; no scene holds it.

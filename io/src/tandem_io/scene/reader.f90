@@ -37,37 +37,14 @@ module tandem_io_scene_reader
         !> Its number in an array of tables, 0 for a table of its own.
         integer, private :: element = 0
     contains
-        procedure :: open_sources
-        procedure :: check_tables
-        procedure :: open_table
-        procedure :: count_tables
-        procedure :: open_element
-        procedure :: close_table
-        procedure :: failed
-        procedure :: source_of
-        procedure :: hide
-        procedure :: remark
-        procedure :: propose
-        procedure :: gives
-        procedure :: refuse
-        procedure :: flatten => flatten_tables
-        procedure :: says_true
-        procedure :: says_number
-        procedure :: refuse_place
-        procedure :: refuse_tables
-        procedure :: show
-        procedure :: text
+        procedure :: open_sources, check_tables, open_table, count_tables, open_element, close_table
+        procedure :: failed, source_of, hide, remark, propose, gives, flatten => flatten_tables, says_true, says_number
+        procedure :: refuse, refuse_place, refuse_tables, show, text
         generic :: get => get_real, get_integer, get_logical, get_string, get_choice, get_vector, get_strings
-        procedure :: get_reals
-        procedure :: get_for_each
+        procedure :: get_reals, get_for_each
         procedure, private :: get_real, get_integer, get_logical, get_string, get_choice, get_vector, get_strings
-        procedure :: get_list
-        procedure :: change
-        procedure :: unit_of
-        procedure :: value_of
-        procedure, private :: find
-        procedure, private :: record
-        procedure, private :: refuse_value
+        procedure :: get_list, change, unit_of, value_of
+        procedure, private :: find, record, refuse_value
     end type reader_type
 
     ! What sweeps need: lists of any length, and values that change from case to case.

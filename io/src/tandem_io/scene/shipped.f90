@@ -52,8 +52,7 @@ contains
         character(len=*), intent(in) :: name
         character(len=:), allocatable, intent(out) :: path
         type(error_type), allocatable, intent(out) :: error
-        character(len=path_length), allocatable :: folders(:)
-        character(len=path_length), allocatable :: names(:)
+        character(len=path_length), allocatable :: folders(:), names(:)
         character(len=:), allocatable :: message
         logical :: exists
         integer :: i
@@ -86,9 +85,7 @@ contains
 
     !> The paths of all scenes that have a name, sorted by it.
     function shipped_scenes() result(paths)
-        character(len=path_length), allocatable :: paths(:)
-        character(len=path_length), allocatable :: folders(:)
-        character(len=path_length), allocatable :: found(:)
+        character(len=path_length), allocatable :: paths(:), folders(:), found(:)
         character(len=path_length) :: swap
         integer :: i, j, n
 

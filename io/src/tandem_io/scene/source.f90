@@ -37,11 +37,7 @@ module tandem_io_scene_source
         !> What a file is, in messages.
         character(len=8) :: kind = 'scene'
     contains
-        procedure :: load_file
-        procedure :: load_text
-        procedure :: load_argument
-        procedure :: describe
-        procedure :: value_of
+        procedure :: load_file, load_text, load_argument, describe, value_of
         procedure, private :: end_of
     end type source_type
 

@@ -17,8 +17,7 @@ module tandem_io_study_endurance
         !> Pages in memory after the first tenth, and at the end; negative where the system does not say.
         integer(long) :: pages_first = -1, pages_last = -1
     contains
-        procedure :: observe
-        procedure :: growth
+        procedure :: observe, growth
     end type endurance_type
 
 contains

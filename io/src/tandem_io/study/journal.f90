@@ -33,11 +33,7 @@ module tandem_io_study_journal
         integer, private :: unit = 0
         logical, private :: is_open = .false.
     contains
-        procedure :: open
-        procedure :: beginning
-        procedure :: append
-        procedure :: close
-        procedure :: write_hdf5
+        procedure :: open, beginning, append, close, write_hdf5
         procedure, private :: read_rows
     end type journal_type
 

@@ -33,8 +33,7 @@ module tandem_io_study_measure
         integer, private :: unwatched = 0
     contains
         procedure :: observe
-        procedure, private :: take
-        procedure, private :: watch
+        procedure, private :: take, watch
     end type sampler_type
 
     !> What a run was.

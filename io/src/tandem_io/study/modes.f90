@@ -57,15 +57,8 @@ module tandem_io_study_modes
         type(locus_point_type), allocatable :: points(:)
         type(critical_type), allocatable :: critical(:)
     contains
-        procedure :: sample
-        procedure :: find_critical
-        procedure :: write_csv
-        procedure, private :: search
-        procedure, private :: find_zero
-        procedure, private :: interpolate
-        procedure, private :: find_pairs
-        procedure, private :: refine_pair
-        procedure, private :: find_collision
+        procedure :: sample, find_critical, write_csv
+        procedure, private :: search, find_zero, interpolate, find_pairs, refine_pair, find_collision
     end type modes_type
 
 contains

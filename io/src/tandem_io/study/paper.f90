@@ -89,8 +89,7 @@ module tandem_io_study_paper
     contains
         procedure :: next_run
         procedure, nopass :: total
-        procedure, private :: is_there
-        procedure, private :: put
+        procedure, private :: is_there, put
     end type paper_type
 
 contains

@@ -82,16 +82,8 @@ module tandem_io_study_precision
         type(scene_type), pointer, private :: scene => null()
         real(wp), private :: t_end = 0.0_wp, useful = 0.0_wp
     contains
-        procedure :: start
-        procedure :: next_row
-        procedure :: floor_q
-        procedure :: cheapest
-        procedure, private :: plan
-        procedure, private :: rows_of
-        procedure, private :: choose_first
-        procedure, private :: measure
-        procedure, private :: options_of
-        procedure, private :: coarsest
+        procedure :: start, next_row, floor_q, cheapest
+        procedure, private :: plan, rows_of, choose_first, measure, options_of, coarsest
     end type precision_type
 
 contains

@@ -63,12 +63,8 @@ module tandem_io_study_stability
         integer, private :: current = 0
         logical, private :: has_truth = .false.
     contains
-        procedure :: next_row
-        procedure :: total
-        procedure :: row_of
-        procedure :: count_of
-        procedure, private :: measure
-        procedure, private :: compare_units
+        procedure :: next_row, total, row_of, count_of
+        procedure, private :: measure, compare_units
     end type stability_type
 
 contains

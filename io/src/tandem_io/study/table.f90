@@ -36,18 +36,10 @@ module tandem_io_study_table
         !> The cells (columns, rows); an empty one stands for a value that does not exist.
         character(len=cell_length), allocatable :: cells(:, :)
     contains
-        procedure :: initialize
-        procedure :: rows
-        procedure :: index_of
-        procedure :: new_row
-        procedure :: add
+        procedure :: initialize, rows, index_of, new_row, add
         generic :: put => put_text, put_count, put_real
         procedure, private :: put_text, put_count, put_real
-        procedure :: text_at
-        procedure :: real_at
-        procedure :: count_at
-        procedure :: header
-        procedure :: line
+        procedure :: text_at, real_at, count_at, header, line
         procedure, private :: width
     end type table_type
 

@@ -30,8 +30,7 @@ module tandem_io_sweep_case
         !> The numbers of the last case, of which only those that differ are told to the reader.
         real(wp), allocatable, private :: last(:)
     contains
-        procedure :: prepare
-        procedure :: run
+        procedure :: prepare, run
     end type case_runner_type
 
 contains

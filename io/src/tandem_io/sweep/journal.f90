@@ -43,19 +43,9 @@ module tandem_io_sweep_journal
         !> One record.
         integer(c_int64_t), allocatable, private :: words(:)
     contains
-        procedure :: open => open_journal
-        procedure :: has
-        procedure :: append
-        procedure :: flush => flush_journal
-        procedure :: read => read_record
-        procedure :: take_from
-        procedure :: close => close_journal
-        procedure, private :: prepare
-        procedure, private :: write_head
-        procedure, private :: check_head
-        procedure, private :: scan
-        procedure, private :: sync
-        procedure, private :: say_problem
+        procedure :: open => open_journal, has, append, flush => flush_journal, read => read_record
+        procedure :: take_from, close => close_journal
+        procedure, private :: prepare, write_head, check_head, scan, sync, say_problem
     end type sweep_journal_type
 
     interface

@@ -49,10 +49,8 @@ module tandem_io_sweep_kept
         !> The figure's name.
         character(len=:), allocatable :: figure
     contains
-        procedure :: width
-        procedure :: resolve
-        procedure, private :: find_indexed
-        procedure, private :: find_sensor
+        procedure :: width, resolve
+        procedure, private :: find_indexed, find_sensor
     end type kept_type
 
     !> Looks for one figure of a run.
@@ -63,8 +61,7 @@ module tandem_io_sweep_kept
         !> All names, for messages.
         character(len=:), allocatable :: names
     contains
-        procedure :: count => take_count_of
-        procedure :: value => take_value_of
+        procedure :: count => take_count_of, value => take_value_of
     end type finder_type
 
 contains

@@ -53,9 +53,7 @@ module tandem_io_sweep_plan
         !> Whether its values are no numbers; their places in the list stand for them then.
         logical :: holds_texts = .false.
     contains
-        procedure :: is_drawn
-        procedure :: drawn
-        procedure :: held
+        procedure :: is_drawn, drawn, held
         procedure, private :: normal_place
         procedure :: typical
     end type input_type
@@ -90,11 +88,7 @@ module tandem_io_sweep_plan
         integer :: n_drawn = 0
         type(sobol_type), private :: sobol
     contains
-        procedure :: complete
-        procedure :: n_cases
-        procedure :: n_outputs
-        procedure :: numbers_of
-        procedure :: atom_of
+        procedure :: complete, n_cases, n_outputs, numbers_of, atom_of
         procedure, private :: place_between
     end type plan_type
 

@@ -32,13 +32,7 @@ module tandem_io_sweep_processes
         !> Whose turn it is to be looked at.
         integer, private :: turn = 0
     contains
-        procedure :: prepare
-        procedure :: size => count_workers
-        procedure :: start
-        procedure :: give
-        procedure :: next
-        procedure :: end_worker
-        procedure :: dismiss
+        procedure :: prepare, size => count_workers, start, give, next, end_worker, dismiss
         procedure, private :: look_at
     end type processes_type
 

@@ -26,8 +26,7 @@ module tandem_io_sweep_record
         !> What went wrong, on one line.
         character(len=message_length) :: message = ''
     contains
-        procedure :: to_words
-        procedure :: from_words
+        procedure :: to_words, from_words
     end type record_type
 
 contains

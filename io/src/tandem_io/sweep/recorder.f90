@@ -30,16 +30,8 @@ module tandem_io_sweep_recorder
         !> Whether the error of the run is asked for, which takes a second one.
         logical :: needs_estimate = .false.
     contains
-        procedure :: initialize
-        procedure :: resolve
-        procedure :: observe
-        procedure :: take_estimate
-        procedure, private :: begin
-        procedure, private :: take_step
-        procedure, private :: take_between
-        procedure, private :: finish
-        procedure, private :: look
-        procedure, private :: value_now
+        procedure :: initialize, resolve, observe, take_estimate
+        procedure, private :: begin, take_step, take_between, finish, look, value_now
     end type recorder_type
 
 contains

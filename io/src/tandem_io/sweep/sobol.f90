@@ -63,8 +63,7 @@ module tandem_io_sweep_sobol
     type :: sobol_type
         integer(long), allocatable, private :: directions(:, :)
     contains
-        procedure :: prepare
-        procedure :: point
+        procedure :: prepare, point
     end type sobol_type
 
 contains
