@@ -9,44 +9,28 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_attributes
 
 contains
 
-    !> Give an object an integer attribute.
-    module subroutine attach_integer(self, path, name, value)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name
-        integer(long), intent(in) :: value
+    module procedure attach_integer
         integer(long), target :: copy
 
         copy = value
         if (allocated(self%problem)) return
         call attach_value(self, path, name, h5t_std_i64le, h5kind_to_type(long, h5_integer_kind), c_loc(copy), -1)
-    end subroutine attach_integer
+    end procedure attach_integer
 
-    !> Give an object a real attribute.
-    module subroutine attach_real(self, path, name, value)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name
-        real(wp), intent(in) :: value
+    module procedure attach_real
         real(wp), target :: copy
 
         copy = value
         call attach_value(self, path, name, h5t_ieee_f64le, h5t_native_double, c_loc(copy), -1)
-    end subroutine attach_real
+    end procedure attach_real
 
-    !> Give an object a text, blanks at its end dropped.
-    module subroutine attach_string(self, path, name, value)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name, value
-
+    module procedure attach_string
         call attach_texts(self, path, name, [value], -1)
-    end subroutine attach_string
+    end procedure attach_string
 
-    !> Give an object an array of texts, blanks at their ends dropped.
-    module subroutine attach_strings(self, path, name, values)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name, values(:)
-
+    module procedure attach_strings
         call attach_texts(self, path, name, values, size(values))
-    end subroutine attach_strings
+    end procedure attach_strings
 
     !> Texts of variable length in UTF-8, which Python reads as str.
     subroutine attach_texts(self, path, name, values, length)
@@ -134,12 +118,7 @@ contains
 
     !> Give an object its meaning, and room for attributes that come after `start_appending`, in one piece, which is written at
     !> once: HDF5 leaves the place of an attribute that was taken away to others, as long as one stands behind it.
-    module subroutine reserve(self, path, bytes, meaning)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        !> About 40 and its value an attribute; at most 64000.
-        integer, intent(in) :: bytes
-        character(len=*), intent(in) :: meaning
+    module procedure reserve
         character(len=*), parameter :: name = 'room'
         integer(hid_t) :: object, attribute
         integer :: stat
@@ -154,14 +133,12 @@ contains
             call h5adelete_f(object, name, stat)
         end if
         call h5oclose_f(object, stat)
-    end subroutine reserve
+    end procedure reserve
 
     !> Leave room for a text of some hundred letters where texts stand, so that it needs no space where the disk is full. They stand
     !> in collections of 4 kB, or of what one has grown to; old texts stay there. Of five texts of a quarter of one, the last begins
     !> a collection or finds much room, unless the room that was left before was just enough for all.
-    module subroutine reserve_text(self, path, name)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name
+    module procedure reserve_text
         integer, parameter :: times = 5, length = 1024
         integer :: i
 
@@ -169,12 +146,9 @@ contains
             call self%attach(path, name, repeat('.', length))
         end do
         call self%attach(path, name, '')
-    end subroutine reserve_text
+    end procedure reserve_text
 
-    !> Take all attributes but the meaning from an object.
-    module subroutine detach_all(self, path)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
+    module procedure detach_all
         character(len=len('meaning') + 1) :: name
         integer(hid_t) :: object
         integer(hsize_t) :: kept
@@ -196,14 +170,9 @@ contains
             call self%note(stat, 'take the attributes from '//path)
         end do
         call h5oclose_f(object, stat)
-    end subroutine detach_all
+    end procedure detach_all
 
-    !> Read an attribute that is a whole number; 0 where there is none.
-    module subroutine get_attribute(self, path, name, value, is_there)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name
-        integer(long), target, intent(out) :: value
-        logical, intent(out) :: is_there
+    module procedure get_attribute
         integer(hid_t) :: attribute
         type(c_ptr) :: start
         integer :: stat
@@ -217,13 +186,9 @@ contains
         call h5aread_f(attribute, h5kind_to_type(long, h5_integer_kind), start, stat)
         is_there = stat == 0
         call h5aclose_f(attribute, stat)
-    end subroutine get_attribute
+    end procedure get_attribute
 
-    !> Read an attribute that is a text; blank where there is none that can be read.
-    module subroutine get_text(self, path, name, value)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, name
-        character(len=:), allocatable, intent(out) :: value
+    module procedure get_text
         integer(hid_t) :: attribute
         integer :: stat
 
@@ -234,5 +199,5 @@ contains
         call read_text(attribute, value, stat)
         if (stat /= 0) value = ''
         call h5aclose_f(attribute, stat)
-    end subroutine get_text
+    end procedure get_text
 end submodule tandem_io_output_hdf5_attributes

@@ -16,15 +16,8 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_columns
 
 contains
 
-    !> Make a dataset of known size and leave it open: (rows), or (rows, width) to C and Python.
-    module subroutine add_column(self, path, width, rows, counts, dataset)
+    module procedure add_column
         use, intrinsic :: iso_c_binding, only: c_bool
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        integer, intent(in) :: width
-        integer(long), intent(in) :: rows
-        logical, intent(in) :: counts
-        integer(hid_t), intent(out) :: dataset
         integer(hid_t) :: space, properties
         integer :: stat, rank
 
@@ -42,16 +35,9 @@ contains
         call self%note(stat, 'make '//path)
         call h5pclose_f(properties, stat)
         call h5sclose_f(space, stat)
-    end subroutine add_column
+    end procedure add_column
 
-    !> Write some rows of such a dataset.
-    module subroutine fill_column(self, dataset, path, width, before, values)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: dataset
-        character(len=*), intent(in) :: path
-        integer, intent(in) :: width
-        integer(long), intent(in) :: before
-        real(wp), intent(in), contiguous, target :: values(:, :)
+    module procedure fill_column
         integer(hid_t) :: file_space, memory_space
         type(c_ptr) :: place
         integer :: stat, rank
@@ -72,5 +58,5 @@ contains
         call self%note(stat, 'write '//path)
         call h5sclose_f(memory_space, stat)
         call h5sclose_f(file_space, stat)
-    end subroutine fill_column
+    end procedure fill_column
 end submodule tandem_io_output_hdf5_columns

@@ -11,11 +11,7 @@ contains
     !> not be written: new properties have a driver of their own, which makes it another file to HDF5, read anew from the disk.
     !> Texts stand in collections with some room; HDF5 knows of it once it has read from one. Where the room is too small, the file
     !> is left as it is.
-    module subroutine replace_text(self, path, name, value)
-        class(hdf5_type), intent(inout) :: self
-        !> Where the file stands, and the name of the attribute.
-        character(len=*), intent(in) :: path, name
-        character(len=*), intent(in) :: value
+    module procedure replace_text
         character(len=:), allocatable :: old
         character(kind=c_char), allocatable, target :: letters(:)
         type(c_ptr), target :: start(1)
@@ -48,5 +44,5 @@ contains
             call h5fclose_f(file, stat)
             if (stat == 0) call release_driver(driver)
         end if
-    end subroutine replace_text
+    end procedure replace_text
 end submodule tandem_io_output_hdf5_last_word

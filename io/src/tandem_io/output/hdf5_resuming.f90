@@ -7,13 +7,7 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_resuming
 
 contains
 
-    !> Open a file to append rows to its datasets, once they are open and `start_appending` was called. A file whose writer was
-    !> killed is freed of its mark before.
-    module subroutine open_to_append(self, path, datasets)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        !> How many datasets grow in it.
-        integer, intent(in) :: datasets
+    module procedure open_to_append
         !> What is written before the first row, and some rows.
         integer(c_int64_t), parameter :: room = 2**19
         integer(hid_t) :: access
@@ -40,13 +34,9 @@ contains
         call self%note(stat, 'open '//path)
         if (stat /= 0) self%file = -1_hid_t
         call h5pclose_f(access, stat)
-    end subroutine open_to_append
+    end procedure open_to_append
 
-    !> Open a dataset that is there.
-    module subroutine open_dataset(self, path, dataset)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        integer(hid_t), intent(out) :: dataset
+    module procedure open_dataset
         integer :: stat
 
         dataset = -1_hid_t
@@ -54,13 +44,9 @@ contains
         call h5dopen_f(self%file, path, dataset, stat)
         call self%note(stat, 'find '//path)
         if (stat /= 0) dataset = -1_hid_t
-    end subroutine open_dataset
+    end procedure open_dataset
 
-    !> How many rows a dataset has; 0 where that cannot be told.
-    module function rows_of(self, dataset) result(rows)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: dataset
-        integer(long) :: rows
+    module procedure rows_of
         integer(hsize_t) :: sizes(2), largest(2)
         integer(hid_t) :: space
         integer :: rank, stat
@@ -74,15 +60,9 @@ contains
             rows = int(sizes(2), long)
         end if
         call h5sclose_f(space, stat)
-    end function rows_of
+    end procedure rows_of
 
-    !> Make a series of whole numbers that are no rows of the result, empty, and leave it open.
-    module subroutine add_words(self, path, chunk, dataset)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        !> Numbers in a chunk.
-        integer, intent(in) :: chunk
-        integer(hid_t), intent(out) :: dataset
+    module procedure add_words
         integer(hid_t) :: space, properties
         integer :: stat
 
@@ -95,14 +75,9 @@ contains
         call self%note(stat, 'make '//path)
         call h5pclose_f(properties, stat)
         call h5sclose_f(space, stat)
-    end subroutine add_words
+    end procedure add_words
 
-    !> Write over the beginning of such a series, which grows where it is too short.
-    module subroutine write_words(self, dataset, path, words)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: dataset
-        character(len=*), intent(in) :: path
-        integer(long), intent(in), contiguous, target :: words(:)
+    module procedure write_words
         integer(hid_t) :: file_space, memory_space
         integer(long) :: length
         integer :: stat
@@ -121,13 +96,9 @@ contains
         call self%note(stat, 'write '//path)
         call h5sclose_f(memory_space, stat)
         call h5sclose_f(file_space, stat)
-    end subroutine write_words
+    end procedure write_words
 
-    !> Read such a series.
-    module subroutine get_words(self, path, words)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        integer(long), allocatable, target, intent(out) :: words(:)
+    module procedure get_words
         integer(hid_t) :: dataset
         type(c_ptr) :: start
         integer :: stat
@@ -140,16 +111,9 @@ contains
         if (size(words) > 0) call h5dread_f(dataset, h5kind_to_type(long, h5_integer_kind), start, stat)
         call self%note(stat, 'read '//path)
         call h5dclose_f(dataset, stat)
-    end subroutine get_words
+    end procedure get_words
 
-    !> Cut a dataset back to its first rows.
-    module subroutine cut(self, dataset, path, width, rows)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: dataset
-        character(len=*), intent(in) :: path
-        !> Numbers in a row, 0 for a series of single numbers.
-        integer, intent(in) :: width
-        integer(long), intent(in) :: rows
+    module procedure cut
         integer :: stat
 
         if (allocated(self%problem)) return
@@ -157,12 +121,9 @@ contains
             call h5dset_extent_f(dataset, sizes(first:), stat)
         end associate
         call self%note(stat, 'cut '//path)
-    end subroutine cut
+    end procedure cut
 
-    !> Remove a group with all that it holds, if it is there.
-    module subroutine remove(self, path)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
+    module procedure remove
         logical :: exists
         integer :: stat
 
@@ -170,5 +131,5 @@ contains
         call h5lexists_f(self%file, path, exists, stat)
         if (exists) call h5ldelete_f(self%file, path, stat)
         call self%note(stat, 'remove '//path)
-    end subroutine remove
+    end procedure remove
 end submodule tandem_io_output_hdf5_resuming

@@ -6,22 +6,7 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_rows
 
 contains
 
-    !> Make a dataset without rows and leave it open. To C and Python it is (rows) or (rows, width).
-    module subroutine add_dataset(self, path, width, chunk, counts, dataset, scale, texts)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        !> Numbers in a row; 0 for a series of single numbers, without that dimension.
-        integer, intent(in) :: width
-        !> Rows in a chunk.
-        integer, intent(in) :: chunk
-        !> Whether integers are stored.
-        logical, intent(in) :: counts
-        !> The dataset.
-        integer(hid_t), intent(out) :: dataset
-        !> The dataset whose values belong to the rows, to be told by `list_users`; itself where absent.
-        integer(hid_t), intent(in), optional :: scale
-        !> Length of the texts that are stored; none where absent.
-        integer, intent(in), optional :: texts
+    module procedure add_dataset
         integer(hid_t) :: space, properties, stored
         integer :: stat, rank
 
@@ -53,34 +38,13 @@ contains
         else
             call self%make_scale(dataset, path, 'time')
         end if
-    end subroutine add_dataset
+    end procedure add_dataset
 
-    !> Append rows to a dataset.
-    module subroutine append(self, dataset, path, width, before, rows, values)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: dataset
-        !> Its path, for messages.
-        character(len=*), intent(in) :: path
-        !> Numbers in a row, 0 for a series of single numbers.
-        integer, intent(in) :: width
-        !> Rows that it has, and rows to append.
-        integer(long), intent(in) :: before
-        integer, intent(in) :: rows
-        !> The rows, one a column; more columns may follow.
-        real(wp), intent(in), contiguous, target :: values(:, :)
-
+    module procedure append
         call append_values(self, dataset, path, width, before, rows, h5t_native_double, c_loc(values))
-    end subroutine append
+    end procedure append
 
-    !> Append texts to a dataset of them, blanks at their ends dropped.
-    module subroutine append_texts(self, dataset, path, before, values)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: dataset
-        !> Its path, for messages.
-        character(len=*), intent(in) :: path
-        !> Rows that it has.
-        integer(long), intent(in) :: before
-        character(len=*), intent(in) :: values(:)
+    module procedure append_texts
         character(kind=c_char), target :: letters(len(values), size(values))
         integer(hid_t) :: text_type
         integer :: i, j, stat
@@ -94,7 +58,7 @@ contains
         call make_fixed_type(len(values), text_type)
         call append_values(self, dataset, path, 0, before, size(values), text_type, c_loc(letters))
         call h5tclose_f(text_type, stat)
-    end subroutine append_texts
+    end procedure append_texts
 
     !> Append rows of any type.
     subroutine append_values(self, dataset, path, width, before, rows, memory_type, values)

@@ -41,12 +41,7 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_scales
 
 contains
 
-    !> Make a dataset a dimension scale of a name.
-    module subroutine make_scale(self, dataset, path, name)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: dataset
-        !> Its path, for messages.
-        character(len=*), intent(in) :: path, name
+    module procedure make_scale
         character(kind=c_char) :: letters(len(name) + 1)
         integer :: i, stat
 
@@ -56,17 +51,10 @@ contains
         letters(len(name) + 1) = c_null_char
         stat = int(h5ds_set_scale(int(dataset, c_int64_t), letters))
         call self%note(stat, 'make a scale of '//path)
-    end subroutine make_scale
+    end procedure make_scale
 
     !> Let a scale belong to the rows of a dataset, which has none yet: the first dimension in C's order.
-    module subroutine scale_rows(self, dataset, path, rank, scale)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: dataset
-        !> Its path, for messages.
-        character(len=*), intent(in) :: path
-        !> How many dimensions the dataset has.
-        integer, intent(in) :: rank
-        integer(hid_t), intent(in) :: scale
+    module procedure scale_rows
         type(hobj_ref_t_f), target :: reference
         type(scales_type), target :: scales(rank)
         integer(hid_t) :: kind_of_list
@@ -78,15 +66,9 @@ contains
         scales(1) = scales_type(1_c_size_t, c_loc(reference))
         call h5tvlen_create_f(h5t_std_ref_obj, kind_of_list, stat)
         call write_list(self, dataset, path, 'DIMENSION_LIST', kind_of_list, rank, c_loc(scales))
-    end subroutine scale_rows
+    end procedure scale_rows
 
-    !> Let a scale name the datasets to whose rows it belongs, all of them at once.
-    module subroutine list_users(self, scale, path, datasets)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: scale
-        !> Its path, for messages.
-        character(len=*), intent(in) :: path
-        integer(hid_t), intent(in) :: datasets(:)
+    module procedure list_users
         type(hobj_ref_t_f), target :: reference
         type(user_type), allocatable, target :: users(:)
         integer(hid_t) :: kind_of_user
@@ -102,7 +84,7 @@ contains
         call h5tinsert_f(kind_of_user, 'dataset', 0_size_t, h5t_std_ref_obj, stat)
         call h5tinsert_f(kind_of_user, 'dimension', int(storage_size(0_c_int64_t)/8, size_t), h5t_native_integer, stat)
         call write_list(self, scale, path, 'REFERENCE_LIST', kind_of_user, size(users), c_loc(users))
-    end subroutine list_users
+    end procedure list_users
 
     !> Write an attribute that is a list; its type is not needed any more.
     subroutine write_list(self, dataset, path, name, kind_of_entry, n, entries)
@@ -126,11 +108,7 @@ contains
         call h5tclose_f(kind_of_entry, stat)
     end subroutine write_list
 
-    !> Name the columns of a dataset by the texts of another one, a dimension scale, which is made where it is not there.
-    module subroutine name_columns(self, dataset, path, scale, names)
-        class(hdf5_type), intent(inout) :: self
-        integer(hid_t), intent(in) :: dataset
-        character(len=*), intent(in) :: path, scale, names(:)
+    module procedure name_columns
         integer(hid_t) :: other
         integer :: stat
         logical :: exists
@@ -147,5 +125,5 @@ contains
         stat = int(h5ds_attach_scale(int(dataset, c_int64_t), int(other, c_int64_t), 1_c_int))
         call self%note(stat, 'attach the names to '//path)
         call h5dclose_f(other, stat)
-    end subroutine name_columns
+    end procedure name_columns
 end submodule tandem_io_output_hdf5_scales

@@ -21,11 +21,7 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_sums
 
 contains
 
-    !> Whether there is an object of this path; its group must be there.
-    module function has(self, path) result(is_there)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        logical :: is_there
+    module procedure has
         integer :: stat
 
         is_there = .false.
@@ -33,28 +29,17 @@ contains
         call h5lexists_f(self%file, path, is_there, stat)
         call self%note(stat, 'find '//path)
         is_there = is_there .and. stat == 0
-    end function has
+    end procedure has
 
-    !> Read every object of the file with all its attributes, so that what is damaged shows.
-    module subroutine read_all(self, lost_texts, sum_of_texts)
-        class(hdf5_type), intent(inout) :: self
-        integer, intent(out) :: lost_texts
-        integer(long), intent(out) :: sum_of_texts
-
+    module procedure read_all
         lost_texts = 0
         sum_of_texts = 0
         if (allocated(self%problem)) return
         lost_texts = int(c_read_all(int(self%file, c_int64_t), sum_of_texts))
         call self%note(lost_texts, 'read all that is in it')
-    end subroutine read_all
+    end procedure read_all
 
-    !> Read the first rows of a dataset of numbers or of texts, and sum them up row by row.
-    module subroutine sum_rows(self, path, early_rows, rows, early, sum, all_rows)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        integer(long), intent(in) :: early_rows, rows
-        type(fletcher_type), intent(out) :: early, sum
-        integer(long), intent(out) :: all_rows
+    module procedure sum_rows
         integer(hid_t) :: dataset, space, text_type
         integer(hsize_t) :: sizes(2), largest(2)
         integer(size_t) :: length
@@ -97,7 +82,7 @@ contains
         end do
         if (early_rows >= last) early = sum
         call h5dclose_f(dataset, stat)
-    end subroutine sum_rows
+    end procedure sum_rows
 
     !> Add some rows of a dataset to a sum: numbers as reals of 8 bytes, texts as they are, with blanks up to a whole word.
     subroutine add_piece(self, dataset, path, rank, block, before, length, sum)

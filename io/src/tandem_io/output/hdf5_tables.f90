@@ -8,43 +8,28 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_tables
 
 contains
 
-    !> Make a dataset of integers (rows).
-    module subroutine put_integers(self, path, values)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        integer(long), intent(in) :: values(:)
+    module procedure put_integers
         integer(long), target :: copy(size(values))
 
         copy = values
         call put_values(self, path, h5t_std_i64le, h5kind_to_type(long, h5_integer_kind), c_loc(copy), [size(values)])
-    end subroutine put_integers
+    end procedure put_integers
 
-    !> Make a dataset of numbers (rows).
-    module subroutine put_reals(self, path, values)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        real(wp), intent(in) :: values(:)
+    module procedure put_reals
         real(wp), target :: copy(size(values))
 
         copy = values
         call put_values(self, path, h5t_ieee_f64le, h5t_native_double, c_loc(copy), [size(values)])
-    end subroutine put_reals
+    end procedure put_reals
 
-    !> Make a dataset of a matrix, which readers of rows first see as it is.
-    module subroutine put_matrix(self, path, values)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        real(wp), intent(in) :: values(:, :)
+    module procedure put_matrix
         real(wp), target :: copy(size(values, 2), size(values, 1))
 
         copy = transpose(values)
         call put_values(self, path, h5t_ieee_f64le, h5t_native_double, c_loc(copy), shape(copy))
-    end subroutine put_matrix
+    end procedure put_matrix
 
-    !> Make a dataset of texts (rows), blanks at their ends dropped.
-    module subroutine put_strings(self, path, values)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, values(:)
+    module procedure put_strings
         character(kind=c_char), allocatable, target :: letters(:)
         type(c_ptr), target :: starts(size(values))
         integer(hid_t) :: text_type
@@ -54,7 +39,7 @@ contains
         call make_text_type(text_type)
         call put_values(self, path, text_type, text_type, c_loc(starts), [size(values)])
         call h5tclose_f(text_type, stat)
-    end subroutine put_strings
+    end procedure put_strings
 
     !> Make a dataset with all its values.
     subroutine put_values(self, path, file_type, memory_type, values, sizes)
@@ -79,10 +64,7 @@ contains
         call h5sclose_f(space, stat)
     end subroutine put_values
 
-    !> Give an object that is there a second path, unless something is there.
-    module subroutine link(self, path, second)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path, second
+    module procedure link
         integer :: stat
         logical :: exists
 
@@ -91,12 +73,9 @@ contains
         if (exists) return
         call h5lcreate_hard_f(self%file, path, self%file, second, stat)
         call self%note(stat, 'make '//second)
-    end subroutine link
+    end procedure link
 
-    !> Open a file to read from it.
-    module subroutine open_to_read(self, path)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
+    module procedure open_to_read
         integer(hid_t) :: access
         integer :: stat
 
@@ -108,13 +87,9 @@ contains
         call self%note(stat, 'open '//path)
         if (stat /= 0) self%file = -1_hid_t
         call h5pclose_f(access, stat)
-    end subroutine open_to_read
+    end procedure open_to_read
 
-    !> Read a dataset of numbers: (width, rows), where a series of single numbers has the width 1.
-    module subroutine get(self, path, values)
-        class(hdf5_type), intent(inout) :: self
-        character(len=*), intent(in) :: path
-        real(wp), allocatable, target, intent(out) :: values(:, :)
+    module procedure get
         integer(hid_t) :: dataset, space
         integer(hsize_t) :: sizes(2), largest(2)
         type(c_ptr) :: place
@@ -140,5 +115,5 @@ contains
         if (stat /= 0 .and. allocated(values)) deallocate (values)
         call h5sclose_f(space, stat)
         call h5dclose_f(dataset, stat)
-    end subroutine get
+    end procedure get
 end submodule tandem_io_output_hdf5_tables

@@ -8,11 +8,7 @@ submodule(tandem_io_output_trajectory) tandem_io_output_rows
 
 contains
 
-    !> Compute the fields of the current state and keep them as a row.
-    module subroutine gather(self, simulation, error)
-        class(trajectory_type), intent(inout) :: self
-        class(simulation_type), intent(inout) :: simulation
-        type(error_type), allocatable, intent(out) :: error
+    module procedure gather
         real(wp) :: energy
         integer :: i, n, stat
 
@@ -62,9 +58,8 @@ contains
         self%last_time = simulation%state%t
         if (self%rows == 0 .and. self%gathered == 1) self%energy%at_start = energy
         self%energy%deviation = max(self%energy%deviation, abs(energy - self%energy%at_start))
-    end subroutine gather
+    end procedure gather
 
-    !> Let the model tell what it knows of the current state.
     module procedure measure
         integer :: stat
 
@@ -108,13 +103,7 @@ contains
         self%integrated_until = to
     end procedure integrate
 
-    !> Keep rows of the times of the interval that the last step has passed.
-    module subroutine gather_between(self, simulation, error, is_before_event)
-        class(trajectory_type), intent(inout) :: self
-        class(simulation_type), intent(inout) :: simulation
-        type(error_type), allocatable, intent(out) :: error
-        !> Whether the end of the step is left for later, when an event has changed it.
-        logical, intent(in) :: is_before_event
+    module procedure gather_between
         real(wp) :: t, end_of_step
 
         end_of_step = simulation%state%t
@@ -132,11 +121,9 @@ contains
             if (self%gathered == self%capacity) call self%bring(simulation)
             if (allocated(self%file%problem)) return
         end do
-    end subroutine gather_between
+    end procedure gather_between
 
-    !> Write the gathered rows.
-    module subroutine write_rows(self)
-        class(trajectory_type), intent(inout) :: self
+    module procedure write_rows
         integer :: i
 
         if (.not. allocated(self%series)) return
@@ -146,7 +133,7 @@ contains
         if (.not. allocated(self%file%problem)) self%rows = self%rows + self%gathered
         ! What could not be written never will be, and leaves its place all the same.
         self%gathered = 0
-    end subroutine write_rows
+    end procedure write_rows
 
     !> The running number of the current chart.
     integer(long) function number_of_charts(simulation)

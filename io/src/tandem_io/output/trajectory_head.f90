@@ -7,7 +7,6 @@ submodule(tandem_io_output_trajectory) tandem_io_output_trajectory_head
 
 contains
 
-    !> The groups of the quantities.
     module procedure add_groups
         character(len=:), allocatable :: path
         type(name_index_type) :: there
@@ -25,7 +24,6 @@ contains
         end do
     end procedure add_groups
 
-    !> The attributes of the root.
     module procedure attach_head
         call file%attach('/', 'format_version', int(format_version, long))
         call file%attach('/', 'tandem_version', tandem_version)
@@ -38,8 +36,6 @@ contains
         if (present(scene)) call file%attach('/', 'scene', scene)
     end procedure attach_head
 
-    !> Take back what a run that goes on has said of its end; the report will be made anew. The message is written even where it is
-    !> as it should be: a text that was on its way when the program was killed may not be readable to others.
     module procedure take_back
         character(len=:), allocatable :: old
 
@@ -53,7 +49,6 @@ contains
         call file%flush()
     end procedure take_back
 
-    !> The local time as ISO 8601.
     module procedure time_stamp
         character(len=10) :: time
         character(len=8) :: date

@@ -9,11 +9,7 @@ submodule(tandem_io_scene_reader) tandem_io_scene_reader_lists
 
 contains
 
-    !> A list of numbers, texts or truth values, of any length; not allocated where the key is not given.
-    module subroutine get_list(self, key, values)
-        class(reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        type(value_type), allocatable, intent(inout) :: values
+    module procedure get_list
         class(toml_value), pointer :: found
         character(len=:), allocatable :: problem
         integer :: source
@@ -33,13 +29,9 @@ contains
             return
         end if
         call self%propose(key)
-    end subroutine get_list
+    end procedure get_list
 
-    !> Give the value of a setting anew.
-    module subroutine change(self, setting, element, atom)
-        class(reader_type), intent(inout) :: self
-        integer, intent(in) :: setting, element
-        type(atom_type), intent(in) :: atom
+    module procedure change
         class(toml_value), pointer :: found, member
         type(toml_key), allocatable :: names(:)
 
@@ -76,7 +68,7 @@ contains
             ! The place in the text no longer shows the value.
             found%origin_value = 0
         end select
-    end subroutine change
+    end procedure change
 
     !> Whether a number is a whole one that an integer holds exactly.
     pure logical function is_whole(number)
@@ -85,25 +77,16 @@ contains
         is_whole = abs(number) <= 2.0_wp**53 .and. .not. abs(number - anint(number)) > 0.0_wp
     end function is_whole
 
-    !> The unit of a key that was read, blank where it is not known.
-    pure module function unit_of(self, table, key) result(unit)
-        class(reader_type), intent(in) :: self
-        character(len=*), intent(in) :: table, key
-        character(len=key_length) :: unit
-
+    module procedure unit_of
         unit = self%ledger%unit_of(table, key)
-    end function unit_of
+    end procedure unit_of
 
-    !> The value of a key that was read, as TOML on one line; empty where there is none.
-    pure module function value_of(self, table, key) result(text)
-        class(reader_type), intent(in) :: self
-        character(len=*), intent(in) :: table, key
-        character(len=:), allocatable :: text
+    module procedure value_of
         integer :: i
 
         text = self%ledger%value_of(table, key)
         do i = 1, len(text)
             if (text(i:i) == new_line('a')) text(i:i) = ' '
         end do
-    end function value_of
+    end procedure value_of
 end submodule tandem_io_scene_reader_lists

@@ -7,7 +7,6 @@ submodule(tandem_io_scene_reader) tandem_io_scene_reader_values
 
 contains
 
-    !> A number.
     module procedure get_real
         class(toml_value), pointer :: found
         character(len=:), allocatable :: problem
@@ -22,7 +21,6 @@ contains
         if (.not. self%is_brief) call self%record(key, to_toml(value), source, unit, help)
     end procedure get_real
 
-    !> An integer.
     module procedure get_integer
         class(toml_value), pointer :: found
         character(len=:), allocatable :: problem
@@ -37,7 +35,6 @@ contains
         if (.not. self%is_brief) call self%record(key, to_toml(value), source, help=help)
     end procedure get_integer
 
-    !> True or false.
     module procedure get_logical
         class(toml_value), pointer :: found
         character(len=:), allocatable :: problem
@@ -51,7 +48,6 @@ contains
         if (.not. self%is_brief) call self%record(key, to_toml(value), source, help=help)
     end procedure get_logical
 
-    !> A text of any length.
     module procedure get_string
         class(toml_value), pointer :: found
         character(len=:), allocatable :: problem
@@ -66,7 +62,6 @@ contains
         if (.not. self%is_brief) call self%record(key, to_toml(value), source, help=help)
     end procedure get_string
 
-    !> One of some texts.
     module procedure get_choice
         character(len=:), allocatable :: text, comment
         class(toml_value), pointer :: found
@@ -89,7 +84,6 @@ contains
         if (.not. self%is_brief) call self%record(key, to_toml(text), source, help=comment)
     end procedure get_choice
 
-    !> As many numbers as `values` has.
     module procedure get_vector
         real(wp), allocatable :: numbers(:)
 
@@ -98,7 +92,6 @@ contains
         if (size(numbers) == size(values)) values = numbers
     end procedure get_vector
 
-    !> Some numbers.
     module procedure get_reals
         class(toml_value), pointer :: found
         character(len=:), allocatable :: problem
@@ -123,7 +116,6 @@ contains
         if (.not. self%is_brief) call self%record(key, to_toml(values), source, unit, help)
     end procedure get_reals
 
-    !> One number for all of something, or one for each in a list.
     module procedure get_for_each
         class(toml_value), pointer :: found
         real(wp) :: number
@@ -151,7 +143,6 @@ contains
         end if
     end procedure get_for_each
 
-    !> Some of some texts, each once at most.
     module procedure get_strings
         class(toml_value), pointer :: found
         character(len=:), allocatable :: problem, word
