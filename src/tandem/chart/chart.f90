@@ -56,6 +56,12 @@ module tandem_chart
         !> Which stage that is, and the size of the step: from step to step the same stage misses nearly the same. 0 for none.
         integer :: stage_number = 0
         real(wp) :: step_size = 0.0_wp
+        !> Set by a stepper that solves implicit stages one by one: the number of the stage that it is at, and whether the points
+        !> that it asks for are iterates, which the next correction moves again, as it may what is left of the constraints.
+        integer :: implicit_stage = 1
+        logical :: is_iterate = .false.
+        !> ha^2 times the defect of such a stage, at its first iterate only; huge for none.
+        real(wp) :: iterate_defect = huge(1.0_wp)
         !> The smallest singular value of the unit rows of C at the origin.
         real(wp) :: independence = 1.0_wp
         !> The largest of these so far, and how many redundant rows were left out.

@@ -26,10 +26,13 @@ module tandem_stepper_newton
         real(wp), allocatable :: base_dq(:), base_dqd(:)
         !> What each stage's iteration may leave.
         real(wp), allocatable, private :: tolerance(:)
+        !> By how much increments miss the second derivative of the motion, over ha^2.
+        real(wp), allocatable, private :: defect(:)
         !> A correction below this that no longer falls is rounding, which stiff forces amplify.
         real(wp), private :: standstill = 0.0_wp
-        !> Contraction of each stage when it was last seen, and the first correction then; age of that in steps.
-        real(wp), allocatable, private :: theta(:), seen_change(:)
+        !> Contraction of each stage when it was last seen, the same where it could be told from rounding, else 0, and the first
+        !> correction then; age of that in steps.
+        real(wp), allocatable, private :: theta(:), told(:), seen_change(:)
         integer, allocatable, private :: age(:), seen_steps(:)
         !> Steps that the matrix has served, what it and its corrections have cost, in corrections, and how many were counted before
         !> this step; whether it was made in this step, at a place ahead where the past expected the motion, and whether the next
@@ -50,7 +53,7 @@ module tandem_stepper_newton
 contains
 
     !> Allocate.
-    subroutine allocate_newton(self, scale, tolerance, amplification)
+    subroutine allocate_newton(self, scale, tolerance, amplification, defect)
         class(newton_type), intent(inout) :: self
         !> Coordinate scales (n).
         real(wp), intent(in) :: scale(:)
@@ -58,10 +61,14 @@ contains
         real(wp), intent(in) :: tolerance
         !> By how much each stage's remainder is amplified at the end of the step, |b_i| / a_ii.
         real(wp), intent(in) :: amplification(:)
+        !> c^2/2 - sum a c of each stage over a_ii^2.
+        real(wp), intent(in) :: defect(:)
 
+        self%defect = defect
         self%tolerance = max(tolerance/max(amplification, 1.0_wp), 2*epsilon(1.0_wp))
         self%standstill = 1.0e3_wp*tolerance
         self%theta = spread(1.0_wp, 1, size(amplification))
+        self%told = spread(0.0_wp, 1, size(amplification))
         self%seen_change = spread(0.0_wp, 1, size(amplification))
         self%age = spread(0, 1, size(amplification))
         self%seen_steps = self%age
@@ -99,6 +106,7 @@ contains
         if (.not. continues) then
             call self%prediction%forget()
             self%theta = 1.0_wp
+            self%told = 0.0_wp
         end if
         keeps = continues .and. .not. self%is_worn
         if (keeps) call chart%reuse_stage(ha, keeps)
@@ -223,22 +231,40 @@ contains
         end do
     end subroutine solve
 
-    !> The iteration. One correction suffices where the stage's last known contraction promises so; that knowledge is renewed
-    !> when it is old, or when the first correction has grown since.
+    !> The iteration, of whose points the chart is told what they are.
     subroutine iterate(self, chart, stage, t, ha, stat)
         class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         integer, intent(in) :: stage
         real(wp), intent(in) :: t, ha
         integer, intent(out) :: stat
+
+        chart%counts%implicit_stages = chart%counts%implicit_stages + 1
+        self%age(stage) = self%age(stage) + 1
+        chart%implicit_stage = stage
+        chart%is_iterate = .true.
+        chart%iterate_defect = ha**2*self%defect(stage)
+        call approach(self, chart, stage, t, ha, stat)
+        chart%is_iterate = .false.
+        chart%iterate_defect = huge(1.0_wp)
+    end subroutine iterate
+
+    !> Its corrections. One suffices where the stage's last known contraction promises so; that knowledge is renewed when it is old,
+    !> or when the first correction has grown since.
+    subroutine approach(self, chart, stage, t, ha, stat)
+        type(newton_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        integer, intent(in) :: stage
+        real(wp), intent(in) :: t, ha
+        integer, intent(out) :: stat
         !> More would cost more than a new matrix.
         integer, parameter :: most_corrections = 12
-        !> Steps after which a contraction is old, growth of the first correction that makes it worthless, and how much worse
-        !> than known it may have become.
+        !> Steps after which a contraction is old, growth of the first correction that makes it worthless, how much worse than known
+        !> it may have become, and what part of a worse one is remembered.
         integer, parameter :: oldest = 20
-        real(wp), parameter :: largest_growth = 2.0_wp, safety = 20.0_wp
-        !> Corrections that are no more than rounding.
-        real(wp), parameter :: rounding = 20*epsilon(1.0_wp)
+        real(wp), parameter :: largest_growth = 2.0_wp, safety = 8.0_wp, kept = 0.5_wp
+        !> Corrections that are no more than rounding, that no tolerance asks for, and that are not told from none.
+        real(wp), parameter :: rounding = 20*epsilon(1.0_wp), nothing = 2*epsilon(1.0_wp), least = 0.1_wp*epsilon(1.0_wp)
         !> What corrections below this part of the tolerance do is of no account.
         real(wp), parameter :: negligible = 0.1_wp
         !> A contraction that an old matrix may have, and corrections after which it must be done where it has a worse one.
@@ -246,12 +272,10 @@ contains
         !> A contraction of corrections that are rounding.
         real(wp), parameter :: creeping = 0.7_wp
         integer, parameter :: most_more = 4
-        real(wp) :: change, first_change, last_change, theta
-        logical :: suffices
+        real(wp) :: change, first_change, last_change, seen, theta
+        logical :: says, suffices
         integer :: k
 
-        chart%counts%implicit_stages = chart%counts%implicit_stages + 1
-        self%age(stage) = self%age(stage) + 1
         first_change = 0.0_wp
         last_change = 1.0_wp
         do k = 1, most_corrections
@@ -259,22 +283,31 @@ contains
             if (stat /= status_ok) return
             call chart%correct_stage(t, self%q, self%qd, ha, self%rate_q, self%rate_qd, change, stat)
             if (stat /= status_ok) return
+            ! That was for the first point.
+            chart%iterate_defect = huge(1.0_wp)
             if (k == 1) then
                 first_change = change
                 ! The contraction of a matrix grows with the time since it was made.
-                theta = safety*maxval(self%theta*real(1 + self%n_served, wp)/real(1 + self%seen_steps, wp))
+                theta = safety*(1 + self%n_served)*max(self%theta(stage)/(1 + self%seen_steps(stage)), &
+                    maxval(self%told/(1 + self%seen_steps)))
                 ! How a correction far below the tolerance grows says nothing: it is what others have left.
-                suffices = change <= max(largest_growth*self%seen_change(stage), negligible*self%tolerance(stage)) .and. &
-                    theta*change <= self%tolerance(stage)
-                if (suffices .and. self%age(stage) < oldest) return
+                suffices = theta*change <= self%tolerance(stage)
+                if (suffices .and. self%age(stage) < oldest .and. &
+                    change <= max(largest_growth*self%seen_change(stage), negligible*self%tolerance(stage))) return
                 ! The second correction is for knowledge, not because the matrix were worse.
                 if (suffices) self%counted = self%counted + 1
             else
                 theta = change/last_change
                 if (k == 2) then
-                    ! The ratio of two corrections that are rounding, or what others have left, says nothing.
-                    if (first_change > max(rounding, negligible*self%tolerance(stage)) .or. theta < self%theta(stage)) then
-                        self%theta(stage) = theta
+                    ! The ratio of two corrections that are rounding, or what others have left, says nothing. A second one that is
+                    ! rounding bounds the contraction of its stage: it is never none. Errors of a few coordinates contract now more,
+                    ! now less, and the worst is remembered.
+                    seen = max(change, least)/last_change
+                    if (self%theta(stage) < 1.0_wp) seen = max(seen, kept*self%theta(stage))
+                    says = change > nothing .and. first_change > max(rounding, negligible*self%tolerance(stage))
+                    if (says .or. seen < self%theta(stage)*(1 + self%n_served)/(1 + self%seen_steps(stage))) then
+                        self%theta(stage) = seen
+                        self%told(stage) = merge(seen, 0.0_wp, says)
                         self%seen_steps(stage) = self%n_served
                     end if
                     self%seen_change(stage) = max(first_change, rounding)
@@ -292,7 +325,7 @@ contains
         end do
         self%theta(stage) = 1.0_wp
         stat = status_newton_failed
-    end subroutine iterate
+    end subroutine approach
 
     !> Position and velocity of the stage from its rates.
     subroutine restore(self, chart, t, ha, stat)
@@ -336,6 +369,7 @@ contains
         type(pack_type), intent(inout) :: pack
 
         call pack%item(self%theta)
+        call pack%item(self%told)
         call pack%item(self%seen_change)
         call pack%item(self%age, self%seen_steps)
         call pack%item(self%n_served)

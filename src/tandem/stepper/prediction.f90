@@ -3,8 +3,9 @@
 !>
 !> The polynomial through the nearest past stages misses what is particular to a stage: the stages of a method of stage order 1
 !> are off the motion by some J h^2 y'', a different part of it each. But a stage misses in this step about as it did in the steps
-!> before. So what each stage's polynomial missed is kept, over ha^2, and its extrapolation of order 0 (the last miss) ... 2 over
-!> the last steps is added: of whichever order would have been best in the last step, or nothing, where that was best.
+!> before. So what each stage's polynomial missed is kept, over ha^2, and extrapolated over the last steps, by a polynomial of
+!> whichever degree would have been best in the last step; nothing is added where that was best. Kept are the backward differences
+!> of the misses: the polynomial of degree k - 1 was off by the difference k.
 module tandem_stepper_prediction
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
@@ -14,23 +15,23 @@ module tandem_stepper_prediction
 
     public :: prediction_type
 
-    !> Misses kept for each stage.
-    integer, parameter :: depth = 3
-    !> Weights of the last, the last but one, ... miss, for nothing and for extrapolation of order 0 ... 2.
-    real(wp), parameter :: weight(depth, 0:depth) = reshape([ &
-        0.0_wp, 0.0_wp, 0.0_wp, &
-        1.0_wp, 0.0_wp, 0.0_wp, &
-        2.0_wp, -1.0_wp, 0.0_wp, &
-        3.0_wp, -3.0_wp, 1.0_wp], [depth, depth + 1])
+    !> Differences kept for each stage: of order 0, the last miss itself, and so on.
+    integer, parameter :: depth = 6
+    !> After so many steps of the same length the next ones are taken to be alike: then differences of high order tell more than
+    !> past stages of this step, which are off by other parts of it. Else as many of one and of the other.
+    integer, parameter :: many_alike = 12, nodes(2) = [5, 3], most_kept(2) = [3, depth]
 
     type :: prediction_type
         private
-        !> Misses over ha^2, newest first, velocities and accelerations: (2 n, depth, stages); how many there are, and what is used
+        !> Differences of misses over ha^2, velocities and accelerations: (2 n, depth, stages); how many there are, and what is used
         !> of them (stages).
         real(wp), allocatable :: miss(:, :, :)
         integer, allocatable :: n_kept(:), order(:)
         !> Start of the step of the newest miss (stages).
         real(wp), allocatable :: t_start(:)
+        !> ha of the last step, how many before it had the same, and whether these are many: 2, else 1.
+        real(wp) :: ha = 0.0_wp
+        integer :: n_alike = 0, way = 1
         !> The last extrapolation of past stages (n), a miss (2 n), what misses are measured by (2 n).
         real(wp), allocatable :: plain_q(:), plain_qd(:), new(:), weight_of(:)
     contains
@@ -73,19 +74,39 @@ contains
         real(wp), intent(in) :: t, ha
         !> Rates (n).
         real(wp), intent(out), contiguous :: rate_q(:), rate_qd(:)
-        real(wp) :: factor
-        integer :: i, n
+        integer :: i, j, n
 
-        call history%extrapolate(t, self%plain_q, self%plain_qd)
-        rate_q = self%plain_q
-        rate_qd = self%plain_qd
+        if (stage == 1) call compare_step(self, ha)
+        call history%extrapolate(t, self%plain_q, self%plain_qd, nodes(self%way))
         n = size(rate_q)
-        do i = 1, self%order(stage)
-            factor = ha**2*weight(i, self%order(stage))
-            rate_q = rate_q + factor*self%miss(:n, i, stage)
-            rate_qd = rate_qd + factor*self%miss(n + 1:, i, stage)
+        self%new = 0.0_wp
+        do j = self%order(stage), 1, -1
+            do i = 1, 2*n
+                self%new(i) = self%new(i) + self%miss(i, j, stage)
+            end do
+        end do
+        do i = 1, n
+            rate_q(i) = self%plain_q(i) + ha**2*self%new(i)
+            rate_qd(i) = self%plain_qd(i) + ha**2*self%new(n + i)
         end do
     end subroutine predict
+
+    !> Whether the steps are alike.
+    pure subroutine compare_step(self, ha)
+        type(prediction_type), intent(inout) :: self
+        real(wp), intent(in) :: ha
+        !> A step of the grid differs from the next by rounding of the time.
+        real(wp), parameter :: rounding = 1.0e-6_wp
+        integer :: way
+
+        self%n_alike = merge(min(self%n_alike + 1, many_alike), 0, abs(ha - self%ha) <= rounding*ha)
+        self%ha = ha
+        way = merge(2, 1, self%n_alike == many_alike)
+        if (way == self%way) return
+        ! Misses of another polynomial.
+        self%way = way
+        call self%forget()
+    end subroutine compare_step
 
     !> Learn from the solution of the stage that was predicted last.
     subroutine learn(self, stage, t_start, ha, rate_q, rate_qd)
@@ -95,38 +116,43 @@ contains
         real(wp), intent(in) :: t_start, ha
         !> The solution (n).
         real(wp), intent(in), contiguous :: rate_q(:), rate_qd(:)
-        real(wp) :: error, least, left
-        integer :: best, i, k, n
+        real(wp) :: change, error(0:depth)
+        integer :: i, j, n
 
         n = size(rate_q)
-        self%new(:n) = (rate_q - self%plain_q)/ha**2
-        self%new(n + 1:) = (rate_qd - self%plain_qd)/ha**2
-        associate (miss => self%miss(:, :, stage), kept => self%n_kept(stage))
+        do i = 1, n
+            self%new(i) = (rate_q(i) - self%plain_q(i))/ha**2
+            self%new(n + i) = (rate_qd(i) - self%plain_qd(i))/ha**2
+        end do
+        associate (kept => self%n_kept(stage))
             ! A step that is tried again replaces what its first trial taught.
             if (kept > 0 .and. abs(t_start - self%t_start(stage)) <= 0.0_wp) then
-                miss(:, 1) = self%new
+                do i = 1, 2*n
+                    change = self%new(i) - self%miss(i, 1, stage)
+                    do j = 1, kept
+                        self%miss(i, j, stage) = self%miss(i, j, stage) + change
+                    end do
+                end do
                 return
             end if
-            best = 0
-            least = huge(1.0_wp)
-            do k = 0, kept
-                error = 0.0_wp
+            error = 0.0_wp
+            do j = 1, min(kept + 1, most_kept(self%way))
                 do i = 1, 2*n
-                    left = self%new(i) - (weight(1, k)*miss(i, 1) + weight(2, k)*miss(i, 2) + weight(3, k)*miss(i, 3))
-                    error = error + abs(left)*self%weight_of(i)
+                    change = self%new(i)
+                    error(j - 1) = error(j - 1) + abs(change)*self%weight_of(i)
+                    self%new(i) = change - self%miss(i, j, stage)
+                    self%miss(i, j, stage) = change
                 end do
-                if (error >= least) cycle
-                least = error
-                best = k
             end do
-            do i = depth, 2, -1
-                miss(:, i) = miss(:, i - 1)
-            end do
-            miss(:, 1) = self%new
-            kept = min(kept + 1, depth)
-            self%order(stage) = best
+            if (kept == most_kept(self%way)) then
+                do i = 1, 2*n
+                    error(kept) = error(kept) + abs(self%new(i))*self%weight_of(i)
+                end do
+            end if
+            self%order(stage) = minloc(error(:kept), dim=1) - 1
             ! There was nothing to compare with: try.
-            if (kept == 1) self%order(stage) = 1
+            if (kept == 0) self%order(stage) = 1
+            kept = min(kept + 1, most_kept(self%way))
         end associate
         self%t_start(stage) = t_start
     end subroutine learn
@@ -139,5 +165,7 @@ contains
         call pack%item(self%miss)
         call pack%item(self%n_kept, self%order)
         call pack%item(self%t_start)
+        call pack%item(self%ha)
+        call pack%item(self%n_alike, self%way)
     end subroutine pack_state
 end module tandem_stepper_prediction

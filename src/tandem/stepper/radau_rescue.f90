@@ -142,6 +142,7 @@ contains
         integer :: j, k, n
 
         n = size(self%dq)
+        chart%implicit_stage = i
         first_change = 0.0_wp
         t = self%t_start + self%tableau%c(i)*h
         if (i == 3) t = t_end

@@ -25,6 +25,8 @@ module tandem_stepper_sdirk54
         17.0_wp/50, -1.0_wp/25, 0.0_wp, 0.0_wp, &
         371.0_wp/1360, -137.0_wp/2720, 15.0_wp/544, 0.0_wp, &
         25.0_wp/24, -49.0_wp/48, 125.0_wp/16, -85.0_wp/12], [4, 5])
+    !> c^2/2 - sum a c of each stage, over a_ii^2.
+    real(wp), parameter :: defect(5) = (c*(0.5_wp*c - diagonal) - matmul(c(:4), a))/diagonal**2
 
     !> b minus the embedded weights of order 3, (59/48, -17/96, 225/32, -85/12, 0).
     real(wp), parameter :: e(5) = [-3.0_wp/16, -27.0_wp/32, 25.0_wp/32, 0.0_wp, 1.0_wp/4]
@@ -64,7 +66,7 @@ contains
         integer :: n
 
         n = size(scale)
-        call self%newton%allocate(scale, newton_tolerance, abs([a(:, 5), diagonal])/diagonal)
+        call self%newton%allocate(scale, newton_tolerance, abs([a(:, 5), diagonal])/diagonal, defect)
         call self%history%allocate(n)
         if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%start_q, self%start_qd, self%error_q, self%error_qd)
         allocate (self%rate_q(n, 5), self%rate_qd(n, 5), self%start_q(n), self%start_qd(n), self%error_q(n), self%error_qd(n), &

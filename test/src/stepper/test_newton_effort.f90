@@ -2,8 +2,9 @@
 !> Tests of what Newton's iteration costs where bodies turn far within a step: a matrix is right for one place, and a step whose
 !> stages are hard to solve for is not followed by another.
 module test_newton_effort
-    use asserts, only: check_below
-    use tandem, only: failure_type => error_type, simulation_type, statistics_type, wp
+    use asserts, only: check_below, check_no_failure
+    use large_runs, only: begin
+    use tandem, only: failure_type => error_type, mechanism_type, options_type, simulation_type, statistics_type, wp
     use tandem_kinds, only: long
     use tandem_io, only: find_scene, read_scene, scene_type
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
@@ -20,7 +21,8 @@ contains
 
         testsuite = [ &
             new_unittest('a-matrix-amid-the-stages-serves-wheels-that-turn', test_bicycle), &
-            new_unittest('steps-of-hard-stages-are-not-repeated', test_governor)]
+            new_unittest('steps-of-hard-stages-are-not-repeated', test_governor), &
+            new_unittest('stages-of-steps-alike-take-hardly-more-than-one', test_alike)]
     end subroutine collect_newton_effort
 
     !> Run a shipped scene to its end: its last coordinates (n), and corrections a step.
@@ -81,4 +83,29 @@ contains
         call check_below(error, effort, 50.0_wp, 'corrections a step')
         if (.not. allocated(error)) call check_below(error, maxval(abs(q - exact)), 2.0e-3_wp, 'error at the end')
     end subroutine test_governor
+
+    !> Fixed steps of a chain on stiff springs: stages start from what the same stage has come to in the steps before. A step of
+    !> five stages took 10.5 corrections, and a factor was made at nearly each.
+    subroutine test_alike(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+        type(statistics_type) :: before, after
+        type(failure_type), allocatable :: failure
+        real(wp), parameter :: h = 1.0e-3_wp
+        integer, parameter :: n = 200
+
+        call begin('sprung_chain', 10, options_type(stepper='sdirk54', step=h, chart_kind='sparse'), mechanism, simulation, error)
+        if (allocated(error)) return
+        ! Behind the first swing, which is stiff.
+        call simulation%integrate(n*h, failure)
+        before = simulation%statistics()
+        if (.not. allocated(failure)) call simulation%integrate(2*n*h, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        after = simulation%statistics()
+        call check_below(error, real(after%newton_corrections - before%newton_corrections, wp)/n, 8.0_wp, 'corrections a step')
+        if (allocated(error)) return
+        call check_below(error, real(after%newton_matrices - before%newton_matrices, wp)/n, 0.5_wp, 'matrices a step')
+    end subroutine test_alike
 end module test_newton_effort

@@ -23,8 +23,8 @@ module tandem_chart_sparse_implicit_stage
 
     public :: initialize, sparse_implicit_type
 
-    !> Stages whose multipliers give those that the next one starts from.
-    integer, parameter :: most_past = 3
+    !> Steps whose multipliers give those that a stage starts from, and the most stages of a step.
+    integer, parameter :: most_past = 5, most_stages = 5
 
     !> The chart with implicit stages.
     type, abstract, extends(sparse_motion_type) :: sparse_implicit_type
@@ -32,21 +32,24 @@ module tandem_chart_sparse_implicit_stage
         type(newton_matrix_type), allocatable :: newton
         !> The model's segment when the matrix was formed.
         integer :: newton_segment = 0
-        !> The multipliers of the last stage (m) and its time; those of some stages before (m, most_past), in the order of a ring,
-        !> and the newest of them.
-        real(wp), allocatable :: lambda(:), past(:, :)
-        real(wp) :: t_lambda = 0.0_wp, t_past(most_past) = 0.0_wp
-        integer :: n_past = 0, newest = 1
-        logical :: has_lambda = .false.
+        !> The multipliers of the last stage (m), its number and its time; those of each stage in some steps before (m, most_past,
+        !> stages), in the order of a ring, and the newest of them.
+        real(wp), allocatable :: lambda(:), past(:, :, :), t_past(:, :)
+        real(wp) :: t_lambda = 0.0_wp
+        integer, allocatable :: n_past(:), newest(:)
+        !> 0 where the multipliers are those of no stage.
+        integer :: stage_lambda = 0
         !> What the matrix leaves of a system with the M and C of the point, when it was last seen; more than 1 where that is not
         !> known. What Newton's iteration may leave of the rates.
         real(wp), private :: left = 2.0_wp
         real(wp), private :: tolerance_of_rates = 0.0_wp
+        !> How far C has turned from the matrix to the chart's origin, where that is known.
+        real(wp), private :: angle = 1.0_wp
         !> Work space: forces, corrections and their sum (n), multipliers and right sides (m).
         real(wp), allocatable :: force(:), part(:), total(:), mu(:), total_mu(:), rows(:)
     contains
         procedure :: initialize, factor_stage, reuse_stage, matrix_cost, correct_stage, filter_error, pack_newton
-        procedure, private :: begin_multipliers, find_correction, make_tangent
+        procedure, private :: begin_multipliers, keep_multipliers, find_correction, make_tangent
     end type sparse_implicit_type
 
 contains
@@ -74,9 +77,11 @@ contains
         self%part = self%force
         self%total = self%force
         self%lambda = spread(0.0_wp, 1, model%n_constraints())
-        self%past = spread(self%lambda, 2, most_past)
-        self%n_past = 0
-        self%has_lambda = .false.
+        if (allocated(self%past)) deallocate (self%past, self%t_past)
+        allocate (self%past(size(self%lambda), most_past, most_stages), self%t_past(most_past, most_stages), source=0.0_wp)
+        self%n_past = spread(0, 1, most_stages)
+        self%newest = spread(1, 1, most_stages)
+        self%stage_lambda = 0
         self%left = 2.0_wp
         self%tolerance_of_rates = options%newton_tolerance()
         self%mu = self%lambda
@@ -102,9 +107,8 @@ contains
             end if
             s%g(:) = -s%model%terms%gamma
             call s%factor(s%here)%solve(s%analysis, .true., s%model%terms%force, s%g, self%part, s%z)
-            call self%begin_multipliers(t)
+            call self%keep_multipliers()
             call s%find_multipliers(self%part, self%lambda)
-            self%has_lambda = .true.
             call s%model%evaluate_stiffness(t, q, qd, qdd, self%lambda, self%newton%terms%stiffness, self%counts, stat)
             if (stat /= status_ok) then
                 self%failed_term = 'a derivative'
@@ -113,6 +117,7 @@ contains
             call self%newton%form(s%factor(s%here), s%model%terms%mass)
             call self%newton%factor(ha, stat)
             self%left = 2.0_wp
+            self%angle = 1.0_wp
             self%newton_segment = s%model%segment()
         end associate
         self%counts%newton_matrices = self%counts%newton_matrices + 1
@@ -138,6 +143,7 @@ contains
         can = self%newton%ha > 0.0_wp .and. self%newton_segment == self%system%model%segment()
         if (.not. can) return
         turned = self%newton%turned(self%system%analysis, self%system%factor(self%system%base))
+        self%angle = sqrt(turned)
         can = turned <= farthest
         if (.not. can) return
         has_new_ha = abs(ha - self%newton%ha) > rounding*self%newton%ha
@@ -155,6 +161,7 @@ contains
                 call s%load()
                 call self%newton%form(s%factor(s%here), s%model%terms%mass)
                 self%left = 2.0_wp
+                self%angle = 0.0_wp
             end associate
         else if (.not. has_new_ha) then
             return
@@ -212,7 +219,6 @@ contains
                 rate_qd(j) = rate_qd(j) + self%total(j)
             end do
             self%lambda(:) = self%lambda + self%total_mu
-            self%has_lambda = .true.
             if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
                 stat = status_not_finite
                 call s%name_infinite(stat)
@@ -222,31 +228,47 @@ contains
         self%counts%newton_corrections = self%counts%newton_corrections + 1
     end subroutine correct_stage
 
-    !> Multipliers for a stage to start from: those of the stages before on a parabola through their times. They say how fast a
-    !> correction arrives, not where.
+    !> Multipliers for a stage to start from: where steps are alike those of the same stage of the steps before, on the polynomial
+    !> through their times, since a stage of low stage order is off the motion by a part of its own, of which stiff forces make
+    !> much; else those of the last stages. They say how fast a correction arrives, not where.
     subroutine begin_multipliers(self, t)
         class(sparse_implicit_type), intent(inout) :: self
         real(wp), intent(in) :: t
         !> Larger weights would turn errors of the stages into large ones.
-        real(wp), parameter :: most_weight = 8.0_wp
+        real(wp), parameter :: most_weight = 12.0_wp
+        !> So many steps tell enough; others of the same length may tell more.
+        integer, parameter :: usual_past = 3
+        real(wp), parameter :: rounding = 1.0e-6_wp
         real(wp) :: weight(most_past), x(most_past)
-        integer :: at(most_past), i, k, n
+        integer :: at(most_past), of(most_past), i, k, most, n, n_alike, stage
 
-        if (.not. self%has_lambda) then
-            self%t_lambda = t
-            return
-        end if
-        if (.not. (t < self%t_lambda .or. t > self%t_lambda)) return
-        self%newest = modulo(self%newest, most_past) + 1
-        self%past(:, self%newest) = self%lambda
-        self%t_past(self%newest) = self%t_lambda
-        self%n_past = min(self%n_past + 1, most_past)
+        stage = min(max(self%implicit_stage, 1), most_stages)
+        if (stage == self%stage_lambda .and. .not. (t < self%t_lambda .or. t > self%t_lambda)) return
+        call self%keep_multipliers()
+        self%stage_lambda = stage
         self%t_lambda = t
+        if (self%n_past(stage) == 0) return
+        of = stage
         do k = 1, most_past
-            at(k) = modulo(self%newest - k, most_past) + 1
-            x(k) = self%t_past(at(k))
+            at(k) = modulo(self%newest(stage) - k, most_past) + 1
+            x(k) = self%t_past(at(k), stage)
         end do
-        do n = self%n_past, 1, -1
+        n_alike = 1
+        do k = 2, self%n_past(stage)
+            if (.not. abs(x(k - 1) - x(k) - (t - x(1))) <= rounding*abs(t - x(1))) exit
+            n_alike = k
+        end do
+        most = min(self%n_past(stage), max(usual_past, n_alike))
+        n = count(self%n_past > 0)
+        if (n_alike < usual_past .and. n >= usual_past) then
+            most = usual_past
+            do k = 1, most
+                of(k) = modulo(stage - 1 - k, n) + 1
+                at(k) = modulo(self%newest(of(k)) - 1, most_past) + 1
+                x(k) = self%t_past(at(k), of(k))
+            end do
+        end if
+        do n = most, 1, -1
             weight = 0.0_wp
             do k = 1, n
                 weight(k) = 1.0_wp
@@ -259,9 +281,27 @@ contains
         end do
         self%lambda(:) = 0.0_wp
         do k = 1, max(n, 1)
-            self%lambda(:) = self%lambda + weight(k)*self%past(:, at(k))
+            self%lambda(:) = self%lambda + weight(k)*self%past(:, at(k), of(k))
         end do
     end subroutine begin_multipliers
+
+    !> Keep what a stage has come to; a step that is tried again replaces its first trial.
+    subroutine keep_multipliers(self)
+        class(sparse_implicit_type), intent(inout) :: self
+        integer :: stage
+
+        stage = self%stage_lambda
+        if (stage == 0) return
+        self%stage_lambda = 0
+        associate (newest => self%newest(stage), n_past => self%n_past(stage))
+            if (n_past == 0 .or. self%t_lambda > self%t_past(newest, stage)) then
+                newest = modulo(newest, most_past) + 1
+                n_past = min(n_past + 1, most_past)
+            end if
+            self%past(:, newest, stage) = self%lambda
+            self%t_past(newest, stage) = self%t_lambda
+        end associate
+    end subroutine keep_multipliers
 
     !> Solve for `force` and `rows` into `total` and `total_mu`, with M and C of the current point, by refinement.
     subroutine find_correction(self, qd, ha)
@@ -275,6 +315,8 @@ contains
         !> How much more may be left than was seen last, the part of the tolerance that is of no account, and how many tolerances
         !> a solution must have for what is left of it to be no rounding.
         real(wp), parameter :: distrust = 2.0_wp, part = 0.3_wp, large = 1000.0_wp
+        !> What a solution leaves by turns of C, once the multipliers are nearly right, and at least.
+        real(wp), parameter :: by_angle = 10.0_wp, at_least = 0.1_wp
         real(wp) :: all_in_all, last_size, size
         integer :: j, pass
 
@@ -299,6 +341,7 @@ contains
                 else
                     if (pass == 2 .and. last_size > large*self%tolerance_of_rates) self%left = min(size/last_size, 1.9_wp)
                     if (size <= negligible*all_in_all) exit
+                    if (distrust*max(by_angle*self%angle, at_least)*size <= part*self%tolerance_of_rates) exit
                 end if
                 if (pass > 2 .and. .not. size < slow*last_size) exit
                 last_size = size
@@ -371,10 +414,10 @@ contains
         call pack%item(self%newton_segment)
         call pack%item(self%lambda)
         call pack%item(self%past)
-        call pack%fixed(self%t_past)
+        call pack%item(self%t_past)
         call pack%item(self%t_lambda)
+        call pack%item(self%stage_lambda)
         call pack%item(self%n_past, self%newest)
-        call pack%item(self%has_lambda)
-        call pack%item(self%left)
+        call pack%item(self%left, self%angle)
     end subroutine pack_newton
 end module tandem_chart_sparse_implicit_stage

@@ -25,6 +25,10 @@ module tandem_chart_sparse_motion
 
     public :: sparse_motion_type, find_obstacle, initialize
 
+    !> Where a correction leaves no more than this, the second derivative tells where an implicit stage will be; where bodies turn
+    !> far within a step it misleads.
+    real(wp), parameter :: near = 0.05_wp
+
     !> The chart without what is asked between steps.
     type, abstract, extends(chart_type) :: sparse_motion_type
         type(system_type) :: system
@@ -43,6 +47,13 @@ module tandem_chart_sparse_motion
         !> where stages have none, in implicit steps (n).
         real(wp), allocatable :: delta(:), curve(:), delta_rate(:)
         logical :: has_curve = .false., has_delta_rate = .false.
+        !> Of implicit stages: -Y0 x of the last one over its defect (n), and the defects that `delta` and `delta_rate` are of, 0
+        !> where they tell nothing.
+        real(wp), allocatable :: bend(:)
+        logical :: has_bend = .false.
+        !> Whether `curve` and `bend` are those of another origin, whose complement is not the one here.
+        logical :: is_curve_old = .false., is_bend_old = .false.
+        real(wp) :: defect_of_delta = 0.0_wp, defect_of_rate = 0.0_wp
         !> Reciprocals of the natural scales of rows at the origin (nh), (m), and of velocities at the end of a step (m).
         real(wp), allocatable :: phi_weight(:), velocity_weight(:), end_weight(:)
         type(progress_type) :: position, velocity, held_position, held_velocity
@@ -128,6 +139,9 @@ contains
         self%delta = self%q0
         self%curve = self%q0
         self%delta_rate = self%q0
+        if (implicit) self%bend = self%q0
+        self%has_curve = .false.
+        self%has_bend = .false.
         self%phi_weight = spread(1.0_wp, 1, model%n_holonomic)
         self%velocity_weight = spread(1.0_wp, 1, model%n_constraints())
         self%end_weight = self%velocity_weight
@@ -146,9 +160,9 @@ contains
         self%t0 = t
         self%q0(:) = q
         self%qd0(:) = qd
-        self%delta(:) = 0.0_wp
-        self%has_curve = .false.
-        self%has_delta_rate = .false.
+        call self%retry_step()
+        self%is_curve_old = .true.
+        self%is_bend_old = .true.
         call self%system%visit(t, q, self%counts, stat)
         if (stat == status_ok) call self%system%factorize(self%counts, stat)
         if (stat /= status_ok) then
@@ -244,21 +258,35 @@ contains
         integer :: stat
 
         self%has_delta_rate = .false.
-        ! A try after another starts with the same.
-        if (self%system%nh == 0 .or. self%has_curve) return
-        associate (s => self%system, base => self%system%factor(self%system%base))
-            call s%visit(self%t0, self%q0, self%counts, stat)
+        if (self%system%nh == 0) return
+        if (self%system%shares_terms) then
+            ! C of the origin may have given way to that of another point.
+            self%has_curve = .false.
+            call self%system%visit(self%t0, self%q0, self%counts, stat)
             if (stat /= status_ok) return
-            call s%load()
-            s%g(:) = 0.0_wp
-            call s%factor(s%here)%multiply(s%analysis, qdd, s%g)
-            s%g(:s%nh) = -s%g(:s%nh)
-            s%g(s%nh + 1:) = 0.0_wp
-            call base%solve(s%analysis, .false., self%curve, s%g, s%x, s%z)
-            self%curve(:) = s%x
-        end associate
+            call self%system%load()
+        end if
+        self%curve(:) = qdd
+        call take_complement(self%system, self%system%nh, self%curve)
         self%has_curve = .true.
+        self%is_curve_old = .false.
     end subroutine start_step
+
+    !> What the complement at the origin holds of a vector, by the first rows.
+    subroutine take_complement(s, n_rows, x)
+        type(system_type), intent(inout) :: s
+        integer, intent(in) :: n_rows
+        real(wp), intent(inout), contiguous :: x(:)
+
+        associate (base => s%factor(s%base))
+            s%g(:) = 0.0_wp
+            call s%factor(merge(s%here, s%base, s%shares_terms))%multiply(s%analysis, x, s%g)
+            s%g(:n_rows) = -s%g(:n_rows)
+            s%g(n_rows + 1:) = 0.0_wp
+            call base%solve(s%analysis, .false., x, s%g, s%x, s%z)
+            x(:) = s%x
+        end associate
+    end subroutine take_complement
 
     !> Nothing of a failed try is used by the next.
     subroutine retry_step(self)
@@ -266,6 +294,8 @@ contains
 
         self%delta = 0.0_wp
         self%has_delta_rate = .false.
+        self%defect_of_delta = 0.0_wp
+        self%defect_of_rate = 0.0_wp
     end subroutine retry_step
 
     !> Forget the last point.
@@ -312,7 +342,7 @@ contains
         integer, parameter :: limit = 40
         real(wp) :: age, error, error_before, first_error, last_error, wanted
         integer :: k
-        logical :: has_left
+        logical :: has_left, is_loose, is_near
 
         stat = status_ok
         self%failed_row = 0
@@ -320,8 +350,16 @@ contains
             q = self%q0 + increment
             return
         end if
-        if (self%defect < huge(1.0_wp) .and. self%has_curve) self%delta(:) = self%defect*self%curve
+        is_loose = self%is_stage .or. self%is_iterate
         age = abs(t - self%t0)
+        if (self%iterate_defect < huge(1.0_wp)) then
+            is_near = self%position%ageing*age <= near
+            call begin_stage(self%system, self%system%nh, self%iterate_defect, is_near, self%defect_of_delta, self%has_curve, &
+                self%is_curve_old, self%delta, self%curve)
+            if (self%has_curve .and. is_near) self%delta(:) = self%iterate_defect*self%curve
+        else if (self%defect < huge(1.0_wp) .and. self%has_curve) then
+            self%delta(:) = self%defect*self%curve
+        end if
         wanted = merge(self%stage_tolerance, self%end_tolerance, self%is_stage)
         first_error = 0.0_wp
         error_before = 0.0_wp
@@ -330,7 +368,7 @@ contains
             s%has_phi = .false.
             do k = 0, limit
                 q = (self%q0 + increment) + self%delta
-                if (k > 0 .and. self%is_stage) then
+                if (k > 0 .and. is_loose) then
                     if (is_trusted(self%position, age, last_error, wanted)) return
                 end if
                 call s%model%evaluate_phi(t, q, self%counts, stat)
@@ -342,7 +380,7 @@ contains
                     exit
                 end if
                 if (k == 1) call learn(self%position, age, error, last_error)
-                s%has_phi = .not. self%is_stage
+                s%has_phi = .not. is_loose
                 if (error <= wanted) return
                 ! Rounding keeps it from there, which is near enough.
                 if (error <= self%allowed .and. is_rounding(error, last_error, error_before)) return
@@ -368,8 +406,35 @@ contains
             end do
         end associate
         self%delta = 0.0_wp
+        self%defect_of_delta = 0.0_wp
         self%failed_term = trim(self%system%model%failed_term)
     end subroutine restore_position
+
+    !> An implicit stage begins: what the last one has come to, over its defect; at the first one of a step what the step before
+    !> has, as far as the complement here holds it, since all else would move the point along the tangent space.
+    subroutine begin_stage(system, n_rows, defect, is_near, defect_of_last, is_known, is_old, last, unit)
+        type(system_type), intent(inout) :: system
+        integer, intent(in) :: n_rows
+        real(wp), intent(in) :: defect
+        !> Whether what is found may be used.
+        logical, intent(in) :: is_near
+        !> The defect of the last stage, then of this one.
+        real(wp), intent(inout) :: defect_of_last
+        !> Whether `unit` is known, and that of another origin.
+        logical, intent(inout) :: is_known, is_old
+        real(wp), intent(in), contiguous :: last(:)
+        real(wp), intent(inout), contiguous :: unit(:)
+
+        if (abs(defect_of_last) > 0.0_wp) then
+            unit(:) = last/defect_of_last
+            is_known = .true.
+            is_old = .false.
+        else if (is_known .and. is_old .and. is_near) then
+            call take_complement(system, n_rows, unit)
+            is_old = .false.
+        end if
+        defect_of_last = defect
+    end subroutine begin_stage
 
     !> Mend a correction by those before it, once one has left much.
     pure subroutine mend(secants, k, error, last_error, n, s, has_left)
@@ -425,13 +490,22 @@ contains
         integer, parameter :: limit = 60
         real(wp) :: error, error_before, first_error, last_error, wanted
         integer :: k
-        logical :: carries, has_left, predicts
+        logical :: carries, has_left, is_loose, is_near, predicts
 
         stat = status_ok
+        is_loose = self%is_stage .or. self%is_iterate
         wanted = merge(self%stage_velocity_tolerance, self%velocity_tolerance, self%is_stage)
         predicts = self%is_stage .and. self%defect < huge(1.0_wp)
         ! A stage that is iterated for has nearly the same x each time.
         carries = .not. (self%is_stage .or. self%defect < huge(1.0_wp))
+        if (self%iterate_defect < huge(1.0_wp)) then
+            if (.not. self%has_delta_rate) self%defect_of_rate = 0.0_wp
+            is_near = self%velocity%ageing*age <= near
+            call begin_stage(self%system, self%system%m, self%iterate_defect, is_near, self%defect_of_rate, self%has_bend, &
+                self%is_bend_old, self%delta_rate, self%bend)
+            if (self%has_bend .and. is_near) self%delta_rate(:) = self%iterate_defect*self%bend
+            self%has_delta_rate = self%has_delta_rate .or. (self%has_bend .and. is_near)
+        end if
         first_error = 0.0_wp
         error_before = 0.0_wp
         last_error = unknown
@@ -445,16 +519,16 @@ contains
                 self%delta_rate = self%delta_rate - qd
             end if
             do k = 0, limit
-                if (k > 0 .and. self%is_stage) then
+                if (k > 0 .and. is_loose) then
                     if (is_trusted(self%velocity, age, last_error, wanted)) exit
                 end if
-                if (k == 0 .and. .not. self%is_stage) then
+                if (k == 0 .and. .not. is_loose) then
                     call judge_velocity(s%analysis, here, s%model%terms%nu, qd, self%scale, s%g, self%end_weight)
                 else
                     s%g(:) = s%model%terms%nu
                     call here%multiply(s%analysis, qd, s%g)
                 end if
-                if (self%is_stage) then
+                if (is_loose) then
                     error = largest(s%m, s%g, self%velocity_weight)
                 else
                     error = largest(s%m, s%g, self%end_weight)
@@ -476,7 +550,7 @@ contains
                 end if
                 if (has_left) then
                     stat = status_chart_left
-                    self%failed_row = maxloc(abs(s%g)*merge(self%velocity_weight, self%end_weight, self%is_stage), dim=1)
+                    self%failed_row = maxloc(abs(s%g)*merge(self%velocity_weight, self%end_weight, is_loose), dim=1)
                     self%failed_value = error
                     return
                 end if

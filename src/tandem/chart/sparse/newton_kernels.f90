@@ -78,8 +78,80 @@ contains
         real(wp), intent(in) :: a(p*s), x(s)
         real(wp), intent(inout) :: y(p)
 
-        call subtract_product(p, 1, s, a, x, y)
+        select case (16*p + s)
+        case (16*8 + 8)
+            call subtract_eight(8, a, x, y)
+        case (16*8 + 5)
+            call subtract_eight(5, a, x, y)
+        case (16*5 + 8)
+            call subtract_five(8, a, x, y)
+        case (16*5 + 5)
+            call subtract_five(5, a, x, y)
+        case (16*3 + 3)
+            call subtract_product_sized(3, 1, 3, a, x, y)
+        case (16*2 + 3)
+            call subtract_product_sized(2, 1, 3, a, x, y)
+        case (16*3 + 2)
+            call subtract_product_sized(3, 1, 2, a, x, y)
+        case (16*2 + 2)
+            call subtract_product_sized(2, 1, 2, a, x, y)
+        case default
+            call subtract_product_sized(p, 1, s, a, x, y)
+        end select
     end subroutine subtract
+
+    !> Eight rows, odd and even columns by themselves: neither sum waits for the other.
+    pure subroutine subtract_eight(s, a, x, y)
+        integer, intent(in), value :: s
+        real(wp), intent(in) :: a(8, s), x(s)
+        real(wp), intent(inout) :: y(8)
+        real(wp) :: even(8), odd(8)
+        integer :: i, k
+
+        do i = 1, 8
+            odd(i) = y(i) - a(i, 1)*x(1)
+            even(i) = a(i, 2)*x(2)
+        end do
+        do k = 3, s - 1, 2
+            do i = 1, 8
+                odd(i) = odd(i) - a(i, k)*x(k)
+                even(i) = even(i) + a(i, k + 1)*x(k + 1)
+            end do
+        end do
+        if (modulo(s, 2) == 1) then
+            do i = 1, 8
+                odd(i) = odd(i) - a(i, s)*x(s)
+            end do
+        end if
+        do i = 1, 8
+            y(i) = odd(i) - even(i)
+        end do
+    end subroutine subtract_eight
+
+    !> Five rows, four of them as one register.
+    pure subroutine subtract_five(s, a, x, y)
+        integer, intent(in), value :: s
+        real(wp), intent(in) :: a(5, s), x(s)
+        real(wp), intent(inout) :: y(5)
+        real(wp) :: four(4), last
+        integer :: i, k
+
+        do i = 1, 4
+            four(i) = y(i)
+        end do
+        last = y(5)
+        !GCC$ UNROLL 8
+        do k = 1, s
+            do i = 1, 4
+                four(i) = four(i) - a(i, k)*x(k)
+            end do
+            last = last - a(5, k)*x(k)
+        end do
+        do i = 1, 4
+            y(i) = four(i)
+        end do
+        y(5) = last
+    end subroutine subtract_five
 
     !> z := x y for x (p, s), y (s, q).
     pure subroutine multiply_block(p, q, s, x, y, z)
