@@ -11,6 +11,7 @@
 !> nearest cache, remembered pivot columns are taken by LAPACK, with row pivoting and without the inverse of Cd.
 module tandem_linalg_elimination
     use tandem_kinds, only: lane, short, wp
+    use tandem_linalg_aligned, only: allocate_aligned
     use tandem_linalg_kernels, only: is_finite
     use tandem_linalg_pivots, only: divide_rows, load, take_all, take_pivot
     use tandem_pack, only: pack_type
@@ -96,19 +97,27 @@ contains
         self%height = lane*((m + lane - 1)/lane)
         self%has_pivots = .false.
         self%parity = 1
-        if (allocated(self%matrix)) deallocate (self%matrix, self%eliminated, self%row_size, self%held_row_size, self%pivots, &
-            self%column, self%second, self%mask, self%unit, self%scale, self%pivot_scale, self%order, self%held_order)
+        if (allocated(self%scale)) deallocate (self%scale, self%order, self%held_order, self%held_row_size)
         if (allocated(self%exchanges)) deallocate (self%exchanges, self%row_factor)
         if (m > largest_small) then
             allocate (self%exchanges(m), source=0)
             allocate (self%row_factor(m), source=1.0_wp)
         end if
-        allocate (self%matrix(self%height, n), self%eliminated(self%height, n), source=0.0_wp)
-        allocate (self%row_size(self%height), self%held_row_size(self%height), self%pivots(self%height), &
-            self%column(self%height), self%second(self%height), self%mask(self%height), &
-            self%unit(self%height, self%height), source=0.0_wp)
-        allocate (self%scale(n), self%pivot_scale(self%height), source=1.0_wp)
+        associate (height => self%height)
+            call allocate_aligned(self%matrix, height, n)
+            call allocate_aligned(self%eliminated, height, n)
+            call allocate_aligned(self%unit, height, height)
+            call allocate_aligned(self%row_size, height)
+            call allocate_aligned(self%pivots, height)
+            call allocate_aligned(self%column, height)
+            call allocate_aligned(self%second, height)
+            call allocate_aligned(self%mask, height)
+            call allocate_aligned(self%pivot_scale, height)
+            allocate (self%held_row_size(height), source=0.0_wp)
+        end associate
+        allocate (self%scale(n), source=1.0_wp)
         allocate (self%order(n), self%held_order(n), source=0)
+        self%pivot_scale(:) = 1.0_wp
         self%mask(:m) = 1.0_wp
         self%pivots(m + 1:) = 1.0_wp
         do i = 1, self%height

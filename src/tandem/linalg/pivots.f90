@@ -8,6 +8,9 @@ module tandem_linalg_pivots
 
     public :: divide_rows, load, take_all, take_pivot
 
+    !> Up to so many pivots are taken one by one faster than in pairs: measured on a vehicle with 5 and a disk with 6.
+    integer, parameter :: most_single = 5
+
 contains
 
     !> Copy C twice, as it is and in the order of elimination.
@@ -62,7 +65,11 @@ contains
         ! The same loops, in the common case of a length that the compiler knows.
         if (height == lane) then
             call load(m, n, lane, matrix, mask, order, copy, a)
-            call take_pairs(m, n, unit, a, column, second, pivots, stat)
+            if (m > most_single) then
+                call take_pairs(m, n, unit, a, column, second, pivots, stat)
+            else
+                call take_singly(m, n, lane, unit, a, column, pivots, stat)
+            end if
             if (stat == 0) call divide_rows(n, lane, pivots, a, column)
             if (stat == 0) call judge(m, n, lane, order, scale, pivot_scale, row_size, a, pivots, column, stat)
         else

@@ -9,6 +9,7 @@
 !> The acceleration at the end of a step is the first stage of the next one; an error estimate may use it too.
 module tandem_stepper_explicit
     use tandem_kinds, only: lane, short, wp
+    use tandem_linalg_aligned, only: allocate_aligned
     use tandem_pack, only: pack_type
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_combination, only: combination_type
@@ -72,7 +73,7 @@ contains
         class(explicit_type), intent(inout) :: self
         real(wp), intent(in) :: scale(:), newton_tolerance
         type(properties_type) :: properties
-        integer :: i, n, n_estimates, s
+        integer :: height, i, n, n_estimates, s
 
         n = size(scale)
         call self%set_tableau()
@@ -84,13 +85,17 @@ contains
         self%inverse_scale = 1.0_wp/scale
         n_estimates = 0
         if (allocated(self%e)) n_estimates = size(self%e, 2)
-        if (allocated(self%rate)) deallocate (self%rate, self%y, self%y_start, self%q, self%defect)
+        if (allocated(self%q)) deallocate (self%q, self%defect)
         if (allocated(self%zero)) deallocate (self%zero, self%part, self%slope)
-        allocate (self%rate(lane*((self%offset + n + lane - 1)/lane), s + min(n_estimates, 1) + self%n_extra), source=0.0_wp)
-        associate (height => size(self%rate, 1))
-            allocate (self%y(height), self%y_start(height), source=0.0_wp)
-            if (n_estimates > 0) allocate (self%zero(height), self%part(height), self%slope(height), source=0.0_wp)
-        end associate
+        height = lane*((self%offset + n + lane - 1)/lane)
+        call allocate_aligned(self%rate, height, s + min(n_estimates, 1) + self%n_extra)
+        call allocate_aligned(self%y, height)
+        call allocate_aligned(self%y_start, height)
+        if (n_estimates > 0) then
+            call allocate_aligned(self%zero, height)
+            call allocate_aligned(self%part, height)
+            call allocate_aligned(self%slope, height)
+        end if
         allocate (self%q(n), self%defect(s + 1), source=0.0_wp)
         !GCC$ UNROLL 1
         do i = 1, s

@@ -3,6 +3,7 @@
 !> the general `tandem_chart_dense_dynamics`, which has the equations: the same results in a small part of the time.
 module tandem_chart_dense_free_motion
     use tandem_kinds, only: lane, short, wp
+    use tandem_linalg_aligned, only: allocate_aligned
     use tandem_linalg_cholesky, only: cholesky_type
     use tandem_linalg_elimination, only: elimination_type, largest_small
     use tandem_linalg_kernels, only: is_finite
@@ -69,11 +70,16 @@ contains
         self%width = short*((n - m + short - 1)/short)
         self%square = scale**2
         self%inverse_square = 1.0_wp/self%square
-        if (allocated(self%basis)) deallocate (self%basis, self%origin, self%basis_mass, self%matrix, self%inverse, &
-            self%z, self%r, self%x, self%work)
+        if (allocated(self%inverse)) deallocate (self%inverse, self%work)
         associate (k => self%k, height => self%height, width => self%width)
-            allocate (self%basis(width, n), self%origin(width, n), self%basis_mass(width, n), self%matrix(width, width), &
-                self%inverse(k), self%z(width), self%r(height), self%x(height), self%work(n), source=0.0_wp)
+            call allocate_aligned(self%basis, width, n)
+            call allocate_aligned(self%origin, width, n)
+            call allocate_aligned(self%basis_mass, width, n)
+            call allocate_aligned(self%matrix, width, width)
+            call allocate_aligned(self%z, width)
+            call allocate_aligned(self%r, height)
+            call allocate_aligned(self%x, height)
+            allocate (self%inverse(k), self%work(n), source=0.0_wp)
             call self%overlap_lu%allocate(k)
             self%is_large = max(m, k) > largest_small
             self%has_few = can_be_few(m, k)

@@ -5,6 +5,7 @@
 !> updates, and by one refinement (20) at stages that took many corrections.
 module tandem_chart_dense_position
     use tandem_kinds, only: lane, short, wp
+    use tandem_linalg_aligned, only: allocate_aligned
     use tandem_linalg_elimination, only: largest_small
     use tandem_linalg_kernels, only: add, add_product, copy
     use tandem_linalg_lu, only: lu_type
@@ -149,9 +150,9 @@ contains
         self%stage_utol = max(stage_utol, self%utol)
         self%btol = btol
         self%width = short*((nh + short - 1)/short)
-        self%u = spread(0.0_wp, 1, self%width)
-        self%correction = self%u
-        self%z = self%u
+        call allocate_aligned(self%u, self%width)
+        call allocate_aligned(self%correction, self%width)
+        call allocate_aligned(self%z, self%width)
         self%has_gram = .false.
         self%held_u = self%u
         self%last_phi = self%u
@@ -163,13 +164,14 @@ contains
         self%has_tried = .false.
         self%ageing = unknown
         self%weight = self%u
-        if (allocated(self%u_basis)) deallocate (self%u_basis, self%phi_u, self%held_b, self%gram, &
-            self%held_gram, self%origin_gram, self%product, self%residual, self%missed)
+        if (allocated(self%phi_u)) deallocate (self%phi_u, self%held_b, self%held_gram, self%origin_gram, self%product, &
+            self%residual, self%missed)
         allocate (self%missed(self%width, most_stages, 2), source=0.0_wp)
-        allocate (self%gram(self%width, self%width), self%held_gram(self%width, self%width), source=0.0_wp)
-        allocate (self%origin_gram(self%width, self%width), self%product(self%width, self%width), &
-            self%residual(self%width, self%width), source=0.0_wp)
-        allocate (self%u_basis(n, self%width), self%phi_u(nh, nh), self%held_b(nh, nh), source=0.0_wp)
+        call allocate_aligned(self%gram, self%width, self%width)
+        call allocate_aligned(self%u_basis, n, self%width)
+        allocate (self%held_gram(self%width, self%width), self%origin_gram(self%width, self%width), &
+            self%product(self%width, self%width), self%residual(self%width, self%width), source=0.0_wp)
+        allocate (self%phi_u(nh, nh), self%held_b(nh, nh), source=0.0_wp)
         call self%lu%allocate(nh)
         call self%b%allocate(nh)
     end subroutine allocate_position
