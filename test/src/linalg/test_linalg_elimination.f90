@@ -6,6 +6,7 @@ module test_linalg_elimination
     use tandem, only: wp
     use tandem_linalg_elimination, only: elimination_type
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
+    use, intrinsic :: iso_c_binding, only: c_intptr_t, c_loc
     use, intrinsic :: ieee_arithmetic, only: ieee_negative_inf, ieee_positive_inf, ieee_quiet_nan, ieee_value
     use, intrinsic :: ieee_exceptions, only: ieee_divide_by_zero, ieee_get_flag, ieee_set_flag
     implicit none (type, external)
@@ -30,9 +31,39 @@ contains
             new_unittest('a-pivot-that-has-vanished-is-not-divided-by', test_vanished), &
             new_unittest('scales-choose-the-pivots', test_scale), &
             new_unittest('a-row-without-pivot-is-named', test_no_pivot), &
+            new_unittest('columns-begin-with-lines-of-the-cache', test_lines), &
             new_unittest('what-is-not-finite-is-noticed-in-every-entry', test_not_finite), &
             new_unittest('dependent-rows-are-reported-or-blow-up', test_dependent)]
     end subroutine collect_linalg_elimination
+
+    !> Columns of eight numbers begin with lines of 64 bytes, and arrays that are allocated anew are zero.
+    subroutine test_lines(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(elimination_type), target :: elimination
+        real(wp), allocatable :: others(:)
+        integer :: m, n_astray
+
+        n_astray = 0
+        do m = 1, 8
+            ! What lies between two of them.
+            allocate (others(2*m - 1), source=1.0_wp)
+            call elimination%allocate(m, m + 3)
+            n_astray = n_astray + offset_of(elimination%matrix) + offset_of(elimination%eliminated)
+            call check_below(error, maxval(abs(elimination%matrix)) + maxval(abs(elimination%eliminated)), tiny(1.0_wp), &
+                'fresh arrays')
+            if (allocated(error)) return
+            elimination%matrix = 1.0_wp
+            deallocate (others)
+        end do
+        call check_count(error, n_astray, 0, 'bytes beside lines')
+    end subroutine test_lines
+
+    !> Bytes from the start of a line to that of an array.
+    integer function offset_of(a)
+        real(wp), intent(in), target, contiguous :: a(:, :)
+
+        offset_of = int(modulo(transfer(c_loc(a), 0_c_intptr_t), 64_c_intptr_t))
+    end function offset_of
 
     !> A random matrix.
     subroutine fill(seed, c)
