@@ -17,7 +17,6 @@ module tandem_models_motorcycle
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use tandem_rigid_euler_parameters, only: b_matrix, b_product, b_row, g_product, g_sandwich, g_transposed_product, k_matrix, &
         rotation, rotation_rate, set_rotational_mass, t_matrix
-    use tandem_models_wheel_vectors, only: along, crossways, height_row, rotate, sideways
     implicit none (type, external)
     private
 
@@ -567,4 +566,47 @@ contains
             value = self%mass*self%gravity*q(3) + 0.5_wp*self%stiffness*(q(10) - self%spring_length())**2
         end select
     end subroutine potential_energy
+
+    !> A b.
+    pure function rotate(a, b) result(c)
+        real(wp), intent(in) :: a(3, 3), b(3)
+        real(wp) :: c(3)
+
+        c = a(:, 1)*b(1) + a(:, 2)*b(2) + a(:, 3)*b(3)
+    end function rotate
+
+    !> The gradient by p of the height of A a, uz' B(p, a).
+    pure function height_row(p, a) result(row)
+        real(wp), intent(in) :: p(4), a(3)
+        real(wp) :: row(4)
+
+        row(1) = 2*(p(1)*a(3) + p(2)*a(2) - p(3)*a(1))
+        row(2) = 2*(p(1)*a(2) - p(2)*a(3) + p(4)*a(1))
+        row(3) = 2*(p(4)*a(2) - p(1)*a(1) - p(3)*a(3))
+        row(4) = 2*(p(2)*a(1) + p(3)*a(2) + p(4)*a(3))
+    end function height_row
+
+    !> b x uz: from the rim's tangent to the direction in which its wheel must not slip.
+    pure function sideways(b) result(c)
+        real(wp), intent(in) :: b(3)
+        real(wp) :: c(3)
+
+        c = [b(2), -b(1), 0.0_wp]
+    end function sideways
+
+    !> a' B (4).
+    pure function along(a, block) result(row)
+        real(wp), intent(in) :: a(3), block(3, 4)
+        real(wp) :: row(4)
+
+        row = a(1)*block(1, :) + a(2)*block(2, :) + a(3)*block(3, :)
+    end function along
+
+    !> uz x b: dot_product(sideways(a), b) = dot_product(a, crossways(b)).
+    pure function crossways(b) result(c)
+        real(wp), intent(in) :: b(3)
+        real(wp) :: c(3)
+
+        c = [-b(2), b(1), 0.0_wp]
+    end function crossways
 end module tandem_models_motorcycle
