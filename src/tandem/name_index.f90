@@ -15,15 +15,15 @@ module tandem_name_index
 
     !> Names and their numbers.
     type :: name_index_type
-        private
-        !> In the order in which they came, the first `n`: one behind the other, and where each begins, and the next one would.
-        character(len=:), allocatable :: text
-        integer, allocatable :: from(:), numbers(:)
+        !> How many there are.
         integer :: n = 0
+        !> In the order in which they came: one behind the other, and where each begins, and the next one would.
+        character(len=:), allocatable, private :: text
+        integer, allocatable, private :: from(:), numbers(:)
         !> The places in these by hash, 0 where there is none; their number is a power of 2, at least twice that of the names.
-        integer, allocatable :: slots(:)
+        integer, allocatable, private :: slots(:)
     contains
-        procedure :: put, get, clear
+        procedure :: put, get, name, clear, close
         procedure, private :: slot_of, grow
     end type name_index_type
 
@@ -34,8 +34,28 @@ contains
         class(name_index_type), intent(inout) :: self
 
         self%n = 0
-        if (allocated(self%slots)) deallocate (self%text, self%from, self%numbers, self%slots)
+        if (allocated(self%text)) deallocate (self%text, self%from)
+        if (allocated(self%slots)) deallocate (self%numbers, self%slots)
     end subroutine clear
+
+    !> Keep the names in their order alone: none is put or found any more.
+    pure subroutine close(self)
+        class(name_index_type), intent(inout) :: self
+
+        if (.not. allocated(self%slots)) return
+        self%text = self%text(:self%from(self%n + 1) - 1)
+        self%from = self%from(:self%n + 1)
+        deallocate (self%numbers, self%slots)
+    end subroutine close
+
+    !> The name that came as the k-th.
+    pure function name(self, k)
+        class(name_index_type), intent(in) :: self
+        integer, intent(in) :: k
+        character(len=self%from(k + 1) - self%from(k)) :: name
+
+        name = self%text(self%from(k):self%from(k + 1) - 1)
+    end function name
 
     !> Keep a name, unless it is there.
     pure subroutine put(self, name, number)

@@ -122,7 +122,8 @@ contains
             character(len=:), allocatable :: name
 
             name = ''
-            if (allocated(scene%model%coordinate_name)) name = ' ('//trim(scene%model%coordinate_name(i))//')'
+            if (.not. (allocated(scene%model%coordinate_name) .or. scene%model%composes_labels)) return
+            name = ' ('//scene%model%coordinate_label(i)//')'
         end function name_of
     end function error_at_end
 

@@ -132,7 +132,7 @@ contains
             else
                 select case (what)
                 case ('coordinate'); text = model%coordinate_label(i)
-                case ('unit'); text = trim(model%coordinate_unit(i))
+                case ('unit'); text = trim(model%unit_of_coordinate(i))
                 case default; text = model%row_name(i)
                 end select
                 call problem%succeed()

@@ -9,7 +9,7 @@ module tandem_mechanism_body
     implicit none (type, external)
     private
 
-    public :: body_type, point_type, set_mass, add_gyroscopic, differentiate_inertia, kinetic_energy_of
+    public :: body_type, point_type, set_mass, set_single_masses, add_gyroscopic, differentiate_inertia, kinetic_energy_of
 
     !> A rigid body, or a point mass where it does not turn. In the plane the third entries of vectors are the turn's.
     type :: body_type
@@ -34,7 +34,25 @@ module tandem_mechanism_body
 
 contains
 
-    !> The body's block of M, which is zero before.
+    !> The masses of a body in the plane or of a point mass, which stand on the diagonal of M.
+    pure subroutine set_single_masses(body, first, last, is_compressed, n, width, mass)
+        type(body_type), intent(in) :: body
+        !> The body's coordinates.
+        integer, intent(in) :: first, last
+        logical, intent(in) :: is_compressed
+        !> The shape of the M that is set.
+        integer, intent(in) :: n, width
+        real(wp), intent(inout) :: mass(n, width)
+        integer :: i
+
+        do i = first, last
+            mass(i, merge(1, i, is_compressed)) = body%mass
+        end do
+        ! In the plane the angle is the last coordinate.
+        if (body%turns) mass(last, merge(1, last, is_compressed)) = body%inertia(3, 3)
+    end subroutine set_single_masses
+
+    !> The block of M of a body that turns in space; it is zero before.
     pure subroutine set_mass(body, pose, n, width, mass)
         type(body_type), intent(in) :: body
         type(pose_type), intent(in) :: pose
@@ -47,16 +65,12 @@ contains
         do i = pose%place, pose%place + pose%n_place - 1
             mass(i, pose%place_mass + (i - pose%place)*pose%mass_step) = body%mass
         end do
-        if (pose%n_turn == 1) then
-            mass(pose%turn, pose%turn_mass) = body%inertia(3, 3)
-        else if (pose%n_turn == 4) then
-            if (body%is_principal) then
-                call set_rotational_mass(pose%p(:, 0), [body%inertia(1, 1), body%inertia(2, 2), body%inertia(3, 3)], n, &
-                    mass(pose%turn, pose%turn_mass))
-            else
-                g = sandwich(pose%p(:, 0), body%inertia, pose%p(:, 0))
-                mass(pose%turn:pose%turn + 3, pose%turn_mass:pose%turn_mass + 3) = 4*g
-            end if
+        if (body%is_principal) then
+            call set_rotational_mass(pose%p(:, 0), [body%inertia(1, 1), body%inertia(2, 2), body%inertia(3, 3)], n, &
+                mass(pose%turn, pose%turn_mass))
+        else
+            g = sandwich(pose%p(:, 0), body%inertia, pose%p(:, 0))
+            mass(pose%turn:pose%turn + 3, pose%turn_mass:pose%turn_mass + 3) = 4*g
         end if
     end subroutine set_mass
 

@@ -12,13 +12,14 @@ contains
 
         motions = (0.0_wp, 0.0_wp)
         do i = 1, size(self%bodies)
-            associate (pose => self%pose(i))
-                motions(:pose%n_place, i) = shape(pose%place:pose%place + pose%n_place - 1)
-                if (pose%n_turn == 1) then
-                    motions(6, i) = shape(pose%turn)
-                else if (pose%n_turn == 4) then
+            associate (place => self%first(i), turn => self%first(i) + merge(2, 3, self%planar))
+                motions(:turn - place, i) = shape(place:turn - 1)
+                if (.not. self%bodies(i)%turns) cycle
+                if (self%planar) then
+                    motions(6, i) = shape(turn)
+                else
                     ! omega = 2 E(p) pd.
-                    associate (p => q(pose%turn:pose%turn + 3), dp => shape(pose%turn:pose%turn + 3))
+                    associate (p => q(turn:turn + 3), dp => shape(turn:turn + 3))
                         re = 2*e_product(p, real(dp, wp))
                         im = 2*e_product(p, aimag(dp))
                         motions(4:, i) = cmplx(re, im, wp)

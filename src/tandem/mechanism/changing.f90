@@ -49,7 +49,7 @@ contains
         problem = 'there is no coupling '//name//' that can be locked and freed: give one the key locked'
         k = 0
         do i = 1, size(self%couplings)
-            if (self%holonomic_name(self%couplings(i)%row) == name .and. self%couplings(i)%can_be_freed) k = i
+            if (self%row_name(self%couplings(i)%row) == name .and. self%couplings(i)%can_be_freed) k = i
         end do
         if (k == 0) return
         problem = ''

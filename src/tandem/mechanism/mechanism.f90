@@ -11,8 +11,8 @@
 module tandem_mechanism
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
-    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass
-    use tandem_mechanism_coordinate, only: count_turns
+    use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass, set_single_masses
+    use tandem_mechanism_coordinate, only: coordinate_type, count_turns
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
     use tandem_mechanism_drawing, only: drawing_type
@@ -52,6 +52,8 @@ module tandem_mechanism
         !> have one coordinate; values and derivatives of the functions of time.
         type(pose_type), allocatable, private :: pose(:)
         real(wp), allocatable, private :: f(:, :)
+        !> The first coordinate of each of them but the ground, behind the last the next one.
+        integer, allocatable, private :: first(:)
         !> The force of gravity (n).
         real(wp), allocatable, private :: weight(:)
         !> Meetings and dots that are hinges in space, one by one or in groups, and the numbers of the others.
@@ -68,8 +70,9 @@ module tandem_mechanism
         type(turning_group_type), allocatable, private :: turning_groups(:)
         integer, private :: n_turning_alone = 0
         integer, allocatable, private :: alone(:)
-        !> Whether an element takes poses; groups do not.
-        logical, private :: takes_poses = .true.
+        !> Whether an element takes poses; groups do not. Whether there are always poses, for elements and sensors: otherwise they
+        !> are made when they are first asked for.
+        logical, private :: takes_poses = .true., keeps_poses = .true.
         !> Rows at position and at velocity level in the lists of elements are counted by `define` once.
         logical, private :: is_defined = .false.
         !> The segment between breakpoints whose smooth pieces functions hold, 0 for none.
@@ -84,7 +87,7 @@ module tandem_mechanism
         !> The gradient blocks of one element, in the coordinates of the bodies that it joins.
         type(derivatives_type), private :: window
     contains
-        procedure :: define, start, find_body_motions, pack_state, arrive
+        procedure :: define, start, composed, find_body_motions, pack_state, arrive
     end type mechanism_type
 
     interface
@@ -101,23 +104,37 @@ module tandem_mechanism
             class(mechanism_type), intent(inout) :: self
         end subroutine hold_segment
 
-        !> Columns, names and units of the coordinates, the blocks of M, and the weights of the bodies.
+        !> Columns of the coordinates, the blocks of M, and the weights of the bodies.
         module subroutine number_coordinates(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine number_coordinates
 
-        !> Rows and their names; those at velocity level come behind all others.
-        module subroutine name_rows(self)
+        !> Rows; those at velocity level come behind all others.
+        module subroutine number_rows(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
-        end subroutine name_rows
+        end subroutine number_rows
+
+        !> Names and units of coordinates and rows.
+        pure module function composed(self, what, i) result(label)
+            implicit none (type, external)
+            class(mechanism_type), intent(in) :: self
+            integer, intent(in) :: what, i
+            character(len=label_length) :: label
+        end function composed
 
         !> Bodies, what their rows touch, and the columns of C and M.
         module subroutine declare_pattern(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine declare_pattern
+
+        !> Poses with the columns of the coordinates, unless they are there.
+        pure module subroutine make_poses(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine make_poses
 
         !> Where the bodies' coordinates stand in the terms.
         pure module subroutine set_columns(self, is_compressed)
@@ -224,10 +241,9 @@ contains
         self%is_defined = .true.
         if (.not. allocated(self%name)) self%name = 'mechanism'
         call number_coordinates(self)
-        call name_rows(self)
-        ! The model has their names and units now.
-        call self%held%clear()
-        call self%rolling%clear()
+        call number_rows(self)
+        call self%held%close()
+        call self%rolling%close()
         call form_groups(self)
         call declare_pattern(self)
         allocate (self%f(0:2, size(self%motions)), source=0.0_wp)
@@ -254,6 +270,9 @@ contains
         call list_quantities(self)
         call list_frictions(self)
         call allow_changes(self)
+        if (.not. self%keeps_poses) deallocate (self%pose)
+        ! Elements that act along coordinates of joints have them; only expressions look for them.
+        if (size(self%formulas) == 0) self%coordinates = [coordinate_type ::]
     end subroutine define
 
     !> The functions of time, once for all that is asked at a time.
@@ -307,15 +326,16 @@ contains
         q = 0.0_wp
         qd = 0.0_wp
         do i = 1, size(self%bodies)
-            associate (pose => self%pose(i), body => self%bodies(i))
-                q(pose%place:pose%place + pose%n_place - 1) = body%position(:pose%n_place)
-                qd(pose%place:pose%place + pose%n_place - 1) = body%velocity(:pose%n_place)
-                if (pose%n_turn == 1) then
-                    q(pose%turn) = body%angle
-                    qd(pose%turn) = body%omega(3)
-                else if (pose%n_turn == 4) then
-                    q(pose%turn:pose%turn + 3) = body%p
-                    qd(pose%turn:pose%turn + 3) = 0.5_wp*e_transposed_product(body%p, body%omega)
+            associate (place => self%first(i), turn => self%first(i) + merge(2, 3, self%planar), body => self%bodies(i))
+                q(place:turn - 1) = body%position(:turn - place)
+                qd(place:turn - 1) = body%velocity(:turn - place)
+                if (.not. body%turns) cycle
+                if (self%planar) then
+                    q(turn) = body%angle
+                    qd(turn) = body%omega(3)
+                else
+                    q(turn:turn + 3) = body%p
+                    qd(turn:turn + 3) = 0.5_wp*e_transposed_product(body%p, body%omega)
                 end if
             end associate
         end do
@@ -404,7 +424,13 @@ contains
             if (.not. terms%is_compressed) terms%mass = 0.0_wp
             if (size(self%turning_groups) > 0) call set_masses(self%turning_groups, self%n, size(terms%mass, 2), q, terms%mass)
             do i = 1, size(self%alone)
-                call set_mass(self%bodies(self%alone(i)), self%pose(self%alone(i)), self%n, size(terms%mass, 2), terms%mass)
+                k = self%alone(i)
+                if (self%planar .or. .not. self%bodies(k)%turns) then
+                    call set_single_masses(self%bodies(k), self%first(k), self%first(k + 1) - 1, terms%is_compressed, self%n, &
+                        size(terms%mass, 2), terms%mass)
+                else
+                    call set_mass(self%bodies(k), self%pose(k), self%n, size(terms%mass, 2), terms%mass)
+                end if
             end do
             do i = 1, size(self%couplings)
                 k = self%couplings(i)%slack
@@ -431,6 +457,7 @@ contains
         real(wp), intent(in) :: q(:)
         integer :: i
 
+        call make_poses(self)
         associate (angles => self%angles_of_bodies)
             if (angles%n > 0) call angles%set(self%n, q)
             do i = 1, angles%n
@@ -533,9 +560,10 @@ contains
         value = 0.0_wp
         select type (self)
         class is (mechanism_type)
+            value = -dot_product(self%weight, q)
+            if (size(self%springs) + size(self%torsions) + size(self%bushings) == 0) return
             call set_places(self, q)
             call set_slides(self%massless_wheels, 0, q, self%pose)
-            value = -dot_product(self%weight, q)
             do i = 1, size(self%springs)
                 value = value + spring_energy(self%springs(i), self%pose)
             end do
@@ -557,6 +585,7 @@ contains
 
         select type (self)
         class is (mechanism_type)
+            call make_poses(self)
             call list_rigid_motions(self%planar, self%bodies, self%pose(:size(self%bodies)), motions)
         end select
     end subroutine list_motions

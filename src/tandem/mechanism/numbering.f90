@@ -1,7 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> The numbers of a mechanism's coordinates and rows: columns of bodies, rows of elements, their names and units, and the pattern.
+!> The numbers of a mechanism's coordinates and rows: columns of bodies, rows of elements, their names and units when they are asked
+!> for, and the pattern.
 submodule(tandem_mechanism) tandem_mechanism_numbering
     use tandem_kinds, only: lane
+    use tandem_model, only: its_unit, name_of_coordinate, unit_of_its_multiplier
     use tandem_mechanism_coordinate, only: coordinate_type
     use tandem_mechanism_hinge, only: gather_hinges
     use tandem_mechanism_hinge_group, only: find_hinge_blocks, gather_hinge_groups, place_hinge_groups
@@ -13,79 +15,155 @@ submodule(tandem_mechanism) tandem_mechanism_numbering
 contains
 
     module procedure number_coordinates
-        character(len=*), parameter :: place(3) = ['x', 'y', 'z'], turn(4) = ['e0', 'e1', 'e2', 'e3']
         integer, allocatable :: blocks(:)
         integer :: i, k, n
 
         call number_slides(self)
         if (allocated(self%pose)) deallocate (self%pose)
-        allocate (self%pose(0:size(self%bodies) + count(self%massless_wheels%slide > 0)))
-        if (allocated(self%coordinate_name)) deallocate (self%coordinate_name, self%coordinate_unit)
         ! At most seven a body, and one a coupling or a wheel that slides.
-        n = 7*size(self%bodies) + size(self%couplings) + size(self%massless_wheels)
-        allocate (self%coordinate_name(n), self%coordinate_unit(n))
-        allocate (blocks(n), source=0)
-        self%turning = [integer ::]
+        allocate (blocks(7*size(self%bodies) + size(self%couplings) + size(self%massless_wheels)), source=0)
+        self%turning = pack([(i, i=1, size(self%bodies))], self%bodies%turns .and. .not. self%planar)
+        self%first = spread(1, 1, size(self%bodies) + count(self%massless_wheels%slide > 0) + 1)
         n = 0
-        do i = 1, size(self%bodies)
-            associate (pose => self%pose(i), body => self%bodies(i))
-                pose%n_place = merge(2, 3, self%planar)
-                pose%place = n + 1
-                do k = 1, pose%n_place
-                    call add_coordinate(trim(body%name)//'.'//place(k), 'm', 1)
-                end do
-                if (.not. body%turns) cycle
-                pose%turn = n + 1
-                if (self%planar) then
-                    pose%n_turn = 1
-                    call add_coordinate(trim(body%name)//'.angle', 'rad', 1)
-                else
-                    pose%n_turn = 4
-                    do k = 1, 4
-                        call add_coordinate(trim(body%name)//'.'//turn(k), '1', merge(4, 0, k == 1))
-                    end do
-                    self%turning = [self%turning, i]
+        do i = 1, size(self%first) - 1
+            k = 1
+            if (i <= size(self%bodies)) k = merge(2, 3, self%planar)
+            blocks(n + 1:n + k) = 1
+            n = n + k
+            if (i <= size(self%bodies)) then
+                if (self%bodies(i)%turns) then
+                    blocks(n + 1) = merge(1, 4, self%planar)
+                    n = n + blocks(n + 1)
                 end if
-            end associate
-        end do
-        do i = 1, size(self%massless_wheels)
-            if (self%massless_wheels(i)%slide == 0) cycle
-            associate (pose => self%pose(self%massless_wheels(i)%slide))
-                pose%n_place = 1
-                pose%place = n + 1
-                call add_coordinate(element_name(self, self%massless_wheels(i)%height_row)//'.way', 'm', 1)
-            end associate
+            end if
+            self%first(i + 1) = n + 1
         end do
         ! The slacks of couplings that events lock and free.
         do i = 1, size(self%couplings)
             if (.not. self%couplings(i)%can_be_freed) cycle
-            call add_coordinate(trim(self%held%name(self%couplings(i)%row))//'.slack', '1', 1)
+            n = n + 1
+            blocks(n) = 1
             self%couplings(i)%slack = n
         end do
         self%n = n
-        self%coordinate_name = self%coordinate_name(:n)
-        self%coordinate_unit = self%coordinate_unit(:n)
+        self%composes_labels = .true.
         self%mass_blocks = pack(blocks, blocks > 0)
         allocate (self%weight(n), source=0.0_wp)
+        k = merge(2, 3, self%planar)
         do i = 1, size(self%bodies)
+            self%weight(self%first(i):self%first(i) + k - 1) = self%bodies(i)%mass*self%gravity(:k)
+        end do
+        call make_poses(self)
+    end procedure number_coordinates
+
+    module procedure make_poses
+        integer :: i
+
+        if (allocated(self%pose)) return
+        allocate (self%pose(0:size(self%first) - 1))
+        do i = 1, size(self%first) - 1
             associate (pose => self%pose(i))
-                self%weight(pose%place:pose%place + pose%n_place - 1) = self%bodies(i)%mass*self%gravity(:pose%n_place)
+                pose%place = self%first(i)
+                pose%n_place = 1
+                if (i <= size(self%bodies)) then
+                    pose%n_place = merge(2, 3, self%planar)
+                    if (self%bodies(i)%turns) then
+                        pose%turn = pose%place + pose%n_place
+                        pose%n_turn = merge(1, 4, self%planar)
+                    end if
+                end if
             end associate
         end do
+        call place_poses(self)
+    end procedure make_poses
 
-    contains
+    !> Where the bodies' coordinates stand in the terms.
+    pure subroutine place_poses(self)
+        class(mechanism_type), intent(inout) :: self
+        integer :: i
 
-        !> One coordinate more, and the block of M that begins there, 0 for none.
-        subroutine add_coordinate(name, unit, block)
-            character(len=*), intent(in) :: name, unit
-            integer, intent(in) :: block
+        do i = 1, ubound(self%pose, 1)
+            associate (pose => self%pose(i))
+                pose%place_column = pose%place
+                pose%turn_column = pose%turn
+                pose%place_mass = pose%place
+                pose%turn_mass = pose%turn
+                pose%mass_step = 1
+                if (.not. self%is_compressed) cycle
+                pose%place_column = self%pattern%column(pose%place)
+                ! M is diagonal there.
+                pose%place_mass = 1
+                pose%mass_step = 0
+                if (pose%turn == 0) cycle
+                pose%turn_column = self%pattern%column(pose%turn)
+                pose%turn_mass = self%pattern%mass_column(pose%turn)
+            end associate
+        end do
+    end subroutine place_poses
 
-            n = n + 1
-            self%coordinate_name(n) = name
-            self%coordinate_unit(n) = unit
-            blocks(n) = block
-        end subroutine add_coordinate
-    end procedure number_coordinates
+    module procedure composed
+        integer :: row
+
+        select case (what)
+        case (name_of_coordinate, its_unit)
+            label = label_of_coordinate(self, i, what == its_unit)
+        case default
+            if (i > self%n_holonomic) then
+                row = i - self%n_holonomic
+                label = self%rolling%name(row)
+                if (what == unit_of_its_multiplier) label = self%rolling%unit(row)
+            else if (i > self%before_norms) then
+                label = trim(self%bodies(self%turning(i - self%before_norms))%name)//' norm'
+                if (what == unit_of_its_multiplier) label = 'J'
+            else
+                label = self%held%name(i)
+                if (what == unit_of_its_multiplier) label = self%held%unit(i)
+            end if
+        end select
+    end procedure composed
+
+    !> The name of a coordinate, or its unit.
+    pure function label_of_coordinate(self, i, is_unit) result(label)
+        class(mechanism_type), intent(in) :: self
+        integer, intent(in) :: i
+        logical, intent(in) :: is_unit
+        character(len=label_length) :: label
+        character(len=*), parameter :: places(3) = ['x', 'y', 'z'], turns(4) = ['e0', 'e1', 'e2', 'e3']
+        integer :: from, k, middle, to
+
+        label = '1'
+        from = 1
+        to = size(self%first)
+        if (i >= self%first(to)) then
+            if (is_unit) return
+            k = findloc(self%couplings%slack, i, dim=1)
+            label = trim(self%held%name(self%couplings(k)%row))//'.slack'
+            return
+        end if
+        do while (to - from > 1)
+            middle = (from + to)/2
+            if (self%first(middle) <= i) then
+                from = middle
+            else
+                to = middle
+            end if
+        end do
+        k = i - self%first(from) + 1
+        if (from > size(self%bodies)) then
+            label = 'm'
+            if (is_unit) return
+            k = findloc(self%massless_wheels%slide, from, dim=1)
+            label = element_name(self, self%massless_wheels(k)%height_row)//'.way'
+        else if (k <= merge(2, 3, self%planar)) then
+            label = 'm'
+            if (.not. is_unit) label = trim(self%bodies(from)%name)//'.'//places(k)
+        else if (self%planar) then
+            label = 'rad'
+            if (.not. is_unit) label = trim(self%bodies(from)%name)//'.angle'
+        else if (.not. is_unit) then
+            label = trim(self%bodies(from)%name)//'.'//turns(k - 3)
+        end if
+    end function label_of_coordinate
 
     !> Let the poses of what slides stand behind those of the bodies.
     subroutine number_slides(self)
@@ -135,24 +213,17 @@ contains
         name = self%held%name(row)
     end function element_name
 
-    module procedure name_rows
-        integer :: i
-
+    module procedure number_rows
         self%before_norms = self%held%n
         self%n_holonomic = self%before_norms + size(self%turning)
         self%n_nonholonomic = self%rolling%n
         self%rows_may_repeat = .true.
-        self%holonomic_name = [character(len=label_length) :: self%held%name(:self%held%n), &
-            (trim(self%bodies(self%turning(i))%name)//' norm', i=1, size(self%turning))]
-        self%nonholonomic_name = self%rolling%name(:self%rolling%n)
-        self%multiplier_unit = [character(len=label_length) :: self%held%unit(:self%held%n), ('J', i=1, size(self%turning)), &
-            self%rolling%unit(:self%rolling%n)]
         self%glides%row = self%glides%row + self%n_holonomic
         self%rate_rows%row = self%rate_rows%row + self%n_holonomic
         self%edges%row = self%edges%row + self%n_holonomic
         self%rollers%row = self%rollers%row + self%n_holonomic
         self%massless_wheels%row = self%massless_wheels%row + self%n_holonomic
-    end procedure name_rows
+    end procedure number_rows
 
     !> Elements that are evaluated together: pins in the plane, and where there are so many that it pays hinges and bodies in space.
     module procedure form_groups
@@ -188,6 +259,7 @@ contains
             size(self%distances), size(self%angles), size(self%couplings), size(self%edges), size(self%rollers), &
             size(self%massless_wheels), size(self%glides), size(self%rate_rows), size(self%springs), size(self%torsions), &
             size(self%bushings), size(self%loads)) > 0
+        self%keeps_poses = self%takes_poses .or. size(self%sensors) > 0
     end procedure form_groups
 
     module procedure declare_pattern
@@ -204,34 +276,21 @@ contains
             owner(self%before_norms + i) = self%turning(i)
         end do
         allocate (self%pattern)
-        call self%pattern%build([self%pose(1:)%place, self%n + 1], self%mass_blocks, size(owner), &
+        call self%pattern%build(self%first, self%mass_blocks, size(owner), &
             [rows, (self%before_norms + i, i=1, size(self%turning))], [bodies, self%turning], owner)
     end procedure declare_pattern
 
     module procedure set_columns
-        integer :: i
+        logical :: were_there
 
         self%is_compressed = is_compressed
-        do i = 1, ubound(self%pose, 1)
-            associate (pose => self%pose(i))
-                pose%place_column = pose%place
-                pose%turn_column = pose%turn
-                pose%place_mass = pose%place
-                pose%turn_mass = pose%turn
-                pose%mass_step = 1
-                if (.not. is_compressed) cycle
-                pose%place_column = self%pattern%column(pose%place)
-                ! M is diagonal there.
-                pose%place_mass = 1
-                pose%mass_step = 0
-                if (pose%turn == 0) cycle
-                pose%turn_column = self%pattern%column(pose%turn)
-                pose%turn_mass = self%pattern%mass_column(pose%turn)
-            end associate
-        end do
+        were_there = allocated(self%pose)
+        call make_poses(self)
+        call place_poses(self)
         call place_hinge_groups(self%pose, self%hinge_groups)
         call place_pins(self%pose, self%pins)
         call place_turning(self%pose, self%turning_groups)
+        if (.not. were_there) deallocate (self%pose)
     end procedure set_columns
 
     module procedure find_blocks

@@ -10,14 +10,20 @@ module tandem_mechanism_row_list
 
     !> Rows in the order of their numbers, from 1.
     type :: row_list_type
-        !> How many there are; their names and units, with room for more.
+        !> How many there are.
         integer :: n = 0
-        character(len=label_length), allocatable :: name(:), unit(:)
-        !> The first row of an element; the row of the same element that comes behind each, 0 for none; behind the first, the last.
+        !> Names are composed when they are asked for: of each row its element, and the number of what follows the element's name
+        !> with its unit, of which there are few.
+        integer, allocatable, private :: element(:), kind(:)
+        integer, private :: n_kinds = 0
+        character(len=label_length), allocatable, private :: suffixes(:), units(:)
+        !> Elements with their first rows; the row of the same element that comes behind each, 0 for none; behind the first, the
+        !> last.
         type(name_index_type), private :: heads
         integer, allocatable, private :: behind(:), last(:)
     contains
-        procedure :: add, first, next, clear
+        procedure :: add, name, unit, first, next, clear, close
+        procedure, private :: kind_of
     end type row_list_type
 
 contains
@@ -27,10 +33,22 @@ contains
         class(row_list_type), intent(inout) :: self
 
         self%n = 0
+        self%n_kinds = 0
         call self%heads%clear()
-        if (allocated(self%behind)) deallocate (self%behind, self%last, self%name, self%unit)
-        allocate (self%behind(16), self%last(16), self%name(16), self%unit(16))
+        if (allocated(self%behind)) deallocate (self%behind, self%last)
+        if (allocated(self%element)) deallocate (self%element, self%kind, self%suffixes, self%units)
+        allocate (self%behind(16), self%last(16), self%element(16), self%kind(16), self%suffixes(16), self%units(16))
     end subroutine clear
+
+    !> Keep names and units alone: nothing is added any more, and no element looked for.
+    pure subroutine close(self)
+        class(row_list_type), intent(inout) :: self
+
+        call self%heads%close()
+        self%element = self%element(:self%n)
+        self%kind = self%kind(:self%n)
+        deallocate (self%behind, self%last)
+    end subroutine close
 
     !> One row more, after `clear`.
     pure subroutine add(self, name, unit)
@@ -43,22 +61,59 @@ contains
         if (self%n == size(self%behind)) then
             self%behind = [self%behind, self%behind]
             self%last = [self%last, self%last]
-            self%name = [character(len=label_length) :: self%name, self%name]
-            self%unit = [character(len=label_length) :: self%unit, self%unit]
+            self%element = [self%element, self%element]
+            self%kind = [self%kind, self%kind]
         end if
         self%n = self%n + 1
-        self%name(self%n) = name
-        self%unit(self%n) = unit
+        call self%kind_of(name(word_length(name) + 1:), unit, self%kind(self%n))
         self%behind(self%n) = 0
         self%last(self%n) = self%n
         head = self%first(name)
         if (head > 0) then
             self%behind(self%last(head)) = self%n
             self%last(head) = self%n
+            self%element(self%n) = self%element(head)
         else
             call self%heads%put(name(:word_length(name)), self%n)
+            self%element(self%n) = self%heads%n
         end if
     end subroutine add
+
+    !> The number of a suffix with a unit.
+    pure subroutine kind_of(self, suffix, unit, kind)
+        class(row_list_type), intent(inout) :: self
+        character(len=*), intent(in) :: suffix, unit
+        integer, intent(out) :: kind
+
+        do kind = 1, self%n_kinds
+            if (self%suffixes(kind) == suffix .and. self%units(kind) == unit) return
+        end do
+        if (self%n_kinds == size(self%units)) then
+            self%suffixes = [character(len=label_length) :: self%suffixes, self%suffixes]
+            self%units = [character(len=label_length) :: self%units, self%units]
+        end if
+        self%n_kinds = kind
+        self%suffixes(kind) = suffix
+        self%units(kind) = unit
+    end subroutine kind_of
+
+    !> The name of a row.
+    pure function name(self, row)
+        class(row_list_type), intent(in) :: self
+        integer, intent(in) :: row
+        character(len=label_length) :: name
+
+        name = self%heads%name(self%element(row))//self%suffixes(self%kind(row))
+    end function name
+
+    !> The unit of its multiplier.
+    pure function unit(self, row)
+        class(row_list_type), intent(in) :: self
+        integer, intent(in) :: row
+        character(len=label_length) :: unit
+
+        unit = self%units(self%kind(row))
+    end function unit
 
     !> The first row of an element, 0 for none.
     pure integer function first(self, element)

@@ -22,6 +22,7 @@ module tandem_model
     private
 
     public :: model_type, quantity_type, label_length
+    public :: name_of_coordinate, name_of_row, its_unit, unit_of_its_multiplier
     public :: vector_of_position, matrix_of_position, vector_of_motion, mass_interface, inertia_interface
     public :: energy_of_motion, energy_of_position, evaluate_interface
     public :: direction_derivative, mass_derivative_interface, matrix_of_motion, evaluate_derivatives_interface
@@ -29,6 +30,8 @@ module tandem_model
 
     !> Length of a coordinate's, unit's or constraint row's name.
     integer, parameter :: label_length = 32
+    !> What `composed` is asked for.
+    integer, parameter :: name_of_coordinate = 1, its_unit = 2, name_of_row = 3, unit_of_its_multiplier = 4
 
     !> Something that a model can tell of a motion besides its coordinates.
     type :: quantity_type
@@ -79,6 +82,8 @@ module tandem_model
         character(len=label_length), allocatable :: holonomic_name(:), nonholonomic_name(:)
         !> Units of the multipliers (nh + nd), for files: J over that of a row of Phi, W over that of a row of E qd.
         character(len=label_length), allocatable :: multiplier_unit(:)
+        !> Whether names and units that are not given there are those of `composed`.
+        logical :: composes_labels = .false.
         !> Ascending times at which a function of time has a kink or a jump: steps end there exactly.
         real(wp), allocatable :: breakpoints(:)
         !> Whether nu jumps at each breakpoint, so that qd must jump with it; default false.
@@ -178,7 +183,8 @@ module tandem_model
         !> and their sums. Where it is missing, all translations and rotations of the coordinates are tried, if these are few.
         procedure(list_motions_interface), pointer :: list_motions => null()
     contains
-        procedure :: n_constraints, row_name, coordinate_label, scales, pack_state, arrive
+        procedure :: n_constraints, row_name, coordinate_label, unit_of_coordinate, unit_of_multiplier, has_units, composed
+        procedure :: scales, pack_state, arrive
     end type model_type
 
     abstract interface
@@ -429,11 +435,19 @@ contains
                 name = self%holonomic_name(i)
                 return
             end if
+            if (self%composes_labels) then
+                name = self%composed(name_of_row, row)
+                return
+            end if
             write (name, '(a, i0)') 'holonomic ', i
         else
             i = i - self%n_holonomic
             if (allocated(self%nonholonomic_name)) then
                 name = self%nonholonomic_name(i)
+                return
+            end if
+            if (self%composes_labels) then
+                name = self%composed(name_of_row, row)
                 return
             end if
             write (name, '(a, i0)') 'nonholonomic ', i
@@ -475,6 +489,8 @@ contains
 
         if (allocated(self%coordinate_name)) then
             name = self%coordinate_name(i)
+        else if (self%composes_labels) then
+            name = self%composed(name_of_coordinate, i)
         else
             write (name, '(a, i0)') 'q', i
         end if
@@ -497,6 +513,54 @@ contains
 
         name = padded_label(self, i)
     end function coordinate_label
+
+    !> Whether the model tells the units of its coordinates, or those of its multipliers.
+    pure logical function has_units(self, of_multipliers)
+        class(model_type), intent(in) :: self
+        logical, intent(in) :: of_multipliers
+
+        has_units = self%composes_labels .or. merge(allocated(self%multiplier_unit), allocated(self%coordinate_unit), &
+            of_multipliers)
+    end function has_units
+
+    !> The unit of a coordinate, blank where the model gives none.
+    pure function unit_of_coordinate(self, i) result(unit)
+        class(model_type), intent(in) :: self
+        integer, intent(in) :: i
+        character(len=label_length) :: unit
+
+        unit = ''
+        if (allocated(self%coordinate_unit)) then
+            unit = self%coordinate_unit(i)
+        else if (self%composes_labels) then
+            unit = self%composed(its_unit, i)
+        end if
+    end function unit_of_coordinate
+
+    !> The unit of the multiplier of a row, blank where the model gives none.
+    pure function unit_of_multiplier(self, row) result(unit)
+        class(model_type), intent(in) :: self
+        integer, intent(in) :: row
+        character(len=label_length) :: unit
+
+        unit = ''
+        if (allocated(self%multiplier_unit)) then
+            unit = self%multiplier_unit(row)
+        else if (self%composes_labels) then
+            unit = self%composed(unit_of_its_multiplier, row)
+        end if
+    end function unit_of_multiplier
+
+    !> Names and units, made when they are asked for: those of thousands of bodies would take more memory than their states. For
+    !> models that set `composes_labels`; nothing unless overridden.
+    pure function composed(self, what, i) result(label)
+        class(model_type), intent(in) :: self
+        !> One of the constants of this module, and the coordinate or the row.
+        integer, intent(in) :: what, i
+        character(len=label_length) :: label
+
+        label = ''
+    end function composed
 
     !> What the model itself remembers, where its procedures, or actions of events, change something that later calls depend on:
     !> list it by `pack%item`, and a checkpoint keeps it. Nothing unless overridden; parameters that stay need not be listed.

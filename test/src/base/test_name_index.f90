@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of numbers by names.
 module test_name_index
-    use asserts, only: check_count
+    use asserts, only: check_count, check_true
     use tandem_name_index, only: name_index_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
@@ -20,7 +20,8 @@ contains
             new_unittest('the-first-number-of-a-name-stays', test_twice), &
             new_unittest('blanks-at-the-end-do-not-count', test_blanks), &
             new_unittest('a-name-that-is-too-long-is-none', test_long), &
-            new_unittest('nothing-is-left-after-clear', test_clear)]
+            new_unittest('nothing-is-left-after-clear', test_clear), &
+            new_unittest('names-are-told-in-their-order', test_order)]
     end subroutine collect_name_index
 
     !> `body.car17` and so on.
@@ -50,6 +51,30 @@ contains
         call check_count(error, found, n, 'names that are found')
         call check_count(error, others, 0, 'names that are not there')
     end subroutine test_many
+
+    !> Before and after the table is given up.
+    subroutine test_order(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: n = 1000
+        type(name_index_type) :: names
+        integer :: i
+
+        do i = 1, n
+            call names%put(name_of(i), 3*i)
+        end do
+        call check_count(error, names%n, n, 'how many there are')
+        if (allocated(error)) return
+        call check_true(error, names%name(77) == 'body.car77', 'the 77th name')
+        if (allocated(error)) return
+        call names%close()
+        do i = 1, n
+            call check_true(error, names%name(i) == name_of(i), 'names after the table is given up')
+            if (allocated(error)) return
+        end do
+        call names%clear()
+        call names%put('rod', 1)
+        call check_true(error, names%name(1) == 'rod', 'a name after clear')
+    end subroutine test_order
 
     subroutine test_twice(error)
         type(error_type), allocatable, intent(out) :: error

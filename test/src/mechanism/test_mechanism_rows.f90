@@ -28,6 +28,7 @@ contains
             new_unittest('turns-are-counted-where-steps-arrive', test_turns_of_steps), &
             new_unittest('rows-by-expression', test_rate_rows), &
             new_unittest('ellipsoids-round-rims-moving-planes', test_rolling), &
+            new_unittest('names-and-units', test_names), &
             new_unittest('what-cannot-be', test_words)]
     end subroutine collect_mechanism_rows
 
@@ -239,6 +240,60 @@ contains
         call verify(mechanism, 'screw', error)
         call check_count(error, mechanism%n_holonomic, 7, 'rows')
     end subroutine test_couplings
+
+    !> Names and units of coordinates and rows: bodies, a point mass, a wheel that slides, a coupling that events lock.
+    subroutine test_names(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type) :: mechanism
+        type(failure_type), allocatable :: failure
+        character(len=*), parameter :: space(19) = [character(len=14) :: 'first.x m', 'first.y m', 'first.z m', 'first.e0 1', &
+            'first.e1 1', 'first.e2 1', 'first.e3 1', 'second.x m', 'second.y m', 'second.z m', 'second.e0 1', 'second.e1 1', &
+            'second.e2 1', 'second.e3 1', 'mass.x m', 'mass.y m', 'mass.z m', 'front.way m', 'clutch.slack 1']
+        character(len=*), parameter :: rows(10) = [character(len=16) :: 'pin x N', 'pin y N', 'pin z N', 'pin turn y N m', &
+            'pin turn x N m', 'front height N', 'clutch N m', 'first norm J', 'second norm J', 'front slip N']
+        character(len=*), parameter :: plane(8) = [character(len=16) :: 'first.x m', 'first.y m', 'first.angle rad', 'second.x m', &
+            'second.y m', 'second.angle rad', 'mass.x m', 'mass.y m']
+
+        call draw(mechanism, .false.)
+        call mechanism%add_joint('pin', 'revolute', 'ground', 'first', failure, at=at, axis=axis)
+        call check_no_failure(error, failure)
+        call mechanism%add_body('mass', 0.4_wp, at, failure)
+        call check_no_failure(error, failure)
+        call mechanism%add_massless_wheel('front', 'second', 0.8_wp, [0.0_wp, 1.0_wp, 0.0_wp], failure, &
+            along=[0.0_wp, 0.0_wp, 1.0_wp], open=.true.)
+        call check_no_failure(error, failure)
+        call mechanism%add_coupling('clutch', ['pin'], [1.0_wp], failure, locked=.false.)
+        call check_no_failure(error, failure)
+        call compare(space, rows)
+        call draw(mechanism, .true.)
+        call mechanism%add_body('mass', 0.4_wp, at(:2), failure)
+        call check_no_failure(error, failure)
+        call mechanism%add_joint('pin', 'revolute', 'ground', 'first', failure, at=at(:2))
+        call check_no_failure(error, failure)
+        call compare(plane, [character(len=16) :: 'pin x N', 'pin y N'])
+
+    contains
+
+        subroutine compare(coordinates, rows)
+            character(len=*), intent(in) :: coordinates(:), rows(:)
+            integer :: i
+
+            if (allocated(error)) return
+            call mechanism%define(failure)
+            call check_no_failure(error, failure)
+            call check_count(error, mechanism%n, size(coordinates), 'coordinates')
+            call check_count(error, mechanism%n_constraints(), size(rows), 'rows')
+            if (allocated(error)) return
+            do i = 1, size(coordinates)
+                call check_true(error, mechanism%coordinate_label(i)//' '//mechanism%unit_of_coordinate(i) == coordinates(i), &
+                    'coordinate '//trim(coordinates(i))//', not '//mechanism%coordinate_label(i))
+            end do
+            do i = 1, size(rows)
+                call check_true(error, mechanism%row_name(i)//' '//mechanism%unit_of_multiplier(i) == rows(i), &
+                    'row '//trim(rows(i))//', not '//mechanism%row_name(i))
+            end do
+        end subroutine compare
+    end subroutine test_names
 
     subroutine test_rate_rows(error)
         type(error_type), allocatable, intent(out) :: error

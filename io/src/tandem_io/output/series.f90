@@ -2,7 +2,7 @@
 !> A series of a result file: the time or one field, a dataset that grows by rows, and the rows that it does not have yet.
 module tandem_io_output_series
     use hdf5, only: hid_t
-    use tandem, only: label_length, long, model_type, quantity_type, to_text, wp
+    use tandem, only: label_length, long, model_type, quantity_type, wp
     use tandem_fletcher, only: fletcher_type
     use tandem_io_output_fields, only: each_constraint, each_coordinate, field_type, fields, one
     use tandem_io_output_hdf5, only: hdf5_type
@@ -138,17 +138,20 @@ contains
             return
         case (each_constraint)
             allocate (names(model%n_constraints()), units(0))
-            if (allocated(model%multiplier_unit)) units = model%multiplier_unit
+            if (model%has_units(of_multipliers=.true.)) then
+                deallocate (units)
+                allocate (units(size(names)))
+            end if
             do i = 1, size(names)
                 names(i) = model%row_name(i)
+                if (size(units) > 0) units(i) = model%unit_of_multiplier(i)
             end do
         case default
             allocate (names(model%n), units(model%n))
             do i = 1, model%n
-                names(i) = 'q'//to_text(i)
+                names(i) = model%coordinate_label(i)
                 units(i) = '1'
-                if (allocated(model%coordinate_name)) names(i) = model%coordinate_name(i)
-                if (allocated(model%coordinate_unit)) units(i) = model%coordinate_unit(i)
+                if (model%has_units(of_multipliers=.false.)) units(i) = model%unit_of_coordinate(i)
                 units(i) = trim(units(i))//per(-field%rate)
             end do
         end select

@@ -162,8 +162,7 @@ contains
         else
             allocate (names(model%n))
             do i = 1, size(names)
-                names(i) = 'q'//to_text(i)
-                if (allocated(model%coordinate_name)) names(i) = model%coordinate_name(i)
+                names(i) = model%coordinate_label(i)
             end do
             problem = 'names no coordinate; there are '
         end if

@@ -175,9 +175,9 @@ contains
             return
         end if
         if (kind == of_lambda) then
-            if (allocated(model%multiplier_unit)) self%unit = model%multiplier_unit(self%index)
-        else if (allocated(model%coordinate_unit)) then
-            self%unit = model%coordinate_unit(self%index)
+            if (model%has_units(of_multipliers=.true.)) self%unit = model%unit_of_multiplier(self%index)
+        else if (model%has_units(of_multipliers=.false.)) then
+            self%unit = model%unit_of_coordinate(self%index)
             if (kind /= of_q) self%unit = trim(self%unit)//trim(merge('/s  ', '/s^2', kind == of_qd))
         end if
     contains
@@ -189,8 +189,7 @@ contains
             if (kind == of_lambda) then
                 label = model%row_name(i)
             else
-                label = 'q'//to_text(i)
-                if (allocated(model%coordinate_name)) label = model%coordinate_name(i)
+                label = model%coordinate_label(i)
             end if
         end function label_of
     end subroutine find_indexed
