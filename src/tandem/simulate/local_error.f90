@@ -22,8 +22,8 @@ module tandem_simulate_local_error
         real(wp) :: largest = 0.0_wp, total = 0.0_wp
         !> Steps behind them.
         integer(long) :: steps = 0
-        !> 1 / (s + |y|) for q and for qd, s the coordinate scales; the error of the last window, within one the weighted sum of its
-        !> rates (n).
+        !> 1 / (s + |y|) for q and for qd, s the coordinate scales, for steppers with an estimate; the error of the last window,
+        !> within one the weighted sum of its rates (n).
         real(wp), allocatable :: weight_q(:), weight_qd(:), error_q(:), error_qd(:)
         !> The state at the start of the window, and the scales (n).
         real(wp), allocatable, private :: q0(:), qd0(:), scale(:)
@@ -33,15 +33,17 @@ module tandem_simulate_local_error
         real(wp), private :: last_gap = huge(1.0_wp), allowed_gap = huge(1.0_wp)
     contains
         procedure :: initialize, set_weights, add, extend, restart, pack_state
-        procedure :: gap, allow_gap, begin_step, find_gap, is_missed, largest_part
+        procedure :: gap, allow_gap, begin_step, find_gap, is_missed, largest_part, size_of_window
     end type local_error_type
 
 contains
 
     !> Begin anew with coordinate scales (n).
-    pure subroutine initialize(self, scale)
+    pure subroutine initialize(self, scale, has_estimates)
         class(local_error_type), intent(inout) :: self
         real(wp), intent(in) :: scale(:)
+        !> Whether `set_weights` will be called.
+        logical, intent(in) :: has_estimates
 
         self%largest = 0.0_wp
         self%total = 0.0_wp
@@ -49,8 +51,8 @@ contains
         self%in_window = 0
         self%last_gap = huge(1.0_wp)
         self%scale = scale
-        self%weight_q = scale
-        self%weight_qd = scale
+        if (allocated(self%weight_q)) deallocate (self%weight_q, self%weight_qd)
+        if (has_estimates) allocate (self%weight_q, self%weight_qd, source=scale)
         self%error_q = scale
         self%error_qd = scale
         self%q0 = scale
@@ -220,6 +222,20 @@ contains
                 abs(error_qd(i))/(self%scale(i) + abs(state%qd(i))))
         end do
     end function largest_part
+
+    !> The error of a window on the scale s + |y| of a state, root mean square.
+    pure real(wp) function size_of_window(self, state)
+        class(local_error_type), intent(in) :: self
+        type(state_type), intent(in) :: state
+        integer :: i
+
+        size_of_window = 0.0_wp
+        do i = 1, size(self%scale)
+            size_of_window = size_of_window + (self%error_q(i)*(1.0_wp/(self%scale(i) + abs(state%q(i)))))**2 + &
+                (self%error_qd(i)*(1.0_wp/(self%scale(i) + abs(state%qd(i)))))**2
+        end do
+        size_of_window = sqrt(size_of_window/real(2*size(self%scale), wp))
+    end function size_of_window
 
     !> Begin a new window: where the motion has a kink or a jump.
     pure subroutine restart(self)

@@ -161,7 +161,7 @@ contains
 
         scale = self%model%scales()
         call self%control%initialize(self%options, scale, self%method)
-        call self%local_error%initialize(scale)
+        call self%local_error%initialize(scale, self%options%is_adaptive() .or. self%method%order > 5)
         ! The gap of implicit steps also holds what Newton's iterations leave, for which shorter steps are no cure.
         call self%local_error%allow_gap(merge(huge(1.0_wp), warning_limit(self%options), self%method%implicit))
         if (self%method%stability_limit > 0.0_wp .and. self%options%is_adaptive()) then

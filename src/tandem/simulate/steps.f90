@@ -401,13 +401,12 @@ contains
             else
                 call local%extend(self%state, self%next, is_complete)
                 if (.not. is_complete) return
-                call local%set_weights(self%next)
-                relative = weighted_norm(local%error_q, local%error_qd, local%weight_q, local%weight_qd)
+                relative = local%size_of_window(self%next)
                 if (self%method%implicit) then
                     ! Stiff modes have rates that are large against their changes. The filter takes that out, and also what an
                     ! error leaves in dependent velocities, so it counts only where it takes nearly all.
                     call self%chart%filter_error(local%error_q, local%error_qd)
-                    filtered = weighted_norm(local%error_q, local%error_qd, local%weight_q, local%weight_qd)
+                    filtered = local%size_of_window(self%next)
                     if (filtered < 0.1_wp*relative) relative = filtered
                 end if
                 call local%add(relative, steps_of_window)

@@ -30,6 +30,9 @@ module tandem_stepper_explicit
         !> those of the n coordinates, zeros up to row `offset`, then those of the velocities, padded with zeros to a multiple of
         !> `lane`.
         real(wp), allocatable :: rate(:, :)
+        !> Whether each stage takes the rates of the one before it alone, and nothing else those of any, as in Kutta's method: then
+        !> `rate` holds those of one stage, and `y` the weighted sum of those so far.
+        logical, private :: in_turn = .false.
         !> Increments, ordered alike: of a stage, and at the start of the step, or the start itself where stages are not projected.
         real(wp), allocatable :: y(:)
         real(wp), allocatable, private :: y_start(:)
@@ -87,10 +90,14 @@ contains
         if (allocated(self%e)) n_estimates = size(self%e, 2)
         if (allocated(self%q)) deallocate (self%q, self%defect)
         if (allocated(self%zero)) deallocate (self%zero, self%part, self%slope)
+        self%in_turn = n_estimates + self%n_extra == 0
+        do i = 3, s
+            self%in_turn = self%in_turn .and. .not. any(abs(self%a(:i - 2, i)) > 0.0_wp)
+        end do
         height = lane*((self%offset + n + lane - 1)/lane)
-        call allocate_aligned(self%rate, height, s + min(n_estimates, 1) + self%n_extra)
+        call allocate_aligned(self%rate, height, merge(1, s + min(n_estimates, 1) + self%n_extra, self%in_turn))
         call allocate_aligned(self%y, height)
-        call allocate_aligned(self%y_start, height)
+        call allocate_aligned(self%y_start, merge(0, height, self%in_turn))
         if (n_estimates > 0) then
             call allocate_aligned(self%zero, height)
             call allocate_aligned(self%part, height)
@@ -127,6 +134,10 @@ contains
         n = self%n
         s = size(self%b)
         self%has_extra = .false.
+        if (self%in_turn) then
+            call advance_in_turn(self, chart, state, h, next, stat)
+            return
+        end if
         !GCC$ UNROLL 1
         do i = 1, n
             self%rate(i, 1) = state%qd(i)
@@ -163,6 +174,114 @@ contains
             self%rate(self%offset + i, s + 1) = next%qdd(i)
         end do
     end subroutine advance
+
+    !> The same, whose rates are added up as they come.
+    subroutine advance_in_turn(self, chart, state, h, next, stat)
+        class(explicit_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        type(state_type), intent(in) :: state
+        real(wp), intent(in) :: h
+        !> Its increments are those of the stages, before those of the end.
+        type(state_type), intent(inout) :: next
+        integer, intent(out) :: stat
+        integer :: i, s
+
+        s = size(self%b)
+        associate (n => self%n, of_q => self%rate(:self%n, 1), of_qd => self%rate(self%offset + 1:self%offset + self%n, 1), &
+            sum_q => self%y(:self%n), sum_qd => self%y(self%offset + 1:self%offset + self%n))
+            call chart%start_step(state%qdd)
+            stat = 0
+            do i = 2, s
+                if (i == 2) then
+                    call set_sums(n, self%b(1), state%qd, state%qdd, sum_q, sum_qd)
+                    call step_from_start(h*self%a(1, 2), state%qd, state%qdd)
+                else
+                    call add_to_sums(n, self%b(i - 1), of_q, of_qd, sum_q, sum_qd)
+                    call step_from_start(h*self%a(i - 1, i), of_q, of_qd)
+                end if
+                chart%defect = h**2*self%defect(i)
+                chart%is_stage = .true.
+                chart%stage_number = merge(i, 0, self%has_rough_stages)
+                chart%step_size = h
+                associate (t => merge(next%t, state%t + self%c(i)*h, self%c(i) >= 1.0_wp))
+                    if (self%projects_stages) then
+                        call chart%restore_motion(t, next%dq, next%dqd, self%q, of_q, of_qd, stat)
+                    else
+                        self%q(:) = next%dq
+                        of_q = next%dqd
+                        call chart%solve_dynamics(t, self%q, of_q, of_qd, stat)
+                    end if
+                end associate
+                chart%is_stage = .false.
+                chart%stage_number = 0
+                if (stat /= 0) exit
+            end do
+            if (stat == 0) then
+                if (s == 1) call set_sums(n, self%b(1), state%qd, state%qdd, sum_q, sum_qd)
+                if (s > 1) call add_to_sums(n, self%b(s), of_q, of_qd, sum_q, sum_qd)
+                call follow(n, h, state%dq, state%dqd, sum_q, sum_qd, next%dq, next%dqd)
+                chart%defect = h**2*self%defect(s + 1)
+                call chart%restore_motion(next%t, next%dq, next%dqd, next%q, next%qd, next%qdd, stat)
+            end if
+        end associate
+        chart%defect = huge(1.0_wp)
+
+    contains
+
+        !> Where a stage is looked for: from the increments at the start of the step, or from the state.
+        subroutine step_from_start(step, rate_q, rate_qd)
+            real(wp), intent(in) :: step
+            real(wp), intent(in), contiguous :: rate_q(:), rate_qd(:)
+
+            if (self%projects_stages) then
+                call follow(self%n, step, state%dq, state%dqd, rate_q, rate_qd, next%dq, next%dqd)
+            else
+                call follow(self%n, step, state%q, state%qd, rate_q, rate_qd, next%dq, next%dqd)
+            end if
+        end subroutine step_from_start
+    end subroutine advance_in_turn
+
+    !> Weighted rates.
+    pure subroutine set_sums(n, weight, rate_q, rate_qd, sum_q, sum_qd)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: weight, rate_q(n), rate_qd(n)
+        real(wp), intent(out) :: sum_q(n), sum_qd(n)
+        integer :: i
+
+        !GCC$ UNROLL 1
+        do i = 1, n
+            sum_q(i) = weight*rate_q(i)
+            sum_qd(i) = weight*rate_qd(i)
+        end do
+    end subroutine set_sums
+
+    !> Weighted rates, to those before.
+    pure subroutine add_to_sums(n, weight, rate_q, rate_qd, sum_q, sum_qd)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: weight, rate_q(n), rate_qd(n)
+        real(wp), intent(inout) :: sum_q(n), sum_qd(n)
+        integer :: i
+
+        !GCC$ UNROLL 1
+        do i = 1, n
+            sum_q(i) = sum_q(i) + weight*rate_q(i)
+            sum_qd(i) = sum_qd(i) + weight*rate_qd(i)
+        end do
+    end subroutine add_to_sums
+
+    !> Increments after a way along rates.
+    pure subroutine follow(n, step, from_q, from_qd, rate_q, rate_qd, dq, dqd)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: step, from_q(n), from_qd(n), rate_q(n), rate_qd(n)
+        real(wp), intent(out) :: dq(n), dqd(n)
+        integer :: i
+
+        !GCC$ UNROLL 1
+        do i = 1, n
+            dq(i) = from_q(i) + step*rate_q(i)
+            dqd(i) = from_qd(i) + step*rate_qd(i)
+        end do
+    end subroutine follow
 
     !> Take note of where the stages start, before the first call of `set_stage` in a step.
     subroutine take_start(self, state)
@@ -278,7 +397,7 @@ contains
         real(wp), parameter :: rounding = 16*epsilon(1.0_wp)
         integer :: i, s
 
-        s = size(self%b)
+        s = merge(1, size(self%b), self%in_turn)
         largest = tiny(1.0_wp)
         of_q = 0.0_wp
         of_qd = 0.0_wp
