@@ -6,7 +6,8 @@ module test_sparse_kernels
     use asserts, only: check_close, check_count, check_no_failure
     use large_mechanisms, only: make_large
     use tandem, only: failure_type => error_type, mechanism_type, wp
-    use tandem_chart_sparse_blocks, only: keep_both, most_coordinates, multiply_right, read_behind, subtract_update
+    use tandem_chart_sparse_blocks, only: keep_rows, most_coordinates, multiply_right, read_behind, subtract_transposed, &
+        subtract_update
     use tandem_chart_sparse_inverses, only: invert, invert_fives, side_by_side
     use tandem_chart_sparse_masses, only: invert_rigid
     use tandem_model_terms, only: need_gamma, need_jacobian, need_phi, terms_type
@@ -221,10 +222,10 @@ contains
         end do
     end subroutine test_dependent
 
-    !> L = B D^-1, X - L B', L' for blocks of all sizes.
+    !> L = B D^-1, X - L B', and f - B' z for blocks of all sizes.
     subroutine test_products(error)
         type(error_type), allocatable, intent(out) :: error
-        real(wp), allocatable :: b(:), c(:), found(:), x(:), y(:)
+        real(wp), allocatable :: b(:), c(:), found(:), x(:)
         real(wp) :: l(most_coordinates**2)
         integer :: p, q, s
 
@@ -242,10 +243,12 @@ contains
                             reshape(matmul(expected, transpose(reshape(c, [q, s]))), [p*q]), 1.0e-13_wp, 'X - L B''')
                     end do
                     found = spread(0.0_wp, 1, p*s)
-                    y = found
-                    call keep_both(p, s, l, found, y)
+                    call keep_rows(p, s, l, found)
                     call check_close(error, found, reshape(expected, [p*s]), 1.0e-14_wp, 'L')
-                    call check_close(error, y, reshape(transpose(expected), [p*s]), 1.0e-14_wp, 'L''')
+                    found = scattered(s, 6)
+                    call subtract_transposed(p, s, b(:p*s), scattered(p, 5), found)
+                    call check_close(error, found, scattered(s, 6) - matmul(transpose(reshape(b(:p*s), [p, s])), &
+                        scattered(p, 5)), 1.0e-14_wp, 'f - B'' z')
                 end associate
             end do
         end do

@@ -51,14 +51,13 @@ module tandem_chart_sparse_analysis
         !> the diagonal ones. A block has as many rows as the later node has unknowns.
         integer, allocatable :: later_start(:), later(:), later_offset(:), diagonal_offset(:)
         !> The same for loops: the first unknown less one, height, offset of the diagonal block, first row or coordinate of each
-        !> node, and the entries of diagonal blocks up to its own (5, nodes); the first three of each neighbour behind, the offset
-        !> that of the block (3, neighbours + 1).
+        !> node (4, nodes); the first three of each neighbour behind, the offset that of the block (3, neighbours + 1).
         integer, allocatable :: node(:, :), behind(:, :)
         !> How many nodes of five rows from each one on are no neighbours of each other, so that their blocks are inverted at once;
         !> 0 where the node has other rows or is one of those before.
         integer, allocatable :: together(:)
-        !> Entries of all blocks, and of those that are not diagonal.
-        integer :: n_factor = 0, n_above = 0
+        !> Entries of all blocks.
+        integer :: n_factor = 0
         !> Where the products of those neighbours go when node k is eliminated, from update_start(k) + 1 on, in the order of pairs;
         !> the last one is empty.
         integer, allocatable :: update_start(:), update_target(:)
@@ -156,14 +155,8 @@ contains
         integer, allocatable :: next(:)
         integer :: b, k, l, n
 
-        self%node = reshape([(self%place(n), self%height(n), self%diagonal_offset(n), self%origin(n), 0, n=1, self%n_nodes)], &
-            [5, self%n_nodes])
-        k = 0
-        do n = 1, self%n_nodes
-            k = k + self%height(n)**2
-            self%node(5, n) = k
-        end do
-        self%n_above = self%n_factor - k
+        self%node = reshape([(self%place(n), self%height(n), self%diagonal_offset(n), self%origin(n), n=1, self%n_nodes)], &
+            [4, self%n_nodes])
         self%behind = reshape([(self%place(self%later(k)), self%height(self%later(k)), self%later_offset(k), &
             k=1, size(self%later))], [3, size(self%later) + 1], pad=[0])
         self%link = reshape([(self%place(self%link_node(l)), self%height(self%link_node(l)), self%link_offset(l), &

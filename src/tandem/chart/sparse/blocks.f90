@@ -7,7 +7,7 @@ module tandem_chart_sparse_blocks
     implicit none (type, external)
     private
 
-    public :: subtract_product, multiply_right, subtract_update, keep_both, apply_inverse
+    public :: subtract_product, multiply_right, subtract_update, keep_rows, apply_inverse
     public :: multiply_inverse, set_owned, subtract_rows, subtract_transposed, add_moved
     public :: of_single_blocks, of_rigid_body, of_any_blocks, most_coordinates, read_behind
 
@@ -189,29 +189,27 @@ contains
         end do
     end subroutine subtract_update_sized
 
-    !> The l of `multiply_right` (p, s) as it is, and its transpose.
-    pure subroutine keep_both(p, s, l, x, y)
+    !> The l of `multiply_right` (p, s) without what pads its columns.
+    pure subroutine keep_rows(p, s, l, x)
         integer, intent(in), value :: p, s
         real(wp), intent(in) :: l(*)
-        real(wp), intent(inout) :: x(p*s), y(s*p)
+        real(wp), intent(inout) :: x(p*s)
 
         if (p == 5 .and. s == 5) then
-            call keep_both_sized(5, 8, 5, l, x, y)
+            call keep_rows_sized(5, 8, 5, l, x)
         else if (p == 2 .and. s == 2) then
-            call keep_both_sized(2, 2, 2, l, x, y)
+            call keep_rows_sized(2, 2, 2, l, x)
         else if (p == 3 .and. s == 3) then
-            call keep_both_sized(3, 4, 3, l, x, y)
-        else if (p == 7 .and. s == 5) then
-            call keep_both_sized(7, 8, 5, l, x, y)
+            call keep_rows_sized(3, 4, 3, l, x)
         else
-            call keep_both_sized(p, padded(p), s, l, x, y)
+            call keep_rows_sized(p, padded(p), s, l, x)
         end if
-    end subroutine keep_both
+    end subroutine keep_rows
 
-    pure subroutine keep_both_sized(p, lanes, s, l, x, y)
+    pure subroutine keep_rows_sized(p, lanes, s, l, x)
         integer, intent(in), value :: p, lanes, s
         real(wp), intent(in) :: l(lanes, s)
-        real(wp), intent(inout) :: x(p, s), y(s, p)
+        real(wp), intent(inout) :: x(p, s)
         integer :: i, j
 
         do j = 1, s
@@ -219,12 +217,7 @@ contains
                 x(i, j) = l(i, j)
             end do
         end do
-        do j = 1, p
-            do i = 1, s
-                y(i, j) = l(j, i)
-            end do
-        end do
-    end subroutine keep_both_sized
+    end subroutine keep_rows_sized
 
     !> How far apart columns of p rows stand in work space.
     pure integer function padded(p)
@@ -515,6 +508,8 @@ contains
             call subtract_transposed_sized(2, 3, c, l, f)
         else if (s == 5 .and. nb == 5) then
             call subtract_transposed_sized(5, 5, c, l, f)
+        else if (s == 7 .and. nb == 5) then
+            call subtract_transposed_sized(7, 5, c, l, f)
         else if (s == 2 .and. nb == 2) then
             call subtract_transposed_sized(2, 2, c, l, f)
         else if (s == 3 .and. nb == 7) then

@@ -4,7 +4,7 @@
 module tandem_chart_sparse_factor
     use tandem_kinds, only: wp
     use tandem_chart_sparse_analysis, only: analysis_type, most_rows
-    use tandem_chart_sparse_blocks, only: apply_inverse, keep_both, most_coordinates, multiply_right, of_rigid_body, read_behind, &
+    use tandem_chart_sparse_blocks, only: apply_inverse, keep_rows, most_coordinates, multiply_right, of_rigid_body, read_behind, &
         subtract_product, subtract_rows, subtract_update
     use tandem_chart_sparse_inverses, only: invert, invert_nodes, invert_some, side_by_side
     use tandem_chart_sparse_masses, only: invert_block, invert_rigid, least_mass
@@ -27,9 +27,8 @@ module tandem_chart_sparse_factor
         !> By links: what a unit multiplier moves of the body, W c' (coordinates, rows), and what a unit of its own row
         !> gives to the node, -c R (most_rows, links; none where no body goes with a row of its own).
         real(wp), allocatable :: y(:), sent(:, :)
-        !> Inverse diagonal blocks D^-1 of the factor, and L = B D^-1 of the others, B what they were when their turn came. L',
-        !> without diagonal blocks.
-        real(wp), allocatable :: blocks(:), above(:)
+        !> Inverse diagonal blocks D^-1 of the factor, and L = B D^-1 of the others, B what they were when their turn came.
+        real(wp), allocatable :: blocks(:)
         !> What the pivot of each row would be if it stood alone, then the pivot against that (m); how much of a c c' was added to a
         !> kept body (n_bodies).
         real(wp), allocatable :: alone(:), added(:)
@@ -106,12 +105,13 @@ contains
         type(analysis_type), intent(in) :: a
         type(pattern_type), intent(in) :: pattern
 
-        if (allocated(self%y)) deallocate (self%y, self%sent, self%own, self%r, self%blocks, self%above, self%alone, self%added, &
-            self%is_out)
-        if (allocated(self%c)) deallocate (self%c, self%w)
+        if (allocated(self%y)) deallocate (self%y, self%sent, self%own, self%r, self%blocks, self%alone, self%added, self%is_out)
+        ! What goes from one factor to the other may be with either.
+        if (allocated(self%c)) deallocate (self%c)
+        if (allocated(self%w)) deallocate (self%w)
         allocate (self%c(a%n_entries + read_behind + a%n), self%y(a%n_entries + read_behind), self%own(a%n), &
             self%sent(most_rows, merge(size(a%link_node), 0, any(a%norm_row > 0))), self%w(pattern%mass_width, a%n), self%r(a%n), &
-            self%blocks(a%n_factor + read_behind), self%above(a%n_above + read_behind), self%alone(a%m), self%added(a%n_bodies), &
+            self%blocks(a%n_factor + read_behind), self%alone(a%m), self%added(a%n_bodies), &
             source=0.0_wp)
         allocate (self%is_out(a%m), source=.false.)
         self%leaves_out = .false.
@@ -449,8 +449,8 @@ contains
                 end if
                 j = a%later_start(k)
                 d = a%update_start(k)
-                call pass_on(a%height(k), a%later_start(k + 1) - j, a%diagonal_offset(k), a%node(5, k), a%behind(1, j), &
-                    a%update_target(d + 1), self%above, self%blocks)
+                call pass_on(a%height(k), a%later_start(k + 1) - j, a%diagonal_offset(k), a%behind(1, j), &
+                    a%update_target(d + 1), self%blocks)
             end do
             n = n + count
         end do
@@ -516,9 +516,9 @@ contains
 
     !> L = B D^-1 of the neighbours behind a node, and what the node takes from their blocks, L B'. From the last one on, since
     !> those before it are needed as they were.
-    pure subroutine pass_on(s, n_later, diagonal, shift, behind, update_target, above, blocks)
-        integer, intent(in) :: s, n_later, diagonal, shift, behind(3, n_later), update_target(*)
-        real(wp), intent(inout) :: above(*), blocks(*)
+    pure subroutine pass_on(s, n_later, diagonal, behind, update_target, blocks)
+        integer, intent(in) :: s, n_later, diagonal, behind(3, n_later), update_target(*)
+        real(wp), intent(inout) :: blocks(*)
         real(wp) :: l(most_coordinates*most_coordinates)
         integer :: d, j, k
 
@@ -529,7 +529,7 @@ contains
                 do k = 1, j
                     call subtract_update(p, behind(2, k), s, l, blocks(behind(3, k) + 1), blocks(update_target(d + k) + 1))
                 end do
-                call keep_both(p, s, l, blocks(block + 1), above(block - shift + 1))
+                call keep_rows(p, s, l, blocks(block + 1))
             end associate
         end do
     end subroutine pass_on
@@ -576,7 +576,7 @@ contains
         call pack%item(self%sent)
         call pack%item(self%own)
         call pack%item(self%w)
-        call pack%item(self%r, self%blocks, self%above, self%alone, self%added)
+        call pack%item(self%r, self%blocks, self%alone, self%added)
         call pack%item(self%least)
         call pack%item(self%weakest)
         call pack%item(self%rest)

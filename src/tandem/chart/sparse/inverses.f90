@@ -169,7 +169,7 @@ contains
     !> The inverses of the negative definite blocks of some nodes of five rows, in place.
     pure subroutine invert_nodes(n_nodes, node, blocks, alone, least, worst)
         !> As of `tandem_chart_sparse_analysis`.
-        integer, intent(in) :: n_nodes, node(5, n_nodes)
+        integer, intent(in) :: n_nodes, node(4, n_nodes)
         !> Those of all nodes; of all rows what pivots are compared with, then the pivots against it.
         real(wp), intent(inout) :: blocks(*), alone(*)
         real(wp), intent(in) :: least

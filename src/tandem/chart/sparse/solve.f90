@@ -11,13 +11,13 @@ contains
     module procedure solve
         call scatter(a%n_nodes, a%node, a%is_body, g, z)
         call send_bodies(self, a, has_force, f, g, x, z)
-        call solve_nodes(a%n_nodes, size(a%behind, 2), a%node, a%later_start, a%behind, self%blocks, self%above, z)
+        call solve_nodes(a%n_nodes, size(a%behind, 2), a%node, a%later_start, a%behind, self%blocks, z)
         call fetch_bodies(self, a, x, z)
     end procedure solve
 
     !> g by nodes, zeros for kept bodies.
     pure subroutine scatter(n_nodes, node, is_body, g, z)
-        integer, intent(in) :: n_nodes, node(5, n_nodes)
+        integer, intent(in) :: n_nodes, node(4, n_nodes)
         logical, intent(in) :: is_body(n_nodes)
         real(wp), intent(in) :: g(*)
         real(wp), intent(inout) :: z(*)
@@ -168,9 +168,9 @@ contains
     end subroutine fetch_links
 
     !> K z = z in place. What a node waits for on the way is one product: that with D^-1 is made when nothing waits for it.
-    pure subroutine solve_nodes(n_nodes, n_behind, node, later_start, behind, blocks, above, z)
-        integer, intent(in) :: n_nodes, n_behind, node(5, n_nodes), later_start(n_nodes + 1), behind(3, n_behind)
-        real(wp), intent(in) :: blocks(*), above(*)
+    pure subroutine solve_nodes(n_nodes, n_behind, node, later_start, behind, blocks, z)
+        integer, intent(in) :: n_nodes, n_behind, node(4, n_nodes), later_start(n_nodes + 1), behind(3, n_behind)
+        real(wp), intent(in) :: blocks(*)
         real(wp), intent(inout) :: z(*)
         integer :: n
 
@@ -181,7 +181,7 @@ contains
         end do
         do n = n_nodes, 1, -1
             associate (from => later_start(n), later => later_start(n + 1) - later_start(n))
-                call find_node(node(2, n), node(1, n), node(3, n), node(5, n), later, behind(1, from), blocks, above, z)
+                call find_node(node(2, n), node(1, n), node(3, n), later, behind(1, from), blocks, z)
             end associate
         end do
     end subroutine solve_nodes
@@ -200,16 +200,16 @@ contains
     end subroutine eliminate_node
 
     !> Divide a node by its block, and take from it what the unknowns behind it give it.
-    pure subroutine find_node(s, place, diagonal, shift, n_later, behind, blocks, above, z)
-        integer, intent(in), value :: s, place, diagonal, shift, n_later
+    pure subroutine find_node(s, place, diagonal, n_later, behind, blocks, z)
+        integer, intent(in), value :: s, place, diagonal, n_later
         integer, intent(in) :: behind(3, n_later)
-        real(wp), intent(in) :: blocks(*), above(*)
+        real(wp), intent(in) :: blocks(*)
         real(wp), intent(inout) :: z(*)
         integer :: k
 
         call multiply_inverse(s, blocks(diagonal + 1), z(place + 1))
         do k = 1, n_later
-            call subtract_rows(s, behind(2, k), above(behind(3, k) - shift + 1), z(behind(1, k) + 1), z(place + 1))
+            call subtract_transposed(behind(2, k), s, blocks(behind(3, k) + 1), z(behind(1, k) + 1), z(place + 1))
         end do
     end subroutine find_node
 
@@ -231,7 +231,7 @@ contains
 
     !> The rows of nodes.
     pure subroutine multiply_nodes(n_nodes, n_links, node, is_body, node_start, node_link, c, x, g)
-        integer, intent(in) :: n_nodes, n_links, node(5, n_nodes), node_start(n_nodes + 1), node_link(3, n_links)
+        integer, intent(in) :: n_nodes, n_links, node(4, n_nodes), node_start(n_nodes + 1), node_link(3, n_links)
         logical, intent(in) :: is_body(n_nodes)
         real(wp), intent(in) :: c(*), x(*)
         real(wp), intent(inout) :: g(*)
