@@ -68,7 +68,7 @@ contains
             if (stepper == 'usual') options%stepper = merge('sdirk54', 'rk4    ', index(name, 'sprung') == 1)
             options%chart_kind = kind(:len(options%chart_kind))
             call simulation%initialize(mechanism, options, 0.0_wp, q, qd, error)
-            deallocate (q, qd)
+            if (name /= 'four_bars') deallocate (q, qd)
         end if
         if (allocated(error)) then
             write (output_unit, '(a14, i7, 2x, a)') name, n, error%message

@@ -264,7 +264,7 @@ contains
 
     module procedure declare_pattern
         integer, allocatable :: rows(:), bodies(:), owner(:)
-        integer :: i
+        integer :: i, l
 
         if (allocated(self%pattern)) deallocate (self%pattern)
         call set_columns(self, .false.)
@@ -278,6 +278,18 @@ contains
         allocate (self%pattern)
         call self%pattern%build(self%first, self%mass_blocks, size(owner), &
             [rows, (self%before_norms + i, i=1, size(self%turning))], [bodies, self%turning], owner)
+        do i = 1, size(self%hinge_groups)
+            associate (group => self%hinge_groups(i))
+                do l = 1, group%n
+                    call self%pattern%tell_meeting(group%row(l), 5, group%body(l, :))
+                end do
+            end associate
+        end do
+        do i = 1, size(self%pins)
+            associate (pin => self%pins(i))
+                if (all(pin%body == 0 .or. pin%angle > 0)) call self%pattern%tell_meeting(pin%row, 2, pin%body)
+            end associate
+        end do
     end procedure declare_pattern
 
     module procedure set_columns

@@ -36,13 +36,18 @@ module tandem_model_pattern
         logical, allocatable :: in_blocks(:)
         !> Whether it does so with all that a chart wants.
         logical :: all_in_blocks = .false.
+        !> Joints whose first rows say that points of two bodies meet, hinges in space and pins in the plane: how many rows the joint
+        !> has that begins with a row (n_rows), 5 or 2, 0 where none does; at the entries of that row in `row_body` the sign
+        !> with which the place of the body enters: there C is the unit matrix with that sign in its first 3 or 2 rows, and
+        !> zero in the others. Not allocated where the model tells of none.
+        integer, allocatable :: meeting_height(:), meeting_sign(:)
         !> What `build` was given and could not use, blank for nothing; `check_model` refuses the model with it.
         character(len=120) :: fault = ''
         !> Pairs of bodies whose forces depend on each other's coordinates (2, any), for `evaluate_stiffness` and the analysis of
         !> large systems; they may come more than once, 0 is the ground; none where not allocated.
         integer, allocatable :: coupled(:, :)
     contains
-        procedure :: build, find_fault, multiply, multiply_mass, add_row_scales, block_of
+        procedure :: build, tell_meeting, find_fault, multiply, multiply_mass, add_row_scales, block_of
         procedure, private :: colour
     end type pattern_type
 
@@ -82,7 +87,24 @@ contains
         self%mass_width = maxval(mass_blocks)
         if (allocated(self%block_height)) deallocate (self%block_height, self%block_start)
         if (allocated(self%in_blocks)) deallocate (self%in_blocks)
+        if (allocated(self%meeting_height)) deallocate (self%meeting_height, self%meeting_sign)
     end subroutine build
+
+    !> Take note of a joint that makes points meet.
+    pure subroutine tell_meeting(self, row, height, bodies)
+        class(pattern_type), intent(inout) :: self
+        !> Its first row, how many it has, and its bodies, the place of the first one with a minus; 0 is the ground.
+        integer, intent(in) :: row, height, bodies(2)
+        integer :: k
+
+        if (.not. allocated(self%meeting_height)) then
+            allocate (self%meeting_height(self%n_rows), self%meeting_sign(size(self%row_body)), source=0)
+        end if
+        self%meeting_height(row) = height
+        do k = self%row_start(row), self%row_start(row + 1) - 1
+            self%meeting_sign(k) = merge(-1, 1, self%row_body(k) == bodies(1))
+        end do
+    end subroutine tell_meeting
 
     !> Before which entry of `terms%blocks` a body's block of some rows begins; -1 where a chart does not want just these together.
     pure integer function block_of(self, row, height, body)

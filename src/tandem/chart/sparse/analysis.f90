@@ -13,6 +13,7 @@ module tandem_chart_sparse_analysis
     use tandem_model_pattern, only: pattern_type
     use tandem_chart_sparse_blocks, only: most_coordinates, of_any_blocks, of_rigid_body, of_single_blocks
     use tandem_chart_sparse_inverses, only: side_by_side
+    use tandem_chart_sparse_meetings, only: n_in_plane, n_in_space, of_hinges, of_others, of_pins
     use tandem_chart_sparse_order, only: append, list_type, order_nodes
     implicit none (type, external)
     private
@@ -34,11 +35,16 @@ module tandem_chart_sparse_analysis
         !> where its part of C begins among all, (rows, coordinates) in size.
         integer, allocatable :: link_start(:), link_node(:), link_offset(:)
         !> The same for loops, side by side in memory: of each link the first unknown less one and the height of its node, the
-        !> offset in C and the first row (4, links + 1); the links of node k are node_link(:, node_start(k)) to
-        !> node_link(:, node_start(k + 1) - 1), each with the first coordinate and the number of coordinates of its body and the
-        !> offset in C (3, links + 1). The last ones are empty, so that there is one to begin with where a list is empty.
+        !> offset in C, the first row, the offset of W c' and the sign of a joint that makes points meet (6, links + 1); the links
+        !> of node k are node_link(:, node_start(k)) to node_link(:, node_start(k + 1) - 1), each with the first coordinate and
+        !> the number of coordinates of its body, the offset in C and that sign (4, links + 1). The last ones are empty, so that
+        !> there is one to begin with where a list is empty.
         integer, allocatable :: link(:, :), node_start(:), node_link(:, :)
-        integer :: n_entries = 0
+        !> Entries of C, and of W c' of all links.
+        integer :: n_entries = 0, n_moved = 0
+        !> Whether a body goes first and has to do with hinges alone, or with pins, and whether a node is one
+        !> (`tandem_chart_sparse_meetings`).
+        integer, allocatable :: joints_of_body(:), joint_of_node(:)
         !> Where a product of the parts of two links of a body that is eliminated goes: of link 1 with itself, of 2 with 1 and with
         !> itself, and so on; of a kept body the block of each link. From pair_start(b) + 1 on.
         integer, allocatable :: pair_start(:), pair_target(:)
@@ -125,6 +131,7 @@ contains
         call self%find_updates()
         call self%find_pairs()
         call list_for_loops(self)
+        call find_joints(self, pattern, rows)
         call find_together(self)
     end subroutine analyse
 
@@ -160,7 +167,8 @@ contains
         self%behind = reshape([(self%place(self%later(k)), self%height(self%later(k)), self%later_offset(k), &
             k=1, size(self%later))], [3, size(self%later) + 1], pad=[0])
         self%link = reshape([(self%place(self%link_node(l)), self%height(self%link_node(l)), self%link_offset(l), &
-            self%origin(self%link_node(l)), l=1, size(self%link_node))], [4, size(self%link_node) + 1], pad=[0])
+            self%origin(self%link_node(l)), self%link_offset(l), 0, l=1, size(self%link_node))], [6, size(self%link_node) + 1], &
+            pad=[0])
         self%node_start = spread(0, 1, self%n_nodes + 1)
         do l = 1, size(self%link_node)
             self%node_start(self%link_node(l) + 1) = self%node_start(self%link_node(l) + 1) + 1
@@ -171,16 +179,68 @@ contains
         end do
         allocate (next, source=self%node_start)
         if (allocated(self%node_link)) deallocate (self%node_link)
-        allocate (self%node_link(3, size(self%link_node) + 1), source=0)
+        allocate (self%node_link(4, size(self%link_node) + 1), source=0)
         do b = 1, self%n_bodies
             do l = self%link_start(b), self%link_start(b + 1) - 1
                 associate (k => next(self%link_node(l)))
-                    self%node_link(:, k) = [self%first(b), self%first(b + 1) - self%first(b), self%link_offset(l)]
+                    self%node_link(:3, k) = [self%first(b), self%first(b + 1) - self%first(b), self%link_offset(l)]
                     k = k + 1
                 end associate
             end do
         end do
     end subroutine list_for_loops
+
+    !> Nodes that are hinges or pins, with the signs of their links, and bodies that have to do with these alone; where W c' stands,
+    !> which takes less of them.
+    pure subroutine find_joints(self, pattern, rows)
+        class(analysis_type), intent(inout) :: self
+        type(pattern_type), intent(in) :: pattern
+        integer, intent(in) :: rows(:)
+        integer, allocatable :: next(:)
+        integer :: b, joint, k, l, n
+
+        self%joint_of_node = spread(of_others, 1, self%n_nodes)
+        self%joints_of_body = spread(of_others, 1, self%n_bodies)
+        if (allocated(pattern%meeting_height)) then
+            do n = 1, self%n_nodes
+                if (self%is_body(n)) cycle
+                if (pattern%meeting_height(rows(self%origin(n))) /= self%height(n)) cycle
+                if (self%height(n) == 5) self%joint_of_node(n) = of_hinges
+                if (self%height(n) == 2) self%joint_of_node(n) = of_pins
+            end do
+        end if
+        next = self%node_start
+        self%n_moved = 0
+        do b = 1, self%n_bodies
+            joint = of_others
+            if (.not. self%is_kept(b) .and. self%link_start(b + 1) > self%link_start(b)) then
+                if (self%kind(b) == of_rigid_body .and. self%norm_row(b) > 0) joint = of_hinges
+                if (self%kind(b) == of_single_blocks .and. self%first(b + 1) - self%first(b) == 3 .and. self%norm_row(b) == 0) &
+                    joint = of_pins
+                if (any(self%joint_of_node(self%link_node(self%link_start(b):self%link_start(b + 1) - 1)) /= joint)) &
+                    joint = of_others
+            end if
+            self%joints_of_body(b) = joint
+            do l = self%link_start(b), self%link_start(b + 1) - 1
+                n = self%link_node(l)
+                self%link(5, l) = self%n_moved
+                if (joint == of_hinges) then
+                    self%n_moved = self%n_moved + n_in_space
+                else if (joint == of_pins) then
+                    self%n_moved = self%n_moved + n_in_plane
+                else
+                    self%n_moved = self%n_moved + self%height(n)*(self%first(b + 1) - self%first(b))
+                end if
+                if (self%joint_of_node(n) /= of_others) then
+                    do k = pattern%row_start(rows(self%origin(n))), pattern%row_start(rows(self%origin(n)) + 1) - 1
+                        if (pattern%row_body(k) == b) self%link(6, l) = pattern%meeting_sign(k)
+                    end do
+                end if
+                self%node_link(4, next(n)) = self%link(6, l)
+                next(n) = next(n) + 1
+            end do
+        end do
+    end subroutine find_joints
 
     !> Rows that follow each other and touch the same bodies become nodes; bodies with many of them are kept.
     subroutine gather_rows(self, pattern, rows, node_first, node_size, nodes_of, bodies_of)

@@ -134,7 +134,7 @@ contains
     !> The rows of a node: residuals, and what their terms add up to.
     pure subroutine add_velocity(s, n_links, node_link, c, qd, scale, left, total)
         integer, intent(in), value :: s, n_links
-        integer, intent(in) :: node_link(3, n_links)
+        integer, intent(in) :: node_link(4, n_links)
         real(wp), intent(in) :: c(*), qd(*), scale(*)
         real(wp), intent(inout) :: left(s), total(s)
         real(wp) :: residual(most), terms(most), x
@@ -179,7 +179,7 @@ contains
     !> What the rows of a node add up to.
     pure subroutine add_node(s, n_links, node_link, c, q, qd, qdd, scale, nu, gamma, sums)
         integer, intent(in), value :: s, n_links
-        integer, intent(in) :: node_link(3, n_links)
+        integer, intent(in) :: node_link(4, n_links)
         real(wp), intent(in) :: c(*), q(*), qd(*), qdd(*), scale(*), nu(s), gamma(s)
         type(sums_type), intent(inout) :: sums
         real(wp) :: entry, x(3)

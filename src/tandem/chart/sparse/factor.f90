@@ -8,6 +8,7 @@ module tandem_chart_sparse_factor
         subtract_product, subtract_rows, subtract_update
     use tandem_chart_sparse_inverses, only: invert, invert_nodes, invert_some, side_by_side
     use tandem_chart_sparse_masses, only: invert_block, invert_rigid, least_mass
+    use tandem_chart_sparse_meetings, only: add_in_plane, add_in_space, of_hinges, of_pins
     use tandem_model_pattern, only: pattern_type
     use tandem_pack, only: pack_type
     use tandem_status, only: status_not_finite, status_ok, status_rank_deficient, status_singular_mass
@@ -24,7 +25,8 @@ module tandem_chart_sparse_factor
         real(wp), allocatable :: c(:), own(:)
         !> W, its blocks as those of M (mass_width, n), and R (n).
         real(wp), allocatable :: w(:, :), r(:)
-        !> By links: what a unit multiplier moves of the body, W c' (coordinates, rows), and what a unit of its own row
+        !> By links: what a unit multiplier moves of the body, W c' (coordinates, rows; less of hinges and pins, see
+        !> `tandem_chart_sparse_meetings`), and what a unit of its own row
         !> gives to the node, -c R (most_rows, links; none where no body goes with a row of its own).
         real(wp), allocatable :: y(:), sent(:, :)
         !> Inverse diagonal blocks D^-1 of the factor, and L = B D^-1 of the others, B what they were when their turn came.
@@ -45,6 +47,8 @@ module tandem_chart_sparse_factor
         integer :: failed_coordinate = 0
         !> Whether C, and whether the factor too, are those of the current point.
         logical :: has_rows = .false., is_factored = .false.
+        !> Whether C is what two of them differ by: then the places of points that meet have gone from it.
+        logical :: is_difference = .false.
     contains
         procedure :: allocate => allocate_factor, load_rows, invert_masses, factorize, solve, multiply
         procedure :: add_reactions, move, add_squares, pack_state
@@ -109,7 +113,7 @@ contains
         ! What goes from one factor to the other may be with either.
         if (allocated(self%c)) deallocate (self%c)
         if (allocated(self%w)) deallocate (self%w)
-        allocate (self%c(a%n_entries + read_behind + a%n), self%y(a%n_entries + read_behind), self%own(a%n), &
+        allocate (self%c(a%n_entries + read_behind + a%n), self%y(a%n_moved + read_behind), self%own(a%n), &
             self%sent(most_rows, merge(size(a%link_node), 0, any(a%norm_row > 0))), self%w(pattern%mass_width, a%n), self%r(a%n), &
             self%blocks(a%n_factor + read_behind), self%alone(a%m), self%added(a%n_bodies), &
             source=0.0_wp)
@@ -155,7 +159,7 @@ contains
 
     !> The rows of the nodes by links, but for those that are there.
     pure subroutine take_rows(n_bodies, n, m, n_links, width, first, link_start, link, column, jacobian, c, in_blocks)
-        integer, intent(in) :: n_bodies, n, m, n_links, width, first(n_bodies + 1), link_start(n_bodies + 1), link(4, n_links), &
+        integer, intent(in) :: n_bodies, n, m, n_links, width, first(n_bodies + 1), link_start(n_bodies + 1), link(6, n_links), &
             column(n)
         real(wp), intent(in) :: jacobian(m, width)
         real(wp), intent(inout) :: c(*)
@@ -335,6 +339,15 @@ contains
                     cycle
                 end if
                 if (last < from) cycle
+                if (a%joints_of_body(b) == of_hinges) then
+                    call add_in_space(last - from + 1, a%link(1, from), size(self%w, 1), self%w(1, f), self%r(f), &
+                        a%pair_target(d + 1), self%c, self%sent(1, from), self%y, self%blocks)
+                    cycle
+                else if (a%joints_of_body(b) == of_pins) then
+                    call add_in_plane(last - from + 1, a%link(1, from), size(self%w, 1), self%w(1, f), a%pair_target(d + 1), &
+                        self%c, self%y, self%blocks)
+                    cycle
+                end if
                 call add_links(a%kind(b), nb, last - from + 1, a%block_first(f), size(self%w, 1), self%w(1, f), a%link(1, from), &
                     a%pair_target(d + 1), self%c, self%y, self%blocks)
                 if (a%norm_row(b) == 0) cycle
@@ -397,22 +410,22 @@ contains
     pure subroutine add_links(kind, nb, n_links, block_first, ldw, w, link, pair_target, c, y, blocks)
         integer, intent(in), value :: kind, nb, n_links, ldw
         !> The first coordinates of the blocks of the body's M, W, its links, where the products go.
-        integer, intent(in) :: block_first(nb), link(4, n_links), pair_target(*)
+        integer, intent(in) :: block_first(nb), link(6, n_links), pair_target(*)
         real(wp), intent(in) :: w(ldw, nb), c(*)
         real(wp), intent(inout) :: y(*), blocks(*)
         integer :: d, k, l
 
         d = 0
         do l = 1, n_links
-            associate (place => link(1, l), s => link(2, l), offset => link(3, l))
-                call apply_inverse(kind, s, nb, block_first, block_first(1), ldw, w, c(offset + 1), y(offset + 1))
+            associate (place => link(1, l), s => link(2, l), offset => link(3, l), moved => link(5, l))
+                call apply_inverse(kind, s, nb, block_first, block_first(1), ldw, w, c(offset + 1), y(moved + 1))
                 do k = 1, l
                     d = d + 1
                     ! The node that comes later has the rows of the block.
                     if (link(1, k) > place) then
-                        call subtract_product(link(2, k), s, nb, c(link(3, k) + 1), y(offset + 1), blocks(pair_target(d) + 1))
+                        call subtract_product(link(2, k), s, nb, c(link(3, k) + 1), y(moved + 1), blocks(pair_target(d) + 1))
                     else
-                        call subtract_product(s, link(2, k), nb, c(offset + 1), y(link(3, k) + 1), blocks(pair_target(d) + 1))
+                        call subtract_product(s, link(2, k), nb, c(offset + 1), y(link(5, k) + 1), blocks(pair_target(d) + 1))
                     end if
                 end do
             end associate

@@ -58,6 +58,7 @@ contains
         call self%factored%allocate(self%analysis)
         allocate (self%terms%mass(base%n, mass_width), self%terms%c(base%n_entries + read_behind), self%terms%own(base%n), &
             self%z(self%analysis%n_unknowns), self%turn%c(base%n_entries + read_behind), self%turn%own(base%n), source=0.0_wp)
+        self%turn%is_difference = .true.
         allocate (self%terms%is_out(base%m), source=.false.)
         allocate (self%pairs(0))
         self%ha = 0.0_wp

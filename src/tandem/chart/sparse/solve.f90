@@ -3,6 +3,8 @@
 !> in memory.
 submodule(tandem_chart_sparse_factor) tandem_chart_sparse_solve
     use tandem_chart_sparse_blocks, only: add_moved, multiply_inverse, set_owned, subtract_rows, subtract_transposed
+    use tandem_chart_sparse_meetings, only: fetch_in_plane, fetch_in_space, multiply_in_plane, multiply_in_space, of_hinges, &
+        of_pins, send_in_plane, send_in_space, send_own_in_space
     implicit none (type, external)
 
 contains
@@ -70,6 +72,23 @@ contains
             g_own = 0.0_wp
             if (a%norm_row(b) > 0) g_own = g(a%norm_row(b))
             associate (first => a%first(b))
+                if (a%joints_of_body(b) == of_hinges) then
+                    if (has_force) then
+                        call send_in_space(a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), size(self%w, 1), &
+                            self%w(1, first), f(first), self%r(first), g_own, self%c, x(first), z)
+                    else
+                        call send_own_in_space(a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%r(first), &
+                            g_own, self%sent(1, a%link_start(b)), x(first), z)
+                    end if
+                    cycle
+                else if (a%joints_of_body(b) == of_pins .and. has_force) then
+                    call send_in_plane(a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), size(self%w, 1), &
+                        self%w(1, first), f(first), self%c, x(first), z)
+                    cycle
+                else if (a%joints_of_body(b) == of_pins) then
+                    x(first:first + 2) = 0.0_wp
+                    cycle
+                end if
                 if (a%is_kept(b)) then
                     associate (place => a%place(a%node_of_body(b)))
                         do i = 1, nb
@@ -95,7 +114,7 @@ contains
 
     !> z := z - C x for the links of a body.
     pure subroutine send_links(nb, n_links, link, c, x, z)
-        integer, intent(in) :: nb, n_links, link(4, n_links)
+        integer, intent(in) :: nb, n_links, link(6, n_links)
         real(wp), intent(in) :: c(*), x(nb)
         real(wp), intent(inout) :: z(*)
         integer :: l
@@ -109,7 +128,7 @@ contains
 
     !> The same of what the body's own row moves.
     pure subroutine send_own(n_links, link, sent, g_own, z)
-        integer, intent(in) :: n_links, link(4, n_links)
+        integer, intent(in) :: n_links, link(6, n_links)
         real(wp), intent(in) :: sent(most_rows, n_links), g_own
         real(wp), intent(inout) :: z(*)
         integer :: i, l
@@ -141,6 +160,13 @@ contains
         do b = 1, a%n_bodies
             nb = a%first(b + 1) - a%first(b)
             associate (first => a%first(b))
+                if (a%joints_of_body(b) == of_hinges) then
+                    call fetch_in_space(a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%y, z, x(first))
+                    cycle
+                else if (a%joints_of_body(b) == of_pins) then
+                    call fetch_in_plane(a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%y, z, x(first))
+                    cycle
+                end if
                 if (a%is_kept(b)) then
                     do i = 1, nb
                         x(first + i - 1) = z(a%place(a%node_of_body(b)) + i)
@@ -155,13 +181,13 @@ contains
 
     !> x := x - y z for the links of a body.
     pure subroutine fetch_links(nb, n_links, link, y, z, x)
-        integer, intent(in) :: nb, n_links, link(4, n_links)
+        integer, intent(in) :: nb, n_links, link(6, n_links)
         real(wp), intent(in) :: y(*), z(*)
         real(wp), intent(inout) :: x(nb)
         integer :: l
 
         do l = 1, n_links
-            associate (place => link(1, l), s => link(2, l), offset => link(3, l))
+            associate (place => link(1, l), s => link(2, l), offset => link(5, l))
                 call subtract_rows(nb, s, y(offset + 1), z(place + 1), x)
             end associate
         end do
@@ -195,9 +221,33 @@ contains
         integer :: k
 
         do k = 1, n_later
+            if (s == 5 .and. behind(2, k) == 5) then
+                call subtract_five(blocks(behind(3, k) + 1), z(place + 1), z(behind(1, k) + 1))
+                cycle
+            end if
             call subtract_rows(behind(2, k), s, blocks(behind(3, k) + 1), z(place + 1), z(behind(1, k) + 1))
         end do
     end subroutine eliminate_node
+
+    !> z := z - l x for what chains in space have most, here so that it is compiled into the loop. Nodes wait for each other: so
+    !> what it adds up is parted.
+    pure subroutine subtract_five(l, x, z)
+        real(wp), intent(in) :: l(5, 5), x(5)
+        real(wp), intent(inout) :: z(5)
+        real(wp) :: s(4), t(4), u, v
+        integer :: i
+
+        do i = 1, 4
+            s(i) = (z(i) - l(i, 1)*x(1)) - l(i, 2)*x(2)
+            t(i) = (l(i, 3)*x(3) + l(i, 4)*x(4)) + l(i, 5)*x(5)
+        end do
+        u = (z(5) - l(5, 1)*x(1)) - l(5, 2)*x(2)
+        v = (l(5, 3)*x(3) + l(5, 4)*x(4)) + l(5, 5)*x(5)
+        do i = 1, 4
+            z(i) = s(i) - t(i)
+        end do
+        z(5) = u - v
+    end subroutine subtract_five
 
     !> Divide a node by its block, and take from it what the unknowns behind it give it.
     pure subroutine find_node(s, place, diagonal, n_later, behind, blocks, z)
@@ -218,7 +268,8 @@ contains
         integer :: b, j
         real(wp) :: total
 
-        call multiply_nodes(a%n_nodes, size(a%node_link, 2), a%node, a%is_body, a%node_start, a%node_link, self%c, x, g)
+        call multiply_nodes(a%n_nodes, size(a%node_link, 2), a%node, a%is_body, &
+            self%is_difference, a%joint_of_node, a%node_start, a%node_link, self%c, x, g)
         do b = 1, a%n_bodies
             if (a%own_row(b) == 0) cycle
             total = g(a%own_row(b))
@@ -230,15 +281,23 @@ contains
     end procedure multiply
 
     !> The rows of nodes.
-    pure subroutine multiply_nodes(n_nodes, n_links, node, is_body, node_start, node_link, c, x, g)
-        integer, intent(in) :: n_nodes, n_links, node(4, n_nodes), node_start(n_nodes + 1), node_link(3, n_links)
-        logical, intent(in) :: is_body(n_nodes)
+    pure subroutine multiply_nodes(n_nodes, n_links, node, is_body, is_difference, joint, node_start, node_link, c, x, g)
+        integer, intent(in) :: n_nodes, n_links, node(4, n_nodes), joint(n_nodes), node_start(n_nodes + 1), &
+            node_link(4, n_links)
+        logical, intent(in) :: is_body(n_nodes), is_difference
         real(wp), intent(in) :: c(*), x(*)
         real(wp), intent(inout) :: g(*)
         integer :: l, n
 
         do n = 1, n_nodes
             if (is_body(n)) cycle
+            if (joint(n) == of_hinges .and. .not. is_difference) then
+                call multiply_in_space(node_start(n + 1) - node_start(n), node_link(1, node_start(n)), c, x, g(node(4, n)))
+                cycle
+            else if (joint(n) == of_pins .and. .not. is_difference) then
+                call multiply_in_plane(node_start(n + 1) - node_start(n), node_link(1, node_start(n)), c, x, g(node(4, n)))
+                cycle
+            end if
             do l = node_start(n), node_start(n + 1) - 1
                 associate (s => node(2, n), origin => node(4, n), first => node_link(1, l), nb => node_link(2, l), &
                     offset => node_link(3, l))

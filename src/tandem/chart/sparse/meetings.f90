@@ -1,0 +1,322 @@
+! SPDX-License-Identifier: MIT
+!> Bodies that are held by hinges in space, or by pins in the plane, alone. The first rows of such a joint say that points of two
+!> bodies meet: there the columns of a body's place are the unit matrix with a sign, and in its other rows they are zero. So of the
+!> part of C of a link the columns of the turn alone are read, and W c' is kept as
+!>     the mobilities of the place with that sign (3 or 2), then that of the turn, (4, 5) or (1, 2).
+!> One body or node a call, whose lengths are constants.
+module tandem_chart_sparse_meetings
+    use tandem_kinds, only: wp
+    implicit none (type, external)
+    private
+
+    public :: of_hinges, of_pins, of_others, n_in_space, n_in_plane
+    public :: send_in_space, send_own_in_space, send_in_plane, fetch_in_space, fetch_in_plane, multiply_in_space, multiply_in_plane
+    public :: add_in_space, add_in_plane
+
+    !> What a body, or a node, has to do with: hinges alone, pins alone, or others.
+    integer, parameter :: of_others = 0, of_hinges = 1, of_pins = 2
+    !> Numbers that W c' of a link takes.
+    integer, parameter :: n_in_space = 23, n_in_plane = 4
+    !> What a list says of each link, see `analysis_type`.
+    integer, parameter :: n_link = 6
+
+contains
+
+    !> x = R g of a body, and what that gives to its nodes.
+    pure subroutine send_own_in_space(n_links, link, r, g, sent, x, z)
+        integer, intent(in), value :: n_links
+        integer, intent(in) :: link(n_link, n_links)
+        !> R of the body, what a unit of its own row gives to nodes, the right-hand side of that row.
+        real(wp), intent(in) :: r(7), sent(6, n_links)
+        real(wp), intent(in), value :: g
+        real(wp), intent(out) :: x(7)
+        real(wp), intent(inout) :: z(*)
+        integer :: i, l
+
+        do i = 1, 7
+            x(i) = r(i)*g
+        end do
+        do l = 1, n_links
+            associate (place => link(1, l))
+                do i = 1, 5
+                    z(place + i) = z(place + i) + sent(i, l)*g
+                end do
+            end associate
+        end do
+    end subroutine send_own_in_space
+
+    !> x = W f + R g of a body, and what that takes from its nodes.
+    pure subroutine send_in_space(n_links, link, ldw, w, f, r, g, c, x, z)
+        integer, intent(in), value :: n_links, ldw
+        integer, intent(in) :: link(n_link, n_links)
+        !> W and R of the body, the force, the right-hand side of its own row.
+        real(wp), intent(in) :: w(ldw, 7), f(7), r(7), c(*)
+        real(wp), intent(in), value :: g
+        real(wp), intent(out) :: x(7)
+        real(wp), intent(inout) :: z(*)
+        real(wp) :: turn(4), t(4), u
+        integer :: i, j, l
+
+        do i = 1, 4
+            turn(i) = r(3 + i)*g + ((w(i, 4)*f(4) + w(i, 5)*f(5)) + (w(i, 6)*f(6) + w(i, 7)*f(7)))
+        end do
+        do i = 1, 3
+            x(i) = w(1, i)*f(i)
+        end do
+        do i = 1, 4
+            x(3 + i) = turn(i)
+        end do
+        do l = 1, n_links
+            associate (place => link(1, l), k => link(3, l) + 15, sign => real(link(6, l), wp))
+                do i = 1, 4
+                    t(i) = z(place + i)
+                end do
+                u = z(place + 5)
+                do j = 1, 4
+                    do i = 1, 4
+                        t(i) = t(i) - c(k + 5*(j - 1) + i)*turn(j)
+                    end do
+                    u = u - c(k + 5*j)*turn(j)
+                end do
+                do i = 1, 3
+                    z(place + i) = t(i) - sign*x(i)
+                end do
+                z(place + 4) = t(4)
+                z(place + 5) = u
+            end associate
+        end do
+    end subroutine send_in_space
+
+    !> The same in the plane, where no body owns a row.
+    pure subroutine send_in_plane(n_links, link, ldw, w, f, c, x, z)
+        integer, intent(in), value :: n_links, ldw
+        integer, intent(in) :: link(n_link, n_links)
+        real(wp), intent(in) :: w(ldw, 3), f(3), c(*)
+        real(wp), intent(out) :: x(3)
+        real(wp), intent(inout) :: z(*)
+        integer :: i, l
+
+        do i = 1, 3
+            x(i) = w(1, i)*f(i)
+        end do
+        do l = 1, n_links
+            associate (place => link(1, l), k => link(3, l) + 4, sign => real(link(6, l), wp))
+                do i = 1, 2
+                    z(place + i) = z(place + i) - (sign*x(i) + c(k + i)*x(3))
+                end do
+            end associate
+        end do
+    end subroutine send_in_plane
+
+    !> x := x - W C' z of a body.
+    pure subroutine fetch_in_space(n_links, link, y, z, x)
+        integer, intent(in), value :: n_links
+        integer, intent(in) :: link(n_link, n_links)
+        real(wp), intent(in) :: y(*), z(*)
+        real(wp), intent(inout) :: x(7)
+        real(wp) :: place(3), turn(4)
+        integer :: i, j, l
+
+        do i = 1, 3
+            place(i) = x(i)
+        end do
+        do i = 1, 4
+            turn(i) = x(3 + i)
+        end do
+        do l = 1, n_links
+            associate (k => link(5, l), n => link(1, l))
+                do i = 1, 3
+                    place(i) = place(i) - y(k + i)*z(n + i)
+                end do
+                do j = 1, 5
+                    do i = 1, 4
+                        turn(i) = turn(i) - y(k + 4*j - 1 + i)*z(n + j)
+                    end do
+                end do
+            end associate
+        end do
+        do i = 1, 3
+            x(i) = place(i)
+        end do
+        do i = 1, 4
+            x(3 + i) = turn(i)
+        end do
+    end subroutine fetch_in_space
+
+    pure subroutine fetch_in_plane(n_links, link, y, z, x)
+        integer, intent(in), value :: n_links
+        integer, intent(in) :: link(n_link, n_links)
+        real(wp), intent(in) :: y(*), z(*)
+        real(wp), intent(inout) :: x(3)
+        integer :: l
+
+        do l = 1, n_links
+            associate (k => link(5, l), n => link(1, l))
+                x(1) = x(1) - y(k + 1)*z(n + 1)
+                x(2) = x(2) - y(k + 2)*z(n + 2)
+                x(3) = x(3) - (y(k + 3)*z(n + 1) + y(k + 4)*z(n + 2))
+            end associate
+        end do
+    end subroutine fetch_in_plane
+
+    !> g := g - C x of a node.
+    pure subroutine multiply_in_space(n_links, link, c, x, g)
+        integer, intent(in), value :: n_links
+        !> Of each link the first coordinate, how many there are, the offset in C, the sign.
+        integer, intent(in) :: link(4, n_links)
+        real(wp), intent(in) :: c(*), x(*)
+        real(wp), intent(inout) :: g(5)
+        real(wp) :: t(4), u
+        integer :: i, j, l
+
+        do i = 1, 4
+            t(i) = g(i)
+        end do
+        u = g(5)
+        do l = 1, n_links
+            associate (n => link(1, l), k => link(3, l) + 15, sign => real(link(4, l), wp))
+                do j = 1, 4
+                    do i = 1, 4
+                        t(i) = t(i) - c(k + 5*(j - 1) + i)*x(n + 2 + j)
+                    end do
+                    u = u - c(k + 5*j)*x(n + 2 + j)
+                end do
+                do i = 1, 3
+                    t(i) = t(i) - sign*x(n - 1 + i)
+                end do
+            end associate
+        end do
+        do i = 1, 4
+            g(i) = t(i)
+        end do
+        g(5) = u
+    end subroutine multiply_in_space
+
+    pure subroutine multiply_in_plane(n_links, link, c, x, g)
+        integer, intent(in), value :: n_links
+        integer, intent(in) :: link(4, n_links)
+        real(wp), intent(in) :: c(*), x(*)
+        real(wp), intent(inout) :: g(2)
+        integer :: i, l
+
+        do l = 1, n_links
+            associate (n => link(1, l), k => link(3, l) + 4, sign => real(link(4, l), wp))
+                do i = 1, 2
+                    g(i) = g(i) - (sign*x(n - 1 + i) + c(k + i)*x(n + 2))
+                end do
+            end associate
+        end do
+    end subroutine multiply_in_plane
+
+    !> W c' of the links of a body, what its own row gives to nodes, and C W C' taken from the blocks of the nodes.
+    pure subroutine add_in_space(n_links, link, ldw, w, r, pair_target, c, sent, y, blocks)
+        integer, intent(in), value :: n_links, ldw
+        integer, intent(in) :: link(n_link, n_links), pair_target(*)
+        real(wp), intent(in) :: w(ldw, 7), r(7), c(*)
+        real(wp), intent(out) :: sent(6, n_links)
+        real(wp), intent(inout) :: y(*), blocks(*)
+        real(wp) :: t(4)
+        integer :: d, i, j, k, l
+
+        d = 0
+        do l = 1, n_links
+            associate (from => link(3, l) + 15, to => link(5, l), sign => real(link(6, l), wp))
+                do i = 1, 3
+                    y(to + i) = sign*w(1, i)
+                end do
+                ! W is symmetric.
+                do j = 1, 5
+                    do i = 1, 4
+                        t(i) = (w(i, 4)*c(from + j) + w(i, 5)*c(from + 5 + j)) + &
+                            (w(i, 6)*c(from + 10 + j) + w(i, 7)*c(from + 15 + j))
+                    end do
+                    do i = 1, 4
+                        y(to + 4*j - 1 + i) = t(i)
+                    end do
+                end do
+                do i = 1, 5
+                    sent(i, l) = -((c(from + i)*r(4) + c(from + 5 + i)*r(5)) + (c(from + 10 + i)*r(6) + c(from + 15 + i)*r(7)))
+                end do
+                sent(6, l) = 0.0_wp
+            end associate
+            do k = 1, l
+                d = d + 1
+                ! The node that comes later has the rows of the block.
+                if (link(1, k) > link(1, l)) then
+                    call subtract_in_space(c(link(3, k) + 16), link(6, k), y(link(5, l) + 1), blocks(pair_target(d) + 1))
+                else
+                    call subtract_in_space(c(link(3, l) + 16), link(6, l), y(link(5, k) + 1), blocks(pair_target(d) + 1))
+                end if
+            end do
+        end do
+    end subroutine add_in_space
+
+    !> x := x - c y for the columns of the turn of one link, its sign, and W c' of another.
+    pure subroutine subtract_in_space(c, sign, y, x)
+        real(wp), intent(in) :: c(5, 4), y(n_in_space)
+        integer, intent(in), value :: sign
+        real(wp), intent(inout) :: x(5, 5)
+        real(wp) :: t(4), u
+        integer :: i, j, k
+
+        do j = 1, 5
+            do i = 1, 4
+                t(i) = x(i, j)
+            end do
+            u = x(5, j)
+            do k = 1, 4
+                do i = 1, 4
+                    t(i) = t(i) - c(i, k)*y(4*j - 1 + k)
+                end do
+                u = u - c(5, k)*y(4*j - 1 + k)
+            end do
+            do i = 1, 4
+                x(i, j) = t(i)
+            end do
+            x(5, j) = u
+        end do
+        do j = 1, 3
+            x(j, j) = x(j, j) - sign*y(j)
+        end do
+    end subroutine subtract_in_space
+
+    pure subroutine add_in_plane(n_links, link, ldw, w, pair_target, c, y, blocks)
+        integer, intent(in), value :: n_links, ldw
+        integer, intent(in) :: link(n_link, n_links), pair_target(*)
+        real(wp), intent(in) :: w(ldw, 3), c(*)
+        real(wp), intent(inout) :: y(*), blocks(*)
+        integer :: d, i, k, l
+
+        d = 0
+        do l = 1, n_links
+            associate (from => link(3, l) + 4, to => link(5, l), sign => real(link(6, l), wp))
+                do i = 1, 2
+                    y(to + i) = sign*w(1, i)
+                    y(to + 2 + i) = c(from + i)*w(1, 3)
+                end do
+            end associate
+            do k = 1, l
+                d = d + 1
+                if (link(1, k) > link(1, l)) then
+                    call subtract_in_plane(c(link(3, k) + 5), link(6, k), y(link(5, l) + 1), blocks(pair_target(d) + 1))
+                else
+                    call subtract_in_plane(c(link(3, l) + 5), link(6, l), y(link(5, k) + 1), blocks(pair_target(d) + 1))
+                end if
+            end do
+        end do
+    end subroutine add_in_plane
+
+    pure subroutine subtract_in_plane(c, sign, y, x)
+        real(wp), intent(in) :: c(2), y(n_in_plane)
+        integer, intent(in), value :: sign
+        real(wp), intent(inout) :: x(2, 2)
+        integer :: i, j
+
+        do j = 1, 2
+            do i = 1, 2
+                x(i, j) = x(i, j) - c(i)*y(2 + j)
+            end do
+            x(j, j) = x(j, j) - sign*y(j)
+        end do
+    end subroutine subtract_in_plane
+end module tandem_chart_sparse_meetings
