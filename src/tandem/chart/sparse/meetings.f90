@@ -15,8 +15,8 @@ module tandem_chart_sparse_meetings
 
     !> What a body, or a node, has to do with: hinges alone, pins alone, or others.
     integer, parameter :: of_others = 0, of_hinges = 1, of_pins = 2
-    !> Numbers that W c' of a link takes.
-    integer, parameter :: n_in_space = 23, n_in_plane = 4
+    !> Numbers that W c' of a link takes; one of them stays zero, so that registers are filled.
+    integer, parameter :: n_in_space = 24, n_in_plane = 4
     !> What a list says of each link, see `analysis_type`.
     integer, parameter :: n_link = 6
 
@@ -54,8 +54,8 @@ contains
         real(wp), intent(in), value :: g
         real(wp), intent(out) :: x(7)
         real(wp), intent(inout) :: z(*)
-        real(wp) :: turn(4), t(4), u
-        integer :: i, j, l
+        real(wp) :: turn(4)
+        integer :: i, l
 
         do i = 1, 4
             turn(i) = r(3 + i)*g + ((w(i, 4)*f(4) + w(i, 5)*f(5)) + (w(i, 6)*f(6) + w(i, 7)*f(7)))
@@ -67,25 +67,38 @@ contains
             x(3 + i) = turn(i)
         end do
         do l = 1, n_links
-            associate (place => link(1, l), k => link(3, l) + 15, sign => real(link(6, l), wp))
-                do i = 1, 4
-                    t(i) = z(place + i)
-                end do
-                u = z(place + 5)
-                do j = 1, 4
-                    do i = 1, 4
-                        t(i) = t(i) - c(k + 5*(j - 1) + i)*turn(j)
-                    end do
-                    u = u - c(k + 5*j)*turn(j)
-                end do
+            associate (place => link(1, l), sign => real(link(6, l), wp))
                 do i = 1, 3
-                    z(place + i) = t(i) - sign*x(i)
+                    z(place + i) = z(place + i) - sign*x(i)
                 end do
-                z(place + 4) = t(4)
-                z(place + 5) = u
+                call subtract_turn(c(link(3, l) + 16), turn, z(place + 1))
             end associate
         end do
     end subroutine send_in_space
+
+    !> g := g - c x for the columns of the turn.
+    pure subroutine subtract_turn(c, x, g)
+        real(wp), intent(in) :: c(5, 4), x(4)
+        real(wp), intent(inout) :: g(5)
+        real(wp) :: t(4), u
+        integer :: i, j
+
+        do i = 1, 4
+            t(i) = g(i)
+        end do
+        u = g(5)
+        !GCC$ UNROLL 4
+        do j = 1, 4
+            do i = 1, 4
+                t(i) = t(i) - c(i, j)*x(j)
+            end do
+            u = u - c(5, j)*x(j)
+        end do
+        do i = 1, 4
+            g(i) = t(i)
+        end do
+        g(5) = u
+    end subroutine subtract_turn
 
     !> The same in the plane, where no body owns a row.
     pure subroutine send_in_plane(n_links, link, ldw, w, f, c, x, z)
@@ -114,32 +127,31 @@ contains
         integer, intent(in) :: link(n_link, n_links)
         real(wp), intent(in) :: y(*), z(*)
         real(wp), intent(inout) :: x(7)
-        real(wp) :: place(3), turn(4)
+        real(wp) :: turn(4)
         integer :: i, j, l
 
-        do i = 1, 3
-            place(i) = x(i)
-        end do
         do i = 1, 4
             turn(i) = x(3 + i)
         end do
         do l = 1, n_links
             associate (k => link(5, l), n => link(1, l))
-                do i = 1, 3
-                    place(i) = place(i) - y(k + i)*z(n + i)
-                end do
+                !GCC$ UNROLL 5
                 do j = 1, 5
                     do i = 1, 4
-                        turn(i) = turn(i) - y(k + 4*j - 1 + i)*z(n + j)
+                        turn(i) = turn(i) - y(k + 4*j + i)*z(n + j)
                     end do
                 end do
             end associate
         end do
-        do i = 1, 3
-            x(i) = place(i)
-        end do
         do i = 1, 4
             x(3 + i) = turn(i)
+        end do
+        ! In a loop of its own: the compiler would fill registers with places and turns in turn.
+        !GCC$ UNROLL 1
+        do l = 1, n_links
+            do i = 1, 3
+                x(i) = x(i) - y(link(5, l) + i)*z(link(1, l) + i)
+            end do
         end do
     end subroutine fetch_in_space
 
@@ -166,23 +178,26 @@ contains
         integer, intent(in) :: link(4, n_links)
         real(wp), intent(in) :: c(*), x(*)
         real(wp), intent(inout) :: g(5)
-        real(wp) :: t(4), u
+        real(wp) :: t(4), u, sign(4)
         integer :: i, j, l
 
         do i = 1, 4
             t(i) = g(i)
         end do
         u = g(5)
+        sign(4) = 0.0_wp
         do l = 1, n_links
-            associate (n => link(1, l), k => link(3, l) + 15, sign => real(link(4, l), wp))
+            associate (n => link(1, l), k => link(3, l) + 15)
+                sign(1:3) = real(link(4, l), wp)
+                do i = 1, 4
+                    t(i) = t(i) - sign(i)*x(n - 1 + i)
+                end do
+                !GCC$ UNROLL 4
                 do j = 1, 4
                     do i = 1, 4
                         t(i) = t(i) - c(k + 5*(j - 1) + i)*x(n + 2 + j)
                     end do
                     u = u - c(k + 5*j)*x(n + 2 + j)
-                end do
-                do i = 1, 3
-                    t(i) = t(i) - sign*x(n - 1 + i)
                 end do
             end associate
         end do
@@ -224,6 +239,7 @@ contains
                 do i = 1, 3
                     y(to + i) = sign*w(1, i)
                 end do
+                y(to + 4) = 0.0_wp
                 ! W is symmetric.
                 do j = 1, 5
                     do i = 1, 4
@@ -231,7 +247,7 @@ contains
                             (w(i, 6)*c(from + 10 + j) + w(i, 7)*c(from + 15 + j))
                     end do
                     do i = 1, 4
-                        y(to + 4*j - 1 + i) = t(i)
+                        y(to + 4*j + i) = t(i)
                     end do
                 end do
                 do i = 1, 5
@@ -264,11 +280,12 @@ contains
                 t(i) = x(i, j)
             end do
             u = x(5, j)
+            !GCC$ UNROLL 4
             do k = 1, 4
                 do i = 1, 4
-                    t(i) = t(i) - c(i, k)*y(4*j - 1 + k)
+                    t(i) = t(i) - c(i, k)*y(4*j + k)
                 end do
-                u = u - c(5, k)*y(4*j - 1 + k)
+                u = u - c(5, k)*y(4*j + k)
             end do
             do i = 1, 4
                 x(i, j) = t(i)
