@@ -10,7 +10,10 @@ module test_sparse_kernels
         subtract_update
     use tandem_chart_sparse_inverses, only: invert, invert_fives, side_by_side
     use tandem_chart_sparse_masses, only: invert_rigid
-    use tandem_model_terms, only: need_gamma, need_jacobian, need_phi, terms_type
+    use tandem_chart_sparse_meetings, only: of_hinges, of_pins
+    use tandem_chart_sparse_system, only: system_type
+    use tandem_model_counts, only: counts_type
+    use tandem_model_terms, only: need_gamma, need_jacobian, need_mass, need_phi, terms_type
     use tandem_rigid_euler_parameters, only: rotation
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
@@ -30,7 +33,8 @@ contains
             new_unittest('masses-of-rigid-bodies', test_masses), &
             new_unittest('dependent-rows-of-a-block', test_dependent), &
             new_unittest('products', test_products), &
-            new_unittest('hinges', test_hinges)]
+            new_unittest('hinges', test_hinges), &
+            new_unittest('joints-that-make-points-meet', test_meetings)]
     end subroutine collect_sparse_kernels
 
     !> Numbers between -1 and 1 without a pattern.
@@ -301,4 +305,64 @@ contains
             call check_close(error, here%gamma, curve, 1.0e-8_wp, 'gamma')
         end associate
     end subroutine test_hinges
+
+    !> Products and solutions of bodies that are held by hinges, or by pins, alone, and of some that are held by others too, beside
+    !> the constraints: against C and M as full matrices. What is left of M x + C' lambda = f is along rows that bodies own.
+    subroutine test_meetings(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), parameter :: names(4) = [character(len=14) :: 'spatial_chain', 'star', 'planar_chain', 'four_bars']
+        integer, parameter :: joints(4) = [of_hinges, of_hinges, of_pins, of_pins]
+        type(mechanism_type), target :: mechanism
+        type(failure_type), allocatable :: failure
+        type(system_type) :: system
+        type(counts_type) :: counts
+        type(terms_type) :: terms
+        real(wp), allocatable :: f(:), g(:), lambda(:), left(:), p(:), q(:), qd(:), rest(:), x(:), z(:)
+        integer :: b, k, n, pass, stat
+
+        do k = 1, size(names)
+            call make_large(names(k), 12, mechanism, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            allocate (q(mechanism%n), qd(mechanism%n))
+            call mechanism%start(q, qd)
+            q = q + 0.1_wp*scattered(mechanism%n, 1)
+            call system%initialize(mechanism, .false.)
+            call system%visit(0.0_wp, q, counts, stat)
+            if (stat == 0) call system%factorize(counts, stat)
+            call check_count(error, stat, 0, 'the status of a factorization')
+            if (allocated(error)) return
+            call check_count(error, count(system%analysis%joints_of_body == joints(k)), &
+                count(.not. system%analysis%is_kept), 'bodies that have to do with '//trim(names(k))//' alone')
+            call terms%allocate(mechanism%n, mechanism%n_holonomic, 0)
+            call mechanism%evaluate(need_jacobian + need_mass, 0.0_wp, q, q, terms, stat)
+            x = spread(0.0_wp, 1, mechanism%n)
+            z = spread(0.0_wp, 1, system%analysis%n_unknowns)
+            lambda = spread(0.0_wp, 1, mechanism%n_holonomic)
+            associate (a => system%analysis, factor => system%factor(system%here))
+                do pass = 1, 2
+                    f = (pass - 1)*scattered(mechanism%n, 2)
+                    g = scattered(mechanism%n_holonomic, 3)
+                    call factor%solve(a, pass == 2, f, g, x, z)
+                    left = g
+                    call factor%multiply(a, x, left)
+                    call check_close(error, left, 0.0_wp*g, 1.0e-11_wp, 'C x and g, '//trim(names(k)))
+                    call check_close(error, matmul(terms%jacobian, x), g, 1.0e-11_wp, 'C x and g by full matrices, '//trim(names(k)))
+                    do n = 1, a%n_nodes
+                        if (.not. a%is_body(n)) lambda(a%origin(n):a%origin(n) + a%height(n) - 1) = &
+                            z(a%place(n) + 1:a%place(n) + a%height(n))
+                    end do
+                    rest = f - matmul(terms%mass, x) - matmul(lambda, terms%jacobian)
+                    do b = 1, a%n_bodies
+                        if (a%norm_row(b) == 0) cycle
+                        p = terms%jacobian(a%norm_row(b), :)
+                        rest = rest - p*dot_product(p, rest)/dot_product(p, p)
+                    end do
+                    call check_close(error, rest, 0.0_wp*rest, 1.0e-10_wp, 'M x + C'' lambda and f, '//trim(names(k)))
+                    if (allocated(error)) return
+                end do
+            end associate
+            deallocate (q, qd)
+        end do
+    end subroutine test_meetings
 end module test_sparse_kernels
