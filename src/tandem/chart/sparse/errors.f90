@@ -131,6 +131,15 @@ contains
         end do
     end subroutine judge_velocity
 
+    !> How many coordinates of a body's place enter rows of a joint that makes points meet, with a sign alone
+    !> (`tandem_chart_sparse_meetings`).
+    pure integer function n_of_place(s, sign)
+        integer, intent(in), value :: s, sign
+
+        n_of_place = 0
+        if (sign /= 0) n_of_place = merge(3, 2, s == 5)
+    end function n_of_place
+
     !> The rows of a node: residuals, and what their terms add up to.
     pure subroutine add_velocity(s, n_links, node_link, c, qd, scale, left, total)
         integer, intent(in), value :: s, n_links
@@ -138,7 +147,7 @@ contains
         real(wp), intent(in) :: c(*), qd(*), scale(*)
         real(wp), intent(inout) :: left(s), total(s)
         real(wp) :: residual(most), terms(most), x
-        integer :: i, j, k, l
+        integer :: i, j, k, l, n_place
 
         do i = 1, s
             residual(i) = left(i)
@@ -146,7 +155,14 @@ contains
         end do
         do l = 1, n_links
             k = node_link(3, l)
-            do j = node_link(1, l), node_link(1, l) + node_link(2, l) - 1
+            n_place = n_of_place(s, node_link(4, l))
+            do i = 1, n_place
+                j = node_link(1, l) + i - 1
+                residual(i) = residual(i) - node_link(4, l)*qd(j)
+                terms(i) = terms(i) + max(abs(qd(j)), scale(j))
+            end do
+            k = k + s*n_place
+            do j = node_link(1, l) + n_place, node_link(1, l) + node_link(2, l) - 1
                 x = max(abs(qd(j)), scale(j))
                 do i = 1, s
                     residual(i) = residual(i) - c(k + i)*qd(j)
@@ -184,7 +200,7 @@ contains
         type(sums_type), intent(inout) :: sums
         real(wp) :: entry, x(3)
         real(wp), dimension(most) :: velocity, acceleration, of_q, of_qd, of_qdd
-        integer :: i, j, k, l
+        integer :: i, j, k, l, n_place
 
         do i = 1, s
             velocity(i) = -nu(i)
@@ -195,7 +211,17 @@ contains
         end do
         do l = 1, n_links
             k = node_link(3, l)
-            do j = node_link(1, l), node_link(1, l) + node_link(2, l) - 1
+            n_place = n_of_place(s, node_link(4, l))
+            do i = 1, n_place
+                j = node_link(1, l) + i - 1
+                velocity(i) = velocity(i) + node_link(4, l)*qd(j)
+                acceleration(i) = acceleration(i) + node_link(4, l)*qdd(j)
+                of_q(i) = of_q(i) + max(abs(q(j)), scale(j))
+                of_qd(i) = of_qd(i) + max(abs(qd(j)), scale(j))
+                of_qdd(i) = of_qdd(i) + max(abs(qdd(j)), scale(j))
+            end do
+            k = k + s*n_place
+            do j = node_link(1, l) + n_place, node_link(1, l) + node_link(2, l) - 1
                 x = max([abs(q(j)), abs(qd(j)), abs(qdd(j))], scale(j))
                 do i = 1, s
                     entry = c(k + i)
