@@ -281,13 +281,13 @@ contains
         do i = 1, size(self%hinge_groups)
             associate (group => self%hinge_groups(i))
                 do l = 1, group%n
-                    call self%pattern%tell_meeting(group%row(l), 5, group%body(l, :))
+                    call self%pattern%tell_meeting(group%row(l), 5, group%body(l, 1))
                 end do
             end associate
         end do
         do i = 1, size(self%pins)
             associate (pin => self%pins(i))
-                if (all(pin%body == 0 .or. pin%angle > 0)) call self%pattern%tell_meeting(pin%row, 2, pin%body)
+                if (all(pin%body == 0 .or. pin%angle > 0)) call self%pattern%tell_meeting(pin%row, 2, pin%body(1))
             end associate
         end do
     end procedure declare_pattern

@@ -91,10 +91,10 @@ contains
     end subroutine build
 
     !> Take note of a joint that makes points meet.
-    pure subroutine tell_meeting(self, row, height, bodies)
+    pure subroutine tell_meeting(self, row, height, first_body)
         class(pattern_type), intent(inout) :: self
-        !> Its first row, how many it has, and its bodies, the place of the first one with a minus; 0 is the ground.
-        integer, intent(in) :: row, height, bodies(2)
+        !> Its first row, how many it has, and the body whose place enters with a minus; 0 is the ground.
+        integer, intent(in) :: row, height, first_body
         integer :: k
 
         if (.not. allocated(self%meeting_height)) then
@@ -102,7 +102,7 @@ contains
         end if
         self%meeting_height(row) = height
         do k = self%row_start(row), self%row_start(row + 1) - 1
-            self%meeting_sign(k) = merge(-1, 1, self%row_body(k) == bodies(1))
+            self%meeting_sign(k) = merge(-1, 1, self%row_body(k) == first_body)
         end do
     end subroutine tell_meeting
 
