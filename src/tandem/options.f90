@@ -111,7 +111,8 @@ module tandem_options
         !> Tolerance of the iteration for H (29); 0 stands for `constraint_tolerance`. Used by `refine`.
         real(wp) :: htol = 0.0_wp
         !> Newton's iteration of implicit stages stops when what it leaves of q and qd is below this, against |q|, |qd| and the
-        !> coordinate scales; 0 stands for a hundredth of `constraint_tolerance`, or a thousandth of `rtol` if that is larger.
+        !> coordinate scales; 0 stands for a hundredth of `constraint_tolerance`, or a thousandth of `rtol` if that is larger, or
+        !> with fixed steps of `sdirk54` for a hundredth of what steps leave, up to a hundred times as much.
         real(wp) :: intol = 0.0_wp
         !> `paper` policy: a new chart when |v|_2 passes this; 0 means no limit. Where none of the four limits is set, one of 70
         !> degrees on the angle to the tangent spaces stands for them, as it always does for implicit steppers.
@@ -230,7 +231,8 @@ contains
             'tolerance of the iteration for H, with refine; 0 for constraint_tolerance', unset_or_tolerance, key='Htol'), &
             number=self%htol)
         call visitor%take(option_row_type('intol', '', &
-            'tolerance of the iteration of implicit stages; 0 for constraint_tolerance/100', unset_or_tolerance), number=self%intol)
+            'tolerance of the iteration of implicit stages; 0 for constraint_tolerance/100, or more', &
+            unset_or_tolerance), number=self%intol)
         call visitor%take(option_row_type('v_limit', '', &
             'limit on |v| in a chart, with paper; 0 for none, and 70 degrees without any', limit), number=self%v_limit)
         call visitor%take(option_row_type('w_limit', '', &

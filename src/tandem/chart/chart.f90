@@ -62,6 +62,8 @@ module tandem_chart
         logical :: is_iterate = .false.
         !> ha^2 times the defect of such a stage, at its first iterate only; huge for none.
         real(wp) :: iterate_defect = huge(1.0_wp)
+        !> What the iteration may leave of q and qd in this step, for charts that solve by refinement.
+        real(wp) :: iterate_tolerance = 0.0_wp
         !> The smallest singular value of the unit rows of C at the origin.
         real(wp) :: independence = 1.0_wp
         !> The largest of these so far, and how many redundant rows were left out.

@@ -410,6 +410,8 @@ contains
                     if (filtered < 0.1_wp*relative) relative = filtered
                 end if
                 call local%add(relative, steps_of_window)
+                if (self%options%intol > 0.0_wp) return
+                call self%stepper%learn_error(local%largest_part(self%next, local%error_q, local%error_qd)/steps_of_window)
             end if
         end associate
     end subroutine note_local_error

@@ -24,8 +24,12 @@ module tandem_stepper_newton
         real(wp), allocatable :: rate_q(:), rate_qd(:)
         !> Increments that do not depend on the stage's own rates (n).
         real(wp), allocatable :: base_dq(:), base_dqd(:)
-        !> What each stage's iteration may leave.
-        real(wp), allocatable, private :: tolerance(:)
+        !> What late steps of the same length have left, against s + |y|; 0 where nothing is known.
+        real(wp) :: error_of_steps = 0.0_wp
+        !> What the iteration may leave whatever steps leave, by how much each stage's remainder is amplified at the end of the
+        !> step, and what each stage's iteration may leave in this step.
+        real(wp), private :: least_tolerance = 0.0_wp
+        real(wp), allocatable, private :: amplification(:), tolerance(:)
         !> By how much increments miss the second derivative of the motion, over ha^2.
         real(wp), allocatable, private :: defect(:)
         !> A correction below this that no longer falls is rounding, which stiff forces amplify.
@@ -65,7 +69,10 @@ contains
         real(wp), intent(in) :: defect(:)
 
         self%defect = defect
-        self%tolerance = max(tolerance/max(amplification, 1.0_wp), 2*epsilon(1.0_wp))
+        self%error_of_steps = 0.0_wp
+        self%least_tolerance = tolerance
+        self%amplification = max(amplification, 1.0_wp)
+        self%tolerance = self%amplification
         self%standstill = 1.0e3_wp*tolerance
         self%theta = spread(1.0_wp, 1, size(amplification))
         self%told = spread(0.0_wp, 1, size(amplification))
@@ -97,6 +104,8 @@ contains
         logical, intent(in) :: continues
         !> A status code.
         integer, intent(out) :: stat
+        !> What iterations may leave of what steps leave, and by how much more than they must that may be.
+        real(wp), parameter :: share = 0.01_wp, loosest = 100.0_wp
         logical :: is_new, keeps
 
         stat = status_ok
@@ -107,7 +116,10 @@ contains
             call self%prediction%forget()
             self%theta = 1.0_wp
             self%told = 0.0_wp
+            self%error_of_steps = 0.0_wp
         end if
+        chart%iterate_tolerance = max(self%least_tolerance, min(share*self%error_of_steps, loosest*self%least_tolerance))
+        self%tolerance(:) = max(chart%iterate_tolerance/self%amplification, 2*epsilon(1.0_wp))
         keeps = continues .and. .not. self%is_worn
         if (keeps) call chart%reuse_stage(ha, keeps)
         if (keeps) return
@@ -374,7 +386,7 @@ contains
         call pack%item(self%age, self%seen_steps)
         call pack%item(self%n_served)
         call pack%item(self%counted)
-        call pack%item(self%spent)
+        call pack%item(self%spent, self%error_of_steps)
         call pack%item(self%is_fresh, self%is_ahead, self%is_worn)
         call self%prediction%pack_state(pack)
     end subroutine pack_state

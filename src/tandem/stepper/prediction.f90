@@ -117,7 +117,7 @@ contains
         !> The solution (n).
         real(wp), intent(in), contiguous :: rate_q(:), rate_qd(:)
         real(wp) :: change, error(0:depth)
-        integer :: i, j, n
+        integer :: i, j, n, n_new
 
         n = size(rate_q)
         do i = 1, n
@@ -135,20 +135,16 @@ contains
                 end do
                 return
             end if
-            error = 0.0_wp
-            do j = 1, min(kept + 1, most_kept(self%way))
+            n_new = min(kept + 1, most_kept(self%way))
+            do j = 0, n_new - 1
+                error(j) = size_of(2*n, self%new, self%weight_of)
                 do i = 1, 2*n
                     change = self%new(i)
-                    error(j - 1) = error(j - 1) + abs(change)*self%weight_of(i)
-                    self%new(i) = change - self%miss(i, j, stage)
-                    self%miss(i, j, stage) = change
+                    self%new(i) = change - self%miss(i, j + 1, stage)
+                    self%miss(i, j + 1, stage) = change
                 end do
             end do
-            if (kept == most_kept(self%way)) then
-                do i = 1, 2*n
-                    error(kept) = error(kept) + abs(self%new(i))*self%weight_of(i)
-                end do
-            end if
+            if (n_new == kept) error(kept) = size_of(2*n, self%new, self%weight_of)
             self%order(stage) = minloc(error(:kept), dim=1) - 1
             ! There was nothing to compare with: try.
             if (kept == 0) self%order(stage) = 1
@@ -156,6 +152,26 @@ contains
         end associate
         self%t_start(stage) = t_start
     end subroutine learn
+
+    !> sum |x| w, in sums that do not wait for one another.
+    pure real(wp) function size_of(n, x, weight)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: x(n), weight(n)
+        integer, parameter :: lanes = 8
+        real(wp) :: sums(lanes)
+        integer :: i, l
+
+        sums = 0.0_wp
+        do i = 0, n - lanes, lanes
+            do l = 1, lanes
+                sums(l) = sums(l) + abs(x(i + l))*weight(i + l)
+            end do
+        end do
+        do i = n - modulo(n, lanes) + 1, n
+            sums(1) = sums(1) + abs(x(i))*weight(i)
+        end do
+        size_of = sum(sums)
+    end function size_of
 
     !> The misses.
     subroutine pack_state(self, pack)

@@ -46,7 +46,7 @@ module tandem_stepper_sdirk54
         real(wp), allocatable :: rate_q(:, :), rate_qd(:, :), start_q(:), start_qd(:), error_q(:), error_qd(:)
     contains
         procedure, nopass :: properties
-        procedure :: initialize, advance, estimate, pack_state
+        procedure :: initialize, advance, estimate, learn_error, pack_state
     end type sdirk54_type
 
 contains
@@ -146,6 +146,14 @@ contains
         norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
         if (kink > striking*norm) norm = kink
     end subroutine estimate
+
+    !> What steps have left each.
+    subroutine learn_error(self, relative)
+        class(sdirk54_type), intent(inout) :: self
+        real(wp), intent(in) :: relative
+
+        self%newton%error_of_steps = relative
+    end subroutine learn_error
 
     !> What the next steps start from.
     subroutine pack_state(self, pack)

@@ -50,7 +50,7 @@ module tandem_stepper
         procedure(advance_interface), deferred :: advance
         procedure(estimate_interface), deferred :: estimate
         procedure(pack_interface), deferred :: pack_state
-        procedure :: interpolate, stiffness, longest_next, order_of_estimate
+        procedure :: interpolate, stiffness, longest_next, order_of_estimate, learn_error
     end type stepper_type
 
     abstract interface
@@ -167,6 +167,13 @@ contains
         ! The chart's origin drops out of the difference of velocities.
         dqd = start%dqd - start%qd + slope_q
     end subroutine interpolate
+
+    !> What late steps of the same length have left each, against s + |y|: what the next ones may leave of their stages follows.
+    subroutine learn_error(self, relative)
+        class(stepper_type), intent(inout) :: self
+        real(wp), intent(in) :: relative
+
+    end subroutine learn_error
 
     !> An estimate of h |lambda| at the end of the last step, lambda the largest eigenvalue of the equations of motion; 0 for
     !> methods that have no such limit.

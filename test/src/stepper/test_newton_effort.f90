@@ -22,7 +22,8 @@ contains
         testsuite = [ &
             new_unittest('a-matrix-amid-the-stages-serves-wheels-that-turn', test_bicycle), &
             new_unittest('steps-of-hard-stages-are-not-repeated', test_governor), &
-            new_unittest('stages-of-steps-alike-take-hardly-more-than-one', test_alike)]
+            new_unittest('stages-of-steps-alike-take-hardly-more-than-one', test_alike), &
+            new_unittest('fixed-steps-leave-of-stages-a-small-part-of-their-own-error', test_share)]
     end subroutine collect_newton_effort
 
     !> Run a shipped scene to its end: its last coordinates (n), and corrections a step.
@@ -108,4 +109,45 @@ contains
         if (allocated(error)) return
         call check_below(error, real(after%newton_matrices - before%newton_matrices, wp)/n, 0.5_wp, 'matrices a step')
     end subroutine test_alike
+
+    !> What fixed steps leave of their stages follows from their own errors: it costs less than to solve them as far as they can be,
+    !> and what that leaves is nothing to what shorter steps find wrong. A tolerance that is given is kept to.
+    subroutine test_share(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: h = 1.0e-3_wp, given = 1.0e-14_wp
+        real(wp), dimension(:), allocatable :: q, qd, solved_q, solved_qd, exact_q, exact_qd
+        integer(long) :: corrections, most
+
+        call run_chain(h, 0.0_wp, q, qd, corrections, error)
+        if (.not. allocated(error)) call run_chain(h, given, solved_q, solved_qd, most, error)
+        if (.not. allocated(error)) call run_chain(0.2_wp*h, given, exact_q, exact_qd, error=error)
+        if (allocated(error)) return
+        call check_below(error, real(corrections, wp)/real(most, wp), 0.95_wp, 'corrections, over those with the tolerance given')
+        if (allocated(error)) return
+        call check_below(error, maxval(abs(q - solved_q)), 0.01_wp*maxval(abs(solved_q - exact_q)), 'what stages leave of q')
+        if (allocated(error)) return
+        call check_below(error, maxval(abs(qd - solved_qd)), 0.01_wp*maxval(abs(solved_qd - exact_qd)), 'what stages leave of qd')
+    end subroutine test_share
+
+    !> A chain on stiff springs for 0.3 s with fixed steps.
+    subroutine run_chain(h, intol, q, qd, corrections, error)
+        real(wp), intent(in) :: h, intol
+        real(wp), allocatable, intent(out) :: q(:), qd(:)
+        integer(long), intent(out), optional :: corrections
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+
+        call begin('sprung_chain', 20, options_type(stepper='sdirk54', step=h, intol=intol, chart_kind='sparse'), mechanism, &
+            simulation, error)
+        if (allocated(error)) return
+        call simulation%integrate(0.3_wp, failure)
+        call check_no_failure(error, failure)
+        q = simulation%state%q
+        qd = simulation%state%qd
+        statistics = simulation%statistics()
+        if (present(corrections)) corrections = statistics%newton_corrections
+    end subroutine run_chain
 end module test_newton_effort

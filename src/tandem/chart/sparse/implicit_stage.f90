@@ -11,8 +11,10 @@
 module tandem_chart_sparse_implicit_stage
     use tandem_chart_sparse_motion, only: initialize_motion => initialize, sparse_motion_type
     use tandem_chart_sparse_newton_matrix, only: newton_matrix_type
+    use tandem_chart_sparse_progress, only: largest_part
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
+    use tandem_linalg_kernels, only: is_finite
     use tandem_model, only: model_type
     use tandem_model_stiffness, only: stiffness_type
     use tandem_options, only: options_type
@@ -40,9 +42,8 @@ module tandem_chart_sparse_implicit_stage
         !> 0 where the multipliers are those of no stage.
         integer :: stage_lambda = 0
         !> What the matrix leaves of a system with the M and C of the point, when it was last seen; more than 1 where that is not
-        !> known. What Newton's iteration may leave of the rates.
+        !> known.
         real(wp), private :: left = 2.0_wp
-        real(wp), private :: tolerance_of_rates = 0.0_wp
         !> How far C has turned from the matrix to the chart's origin, where that is known.
         real(wp), private :: angle = 1.0_wp
         !> Work space: forces, corrections and their sum (n), multipliers and right sides (m).
@@ -83,7 +84,7 @@ contains
         self%newest = spread(1, 1, most_stages)
         self%stage_lambda = 0
         self%left = 2.0_wp
-        self%tolerance_of_rates = options%newton_tolerance()
+        self%iterate_tolerance = options%newton_tolerance()
         self%mu = self%lambda
         self%total_mu = self%lambda
         self%rows = self%lambda
@@ -171,11 +172,11 @@ contains
         can = stat == status_ok
     end subroutine reuse_stage
 
-    !> What a matrix costs, in corrections; measured on chains.
+    !> What a matrix costs, in corrections; measured on sprung chains.
     pure real(wp) function matrix_cost(self)
         class(sparse_implicit_type), intent(in) :: self
 
-        matrix_cost = 2.5_wp
+        matrix_cost = 5.0_wp
     end function matrix_cost
 
     !> One Newton correction of a stage's rates at the restored point.
@@ -187,8 +188,6 @@ contains
         real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
         real(wp), intent(out) :: change
         integer, intent(out) :: stat
-        real(wp) :: moved
-        integer :: j
 
         self%failed_row = 0
         change = 0.0_wp
@@ -211,15 +210,12 @@ contains
                 call here%multiply(s%analysis, rate_qd, self%rows)
                 call self%find_correction(qd, ha)
             end associate
-            do j = 1, self%n
-                moved = qd(j) + ha*self%total(j) - rate_q(j)
-                change = max(change, abs(ha*moved)/max(abs(q(j)), self%scale(j)), &
-                    abs(ha*self%total(j))/max(abs(qd(j)), self%scale(j)))
-                rate_q(j) = rate_q(j) + moved
-                rate_qd(j) = rate_qd(j) + self%total(j)
-            end do
+            self%part(:) = (qd - rate_q) + ha*self%total
+            rate_q(:) = rate_q + self%part
+            rate_qd(:) = rate_qd + self%total
+            change = abs(ha)*max(largest_part(self%n, self%part, q, self%scale), largest_part(self%n, self%total, qd, self%scale))
             self%lambda(:) = self%lambda + self%total_mu
-            if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
+            if (.not. (is_finite(self%n, rate_qd) .and. is_finite(self%n, rate_q))) then
                 stat = status_not_finite
                 call s%name_infinite(stat)
                 self%failed_term = trim(s%model%failed_term)
@@ -317,31 +313,26 @@ contains
         real(wp), parameter :: distrust = 2.0_wp, part = 0.3_wp, large = 1000.0_wp
         !> What a solution leaves by turns of C, once the multipliers are nearly right, and at least.
         real(wp), parameter :: by_angle = 10.0_wp, at_least = 0.1_wp
-        real(wp) :: all_in_all, last_size, size
-        integer :: j, pass
+        real(wp) :: last_size, size
+        integer :: pass
 
-        self%total(:) = 0.0_wp
-        self%total_mu(:) = 0.0_wp
         last_size = huge(1.0_wp)
         associate (s => self%system, newton => self%newton)
-            call newton%look_at(s%factor(s%here))
             do pass = 1, most
                 call newton%solve(self%force, self%rows, self%part, self%mu)
-                size = 0.0_wp
-                all_in_all = 0.0_wp
-                do j = 1, self%n
-                    self%total(j) = self%total(j) + self%part(j)
-                    size = max(size, abs(ha*self%part(j))/max(abs(qd(j)), self%scale(j)))
-                    all_in_all = max(all_in_all, abs(ha*self%total(j))/max(abs(qd(j)), self%scale(j)))
-                end do
-                self%total_mu(:) = self%total_mu + self%mu
-                if (pass == most) exit
+                size = abs(ha)*largest_part(self%n, self%part, qd, self%scale)
                 if (pass == 1) then
-                    if (distrust*self%left*size <= part*self%tolerance_of_rates) exit
+                    self%total(:) = self%part
+                    self%total_mu(:) = self%mu
+                    if (distrust*self%left*size <= part*self%iterate_tolerance) exit
+                    call newton%look_at(s%factor(s%here))
                 else
-                    if (pass == 2 .and. last_size > large*self%tolerance_of_rates) self%left = min(size/last_size, 1.9_wp)
-                    if (size <= negligible*all_in_all) exit
-                    if (distrust*max(by_angle*self%angle, at_least)*size <= part*self%tolerance_of_rates) exit
+                    self%total(:) = self%total + self%part
+                    self%total_mu(:) = self%total_mu + self%mu
+                    if (pass == most) exit
+                    if (pass == 2 .and. last_size > large*self%iterate_tolerance) self%left = min(size/last_size, 1.9_wp)
+                    if (size <= negligible*abs(ha)*largest_part(self%n, self%total, qd, self%scale)) exit
+                    if (distrust*max(by_angle*self%angle, at_least)*size <= part*self%iterate_tolerance) exit
                 end if
                 if (pass > 2 .and. .not. size < slow*last_size) exit
                 last_size = size
