@@ -393,7 +393,7 @@ contains
         end function rigid
     end subroutine test_stiffest_spring
 
-    !> Explicit steppers on suspensions of all degrees of stiffness: what is advised is faster, measured, and where nothing is stiff
+    !> Explicit steppers on suspensions of all degrees of stiffness: what is advised takes less work, counted, and where nothing is stiff
     !> nothing is advised.
     subroutine test_advice(error)
         type(error_type), allocatable, intent(out) :: error
@@ -405,6 +405,9 @@ contains
         type(options_type) :: options
         type(failure_type), allocatable :: failure
         real(wp) :: q(10), qd(10)
+        !> What an evaluation of an implicit run costs, with corrections, matrices and factors, in evaluations of an explicit one:
+        !> measured 4 to 11. Seconds of single runs of some milliseconds tell more of what else the machine does.
+        real(wp), parameter :: of_implicit = 12.0_wp
         integer :: i, j, k, n_advised
 
         n_advised = 0
@@ -426,7 +429,8 @@ contains
                     call run(simulation, model, options, 0.0_wp, q, qd, merge(10.0_wp, 2.0_wp, i == 1), failure)
                     call check_no_failure(error, failure)
                     advised = simulation%statistics()
-                    call check_below(error, advised%cpu_seconds, statistics%cpu_seconds, 'seconds on the motorcycle')
+                    call check_below(error, of_implicit*real(advised%right_hand_sides, wp), real(statistics%right_hand_sides, wp), &
+                        'counted work on the motorcycle')
                     if (allocated(error)) return
                 end do
             end do
