@@ -26,7 +26,7 @@ module tandem_chart_sparse_implicit_stage
     public :: initialize, sparse_implicit_type
 
     !> Steps whose multipliers give those that a stage starts from, and the most stages of a step.
-    integer, parameter :: most_past = 5, most_stages = 5
+    integer, parameter :: most_past = 6, most_stages = 5
 
     !> The chart with implicit stages.
     type, abstract, extends(sparse_motion_type) :: sparse_implicit_type
@@ -230,8 +230,8 @@ contains
     subroutine begin_multipliers(self, t)
         class(sparse_implicit_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        !> Larger weights would turn errors of the stages into large ones.
-        real(wp), parameter :: most_weight = 12.0_wp
+        !> Larger weights would turn errors of the stages into large ones; six steps that are alike have 20.
+        real(wp), parameter :: most_weight = 12.0_wp, most_alike = 21.0_wp
         !> So many steps tell enough; others of the same length may tell more.
         integer, parameter :: usual_past = 3
         real(wp), parameter :: rounding = 1.0e-6_wp
@@ -273,7 +273,7 @@ contains
                 end do
             end do
             ! Two stages at the same time give none that is finite.
-            if (all(abs(weight) <= most_weight)) exit
+            if (all(abs(weight) <= merge(most_alike, most_weight, n > usual_past))) exit
         end do
         self%lambda(:) = 0.0_wp
         do k = 1, max(n, 1)
