@@ -347,7 +347,7 @@ contains
                     left = g
                     call factor%multiply(a, x, left)
                     call check_close(error, left, 0.0_wp*g, 1.0e-11_wp, 'C x and g, '//trim(names(k)))
-                    call check_close(error, matmul(terms%jacobian, x), g, 1.0e-11_wp, 'C x and g by full matrices, '//trim(names(k)))
+                    call check_close(error, matmul(terms%jacobian, x), g, 1.0e-11_wp, 'C x by full matrices, '//trim(names(k)))
                     do n = 1, a%n_nodes
                         if (.not. a%is_body(n)) lambda(a%origin(n):a%origin(n) + a%height(n) - 1) = &
                             z(a%place(n) + 1:a%place(n) + a%height(n))
