@@ -520,12 +520,14 @@ contains
         stat = status_rank_deficient
     end subroutine leave_out_dependent
 
-    !> The rows of which one that was left out so is a combination.
-    subroutine find_partners(self, row, partners)
+    !> The rows of which those that were left out so are combinations.
+    subroutine find_partners(self, rows, start, partners)
         class(chart_type), intent(inout) :: self
-        integer, intent(in) :: row
-        integer, allocatable, intent(out) :: partners(:)
+        integer, intent(in) :: rows(:)
+        !> Those of rows(i) are partners(start(i):start(i + 1) - 1).
+        integer, allocatable, intent(out) :: start(:), partners(:)
 
+        allocate (start(size(rows) + 1), source=1)
         allocate (partners(0))
     end subroutine find_partners
 

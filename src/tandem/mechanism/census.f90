@@ -92,7 +92,7 @@ contains
             if (census%elements(k)%name == element%name) return
         end do
         do i = 1, size(mechanism%joints)
-            if (mechanism%joints(i)%name == element%name) element%kind = mechanism%joints(i)%kind%name
+            if (mechanism%joints(i)%name == element%name) element%kind = mechanism%joints(i)%kind_name
         end do
         census%elements = [census%elements, element]
     end function element_of

@@ -17,7 +17,7 @@ module tandem_mechanism_drawing
     use tandem_mechanism_formula, only: variable_type
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_glide, only: glide_type
-    use tandem_mechanism_joint, only: joint_type, name_length
+    use tandem_mechanism_joint, only: name_length, placed_joint_type
     use tandem_mechanism_law, only: law_type
     use tandem_mechanism_load, only: load_type
     use tandem_mechanism_massless_wheel, only: massless_wheel_type
@@ -82,7 +82,7 @@ module tandem_mechanism_drawing
             class(drawing_type), intent(in) :: self
             character(len=*), intent(in) :: label, first, second
             !> Its kind is known.
-            type(joint_type), intent(inout) :: joint
+            type(placed_joint_type), intent(inout) :: joint
             type(error_type), allocatable, intent(out) :: error
             real(wp), intent(in), optional :: at(:), axis(:), across(:)
             logical, intent(in), optional :: open

@@ -164,7 +164,7 @@ contains
 
     module procedure add_bushing
         type(bushing_type) :: bushing
-        type(joint_type) :: joint
+        type(placed_joint_type) :: joint
         character(len=:), allocatable :: label
         integer :: k, l, m
 

@@ -15,7 +15,7 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_joints
 contains
 
     module procedure add_joint
-        type(joint_type) :: joint
+        type(placed_joint_type) :: joint
         character(len=:), allocatable :: label
         integer :: i, k, driven
 
@@ -24,6 +24,7 @@ contains
         if (allocated(error)) return
         joint%name = name
         joint%kind = find_kind(kind, self%planar)
+        joint%kind_name = joint%kind%name
         driven = merge(joint%kind%driven, 0, present(motion))
         if (joint%kind%name == '') then
             call refuse(label//' has the type '//trim(kind), 'take one of '//trim(kind_names(self%planar)), error)
@@ -51,8 +52,8 @@ contains
         call add_joint_rows(self, joint, driven, motion)
         call add_coordinates(self, joint)
         self%n_of%joints = self%n_of%joints + 1
-        if (self%n_of%joints > size(self%joints)) self%joints = [self%joints, self%joints, joint]
-        self%joints(self%n_of%joints) = joint
+        if (self%n_of%joints > size(self%joints)) self%joints = [self%joints, self%joints, joint%joint_type]
+        self%joints(self%n_of%joints) = joint%joint_type
         call self%keep_name(name, of_joint, self%n_of%joints)
         ! A row of its own for the screw's way and angle.
         if (present(pitch)) call couple(self, trim(name)//' pitch', [joint%way, joint%turn], &
@@ -63,7 +64,7 @@ contains
     subroutine take_freedoms(self, label, joint, driven, is_driven, error, hold, drive)
         class(drawing_type), intent(in) :: self
         character(len=*), intent(in) :: label
-        type(joint_type), intent(inout) :: joint
+        type(placed_joint_type), intent(inout) :: joint
         integer, intent(inout) :: driven
         logical, intent(in) :: is_driven
         type(error_type), allocatable, intent(inout) :: error
@@ -128,6 +129,7 @@ contains
         if (allocated(error)) return
         joint%axes1 = matmul(transpose(a1), frame)
         joint%axes2 = matmul(transpose(a2), frame)
+        joint%x2 = joint%axes2(:, 1)
         gap = matmul(r2 + matmul(a2, joint%s2) - r1 - matmul(a1, joint%s1), frame)
         may_be_open = .false.
         if (present(open)) may_be_open = open
@@ -143,7 +145,7 @@ contains
     !> The coordinates of a joint that turns about its axis alone, or slides along it alone, counted from the drawing.
     subroutine add_coordinates(self, joint)
         class(drawing_type), intent(inout) :: self
-        type(joint_type), intent(inout) :: joint
+        type(placed_joint_type), intent(inout) :: joint
         type(coordinate_type) :: coordinate
         real(wp) :: r1(3), r2(3), a1(3, 3), a2(3, 3)
         integer :: axis
@@ -266,7 +268,7 @@ contains
     !> The rows of a joint.
     subroutine add_joint_rows(self, joint, drive, motion)
         class(drawing_type), intent(inout) :: self
-        type(joint_type), intent(inout) :: joint
+        type(placed_joint_type), intent(inout) :: joint
         !> The freedom that the motion drives, 0 for none.
         integer, intent(in) :: drive
         class(function_type), intent(in), optional :: motion
@@ -342,7 +344,7 @@ contains
     !> The rows of a joint at velocity level.
     subroutine add_glides(self, joint, driven, number)
         class(drawing_type), intent(inout) :: self
-        type(joint_type), intent(in) :: joint
+        type(placed_joint_type), intent(in) :: joint
         !> The freedom that a function drives, and the number of that.
         integer, intent(in) :: driven, number
         character(len=1), parameter :: letter(3) = ['x', 'y', 'z']

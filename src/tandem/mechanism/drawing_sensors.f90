@@ -44,7 +44,7 @@ contains
             sensor%slides = its%way > 0
             sensor%turns = its%turn > 0
             if (.not. (sensor%slides .or. sensor%turns)) then
-                call refuse('sensor '//trim(name)//': the joint '//trim(joint)//' is '//trim(its%kind%name)// &
+                call refuse('sensor '//trim(name)//': the joint '//trim(joint)//' is '//trim(its%kind_name)// &
                     ', which has no coordinate of its own', &
                     'take a revolute, prismatic, cylindrical or point_on_line joint, or a sensor of a point', error)
                 return
@@ -54,7 +54,7 @@ contains
             sensor%along = its%axes1(:, merge(1, 3, self%planar))
             sensor%x1 = its%axes1(:, 1)
             sensor%y1 = its%axes1(:, 2)
-            sensor%x2 = its%axes2(:, 1)
+            sensor%x2 = its%x2
             if (present(zero)) sensor%zero = zero
             if (self%planar .and. sensor%turns) sensor%zero = sensor%zero - self%angle_of(its%second) + self%angle_of(its%first)
         end associate

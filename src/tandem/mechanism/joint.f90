@@ -10,7 +10,7 @@ module tandem_mechanism_joint
     implicit none (type, external)
     private
 
-    public :: kind_type, joint_type, find_kind, kind_names, name_length, free
+    public :: kind_type, joint_type, placed_joint_type, find_kind, kind_names, name_length, free
 
     !> Length of the names of bodies, points and other elements.
     integer, parameter :: name_length = 20
@@ -28,20 +28,29 @@ module tandem_mechanism_joint
         logical :: has_axis
     end type kind_type
 
-    !> A joint as it was added.
+    !> A joint, what is asked of it after it was added.
     type :: joint_type
         character(len=name_length) :: name = ''
-        type(kind_type) :: kind
-        !> The bodies, 0 for the ground, and the joint's frame on each in that body's own: point, and axes in columns.
+        !> The name of its kind.
+        character(len=16) :: kind_name = ''
+        !> The bodies, 0 for the ground, and the joint's frame on each in that body's own: point, and axes in columns, on the second
+        !> the first of them.
         integer :: first = 0, second = 0
-        real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp, axes1(3, 3) = 0.0_wp, axes2(3, 3) = 0.0_wp
-        !> The freedoms that are held at velocity level.
-        logical :: glides(6) = .false.
+        real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp, axes1(3, 3) = 0.0_wp, x2(3) = 0.0_wp
         !> Its rows of C at position level.
         integer :: row = 0, n_rows = 0
         !> The numbers of its coordinates: the angle about its axis and the way along it, 0 for none.
         integer :: turn = 0, way = 0
     end type joint_type
+
+    !> A joint that is added.
+    type, extends(joint_type) :: placed_joint_type
+        type(kind_type) :: kind
+        !> The axes on the second body.
+        real(wp) :: axes2(3, 3) = 0.0_wp
+        !> The freedoms that are held at velocity level.
+        logical :: glides(6) = .false.
+    end type placed_joint_type
 
     logical, parameter :: o = .true.
     type(kind_type), parameter :: in_space(11) = [ &

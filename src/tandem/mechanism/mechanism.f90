@@ -87,7 +87,7 @@ module tandem_mechanism
         !> The gradient blocks of one element, in the coordinates of the bodies that it joins.
         type(derivatives_type), private :: window
     contains
-        procedure :: define, start, composed, find_body_motions, pack_state, arrive
+        procedure :: define, start, composed, note_blocks, find_body_motions, pack_state, arrive
     end type mechanism_type
 
     interface
@@ -150,10 +150,10 @@ module tandem_mechanism
         end subroutine form_groups
 
         !> Which rows of C go into the blocks that a chart wants.
-        pure module subroutine find_blocks(self)
+        pure module subroutine note_blocks(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
-        end subroutine find_blocks
+        end subroutine note_blocks
 
         !> What the sensors give; the coordinates and rows have their numbers.
         module subroutine list_quantities(self)
@@ -366,9 +366,6 @@ contains
 
         if (self%segment /= self%held_segment) call hold_segment(self)
         if (terms%is_compressed .neqv. self%is_compressed) call set_columns(self, terms%is_compressed)
-        if (allocated(terms%blocks)) then
-            if (.not. allocated(self%pattern%in_blocks)) call find_blocks(self)
-        end if
         ! A call that asks for no term wants the poses themselves.
         if (self%takes_poses .or. need == 0) then
             call set_places(self, q)

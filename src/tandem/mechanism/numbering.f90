@@ -305,11 +305,13 @@ contains
         if (.not. were_there) deallocate (self%pose)
     end procedure set_columns
 
-    module procedure find_blocks
+    module procedure note_blocks
+        ! Such a chart holds terms compressed.
+        if (.not. self%is_compressed) call set_columns(self, .true.)
         self%pattern%in_blocks = spread(.false., 1, self%pattern%n_rows)
         call find_hinge_blocks(self%pattern, self%hinge_groups)
         call find_pin_blocks(self%pattern, self%pins)
         call find_norm_blocks(self%pattern, self%turning_groups)
         self%pattern%all_in_blocks = all(self%pattern%in_blocks .or. self%pattern%block_height == 0)
-    end procedure find_blocks
+    end procedure note_blocks
 end submodule tandem_mechanism_numbering

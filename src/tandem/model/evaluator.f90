@@ -64,7 +64,7 @@ module tandem_model_evaluator
 contains
 
     !> Attach a checked model.
-    subroutine initialize(self, model, kept, compressed, wants_mass)
+    subroutine initialize(self, model, kept, compressed, wants_mass, wants_jacobian)
         class(evaluator_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
         !> Numbers of the constraint rows to use, ascending; all of them where absent.
@@ -73,6 +73,8 @@ contains
         logical, intent(in), optional :: compressed
         !> False where M will not be asked for.
         logical, intent(in), optional :: wants_mass
+        !> False where the caller sees to C: it has no columns then.
+        logical, intent(in), optional :: wants_jacobian
         logical :: compresses, fills_mass
         integer :: nh, nd
 
@@ -95,7 +97,8 @@ contains
             call allocate_terms(self%all_rows, model%n_holonomic, model%n_nonholonomic)
         end if
         call allocate_terms(self%terms, nh, nd)
-        self%part = spread(0.0_wp, 1, model%n)
+        if (allocated(self%part)) deallocate (self%part)
+        allocate (self%part(merge(model%n, 0, associated(model%inertia_force) .or. associated(model%applied_force))), source=0.0_wp)
         if (compresses) then
             ! Their places leave none for entries outside of the blocks.
             self%n_blocks = 0
@@ -124,7 +127,7 @@ contains
             integer, intent(in) :: nh, nd
 
             if (compresses) then
-                call terms%allocate(model%n, nh, nd, fills_mass, model%pattern)
+                call terms%allocate(model%n, nh, nd, fills_mass, model%pattern, wants_jacobian)
             else
                 call terms%allocate(model%n, nh, nd, fills_mass)
             end if

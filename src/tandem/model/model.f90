@@ -184,7 +184,7 @@ module tandem_model
         procedure(list_motions_interface), pointer :: list_motions => null()
     contains
         procedure :: n_constraints, row_name, coordinate_label, unit_of_coordinate, unit_of_multiplier, has_units, composed
-        procedure :: scales, pack_state, arrive
+        procedure :: scales, note_blocks, pack_state, arrive
     end type model_type
 
     abstract interface
@@ -561,6 +561,12 @@ contains
 
         label = ''
     end function composed
+
+    !> A chart has said where rows of C may stand in `terms%blocks`: tell in the pattern which ones `evaluate` sets there,
+    !> `in_blocks` and `all_in_blocks`. None unless overridden.
+    pure subroutine note_blocks(self)
+        class(model_type), intent(inout) :: self
+    end subroutine note_blocks
 
     !> What the model itself remembers, where its procedures, or actions of events, change something that later calls depend on:
     !> list it by `pack%item`, and a checkpoint keeps it. Nothing unless overridden; parameters that stay need not be listed.

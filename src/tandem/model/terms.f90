@@ -54,7 +54,7 @@ module tandem_model_terms
 contains
 
     !> Allocate every term with zeros.
-    pure subroutine allocate_terms(self, n, n_holonomic, n_nonholonomic, fills_mass, pattern)
+    pure subroutine allocate_terms(self, n, n_holonomic, n_nonholonomic, fills_mass, pattern, has_jacobian)
         class(terms_type), intent(inout) :: self
         !> Numbers of coordinates, holonomic and nonholonomic constraints.
         integer, intent(in) :: n, n_holonomic, n_nonholonomic
@@ -63,6 +63,8 @@ contains
         logical, intent(in), optional :: fills_mass
         !> With it C and M are compressed.
         type(pattern_type), intent(in), optional :: pattern
+        !> False leaves C without columns.
+        logical, intent(in), optional :: has_jacobian
         integer :: m, width, mass_width
 
         self%is_compressed = present(pattern)
@@ -72,6 +74,7 @@ contains
             width = pattern%width
             mass_width = pattern%mass_width
         end if
+        if (present(has_jacobian)) width = merge(width, 0, has_jacobian)
         m = n_holonomic + n_nonholonomic
         self%phi = spread(0.0_wp, 1, n_holonomic)
         self%nu = spread(0.0_wp, 1, m)

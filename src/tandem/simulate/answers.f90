@@ -12,6 +12,7 @@ contains
 
         call self%check_ready(error)
         if (allocated(error)) return
+        call self%part_end()
         call self%dense%look_at(t, self%stepper, self%chart, self%model, self%method%implicit, self%local_error, self%start, &
             self%next, self%state, self%errors, stat)
         if (stat == status_ok) return

@@ -178,8 +178,11 @@ contains
         call pack%item(self%model%segment)
         call self%state%pack_state(pack)
         ! The last step, for its dense output.
+        if (.not. allocated(self%start%q)) call self%start%copy(self%state)
+        if (.not. pack%is_reading) call self%part_end()
         call self%start%pack_state(pack)
         call self%next%pack_state(pack)
+        self%end_is_apart = .true.
         call self%dense%pack_state(pack)
         call pack%item(self%last_step)
         call pack%item(self%grid_steps)

@@ -117,6 +117,7 @@ contains
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: x
 
+        call self%part_end()
         if (.not. x > 0.0_wp) then
             call self%look_back()
             call self%state%copy(self%start)
@@ -154,6 +155,7 @@ contains
     module procedure act_on_events
         type(step_curve_type) :: curve
 
+        call self%part_end()
         call self%dense%keep(self%state, self%errors)
         call follow(self, curve)
         call self%watch%prepare_actions(curve)

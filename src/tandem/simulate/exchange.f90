@@ -82,6 +82,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer :: stat
 
+        call self%make_room()
         call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)
         call self%take_stepper(.not. self%switching%is_implicit, stat)
         if (stat /= status_ok) then

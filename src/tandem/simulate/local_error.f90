@@ -16,17 +16,20 @@ module tandem_simulate_local_error
     !> Steps of a window, and 90/4 times Boole's weights for the ends of its steps and for its start.
     integer, parameter :: steps_of_window = 4
     real(wp), parameter :: weight(steps_of_window) = [32.0_wp, 12.0_wp, 32.0_wp, 7.0_wp], first_weight = 7.0_wp
+    real(wp), parameter :: quadrature = 22.5_wp
 
     type :: local_error_type
         !> Largest error of a step, and sum of all, on the scale s + |y| of each coordinate and velocity, root mean square.
         real(wp) :: largest = 0.0_wp, total = 0.0_wp
         !> Steps behind them.
         integer(long) :: steps = 0
-        !> 1 / (s + |y|) for q and for qd, s the coordinate scales, for steppers with an estimate; the error of the last window,
-        !> within one the weighted sum of its rates (n).
+        !> 1 / (s + |y|) for q and for qd, s the coordinate scales, for steppers with an estimate; for others the error of the last
+        !> window, within one where it began and the way along its rates so far (n).
         real(wp), allocatable :: weight_q(:), weight_qd(:), error_q(:), error_qd(:)
-        !> The state at the start of the window, and the scales (n).
-        real(wp), allocatable, private :: q0(:), qd0(:), scale(:)
+        !> The scales (n), unless all of them are 1.
+        real(wp), allocatable, private :: scale(:)
+        integer, private :: n = 0
+        !> The start of the window, the size of its first step, and where the last one has ended.
         real(wp), private :: t0 = 0.0_wp, h = 0.0_wp, t_last = 0.0_wp
         integer, private :: in_window = 0
         !> The gap of the velocity for which the last try of a step was not kept, and the largest one that is not looked into.
@@ -34,6 +37,7 @@ module tandem_simulate_local_error
     contains
         procedure :: initialize, set_weights, add, extend, restart, pack_state
         procedure :: gap, allow_gap, begin_step, find_gap, is_missed, largest_part, size_of_window
+        procedure, private :: largest_velocity, scale_of
     end type local_error_type
 
 contains
@@ -42,7 +46,7 @@ contains
     pure subroutine initialize(self, scale, has_estimates)
         class(local_error_type), intent(inout) :: self
         real(wp), intent(in) :: scale(:)
-        !> Whether `set_weights` will be called.
+        !> Whether `set_weights` will be called, and not `extend`.
         logical, intent(in) :: has_estimates
 
         self%largest = 0.0_wp
@@ -50,14 +54,26 @@ contains
         self%steps = 0
         self%in_window = 0
         self%last_gap = huge(1.0_wp)
-        self%scale = scale
+        self%n = size(scale)
+        if (allocated(self%scale)) deallocate (self%scale)
+        if (any(abs(scale - 1.0_wp) > 0.0_wp)) self%scale = scale
         if (allocated(self%weight_q)) deallocate (self%weight_q, self%weight_qd)
-        if (has_estimates) allocate (self%weight_q, self%weight_qd, source=scale)
-        self%error_q = scale
-        self%error_qd = scale
-        self%q0 = scale
-        self%qd0 = scale
+        if (allocated(self%error_q)) deallocate (self%error_q, self%error_qd)
+        if (has_estimates) then
+            allocate (self%weight_q, self%weight_qd, mold=scale)
+        else
+            allocate (self%error_q, self%error_qd, source=0.0_wp*scale)
+        end if
     end subroutine initialize
+
+    !> The scale of a coordinate.
+    pure real(wp) function scale_of(self, i)
+        class(local_error_type), intent(in) :: self
+        integer, intent(in) :: i
+
+        scale_of = 1.0_wp
+        if (allocated(self%scale)) scale_of = self%scale(i)
+    end function scale_of
 
     !> Make errors relative to a state.
     pure subroutine set_weights(self, state)
@@ -65,9 +81,9 @@ contains
         type(state_type), intent(in) :: state
         integer :: i
 
-        do i = 1, size(self%scale)
-            self%weight_q(i) = 1.0_wp/(self%scale(i) + abs(state%q(i)))
-            self%weight_qd(i) = 1.0_wp/(self%scale(i) + abs(state%qd(i)))
+        do i = 1, self%n
+            self%weight_q(i) = 1.0_wp/(self%scale_of(i) + abs(state%q(i)))
+            self%weight_qd(i) = 1.0_wp/(self%scale_of(i) + abs(state%qd(i)))
         end do
     end subroutine set_weights
 
@@ -91,45 +107,45 @@ contains
         type(state_type), intent(in) :: start, arrived
         !> Whether `error_q` and `error_qd` are now the sum of the errors of a window, for `add`.
         logical, intent(out) :: is_complete
-        real(wp) :: h
+        real(wp) :: h, late
         integer :: i
 
         h = arrived%t - start%t
         if (abs(start%t - self%t_last) > 0.0_wp .or. abs(h - self%h) > 8.0_wp*spacing(abs(arrived%t))) self%in_window = 0
-        self%h = h
         self%t_last = arrived%t
         if (self%in_window == 0) then
             self%t0 = start%t
-            self%q0(:) = start%q
-            self%qd0(:) = start%qd
-            self%error_q(:) = first_weight*start%qd
-            self%error_qd(:) = first_weight*start%qdd
+            self%h = h
+            self%error_q(:) = start%q
+            self%error_qd(:) = start%qd
+            call go_along(self%n, first_weight*h/quadrature, start%qd, start%qdd, self%error_q, self%error_qd)
         end if
         self%in_window = self%in_window + 1
-        call add_rates(size(self%q0), weight(self%in_window), arrived%qd, arrived%qdd, self%error_q, self%error_qd)
+        call go_along(self%n, weight(self%in_window)*self%h/quadrature, arrived%qd, arrived%qdd, self%error_q, self%error_qd)
         is_complete = self%in_window == steps_of_window
         if (.not. is_complete) return
         self%in_window = 0
-        h = (arrived%t - self%t0)/90.0_wp
-        do i = 1, size(self%q0)
-            self%error_q(i) = arrived%q(i) - self%q0(i) - h*self%error_q(i)
-            self%error_qd(i) = arrived%qd(i) - self%qd0(i) - h*self%error_qd(i)
+        ! What times have been rounded by.
+        late = (arrived%t - self%t0) - steps_of_window*self%h
+        do i = 1, self%n
+            self%error_q(i) = arrived%q(i) - self%error_q(i) - late*arrived%qd(i)
+            self%error_qd(i) = arrived%qd(i) - self%error_qd(i) - late*arrived%qdd(i)
         end do
     end subroutine extend
 
-    !> The rates at the end of a step, weighted, to their sums.
-    pure subroutine add_rates(n, weight, qd, qdd, sum_q, sum_qd)
+    !> Go on along rates.
+    pure subroutine go_along(n, h, rate_q, rate_qd, q, qd)
         integer, intent(in) :: n
-        real(wp), intent(in) :: weight, qd(n), qdd(n)
-        real(wp), intent(inout) :: sum_q(n), sum_qd(n)
+        real(wp), intent(in) :: h, rate_q(n), rate_qd(n)
+        real(wp), intent(inout) :: q(n), qd(n)
         integer :: i
 
         !GCC$ UNROLL 1
         do i = 1, n
-            sum_q(i) = sum_q(i) + weight*qd(i)
-            sum_qd(i) = sum_qd(i) + weight*qdd(i)
+            q(i) = q(i) + h*rate_q(i)
+            qd(i) = qd(i) + h*rate_qd(i)
         end do
-    end subroutine add_rates
+    end subroutine go_along
 
     !> By how much the accelerations of a step miss its change of velocity, on the scale s + |qd|. Increments hold all of the
     !> acceleration, so in a smooth motion the velocity constraints take away no more than the error of the step.
@@ -140,9 +156,9 @@ contains
         integer :: i
 
         gap = 0.0_wp
-        do i = 1, size(self%scale)
+        do i = 1, self%n
             gap = max(gap, abs((arrived%qd(i) - start%qd(i)) - (arrived%dqd(i) - start%dqd(i)))/ &
-                (self%scale(i) + abs(arrived%qd(i))))
+                (self%scale_of(i) + abs(arrived%qd(i))))
         end do
     end function gap
 
@@ -178,9 +194,21 @@ contains
         gap = self%gap(start, arrived)
         is_found = gap > self%allowed_gap .and. gap < 0.5_wp*self%last_gap .and. &
             arrived%t - start%t > shortest*spacing(abs(start%t))
-        if (is_found) is_found = gap > rounding*maxval(abs(arrived%qd)/self%scale)
+        if (is_found) is_found = gap > rounding*self%largest_velocity(arrived)
         if (is_found) self%last_gap = gap
     end subroutine find_gap
+
+    !> The largest velocity on the scales.
+    pure real(wp) function largest_velocity(self, state)
+        class(local_error_type), intent(in) :: self
+        type(state_type), intent(in) :: state
+        integer :: i
+
+        largest_velocity = 0.0_wp
+        do i = 1, self%n
+            largest_velocity = max(largest_velocity, abs(state%qd(i))/self%scale_of(i))
+        end do
+    end function largest_velocity
 
     !> Whether the rates of a step miss what it has changed by a part that a smooth motion does not leave to the constraints: where
     !> steps are not coarse, a sign of procedures that contradict each other. Increments hold all of the velocity and all of the
@@ -198,8 +226,8 @@ contains
         missed = 0.0_wp
         moved_qd = 0.0_wp
         missed_qd = 0.0_wp
-        do i = 1, size(self%scale)
-            associate (s => self%scale(i) + abs(arrived%q(i)), s_qd => self%scale(i) + abs(arrived%qd(i)))
+        do i = 1, self%n
+            associate (s => self%scale_of(i) + abs(arrived%q(i)), s_qd => self%scale_of(i) + abs(arrived%qd(i)))
                 moved = max(moved, abs(arrived%dq(i) - start%dq(i))/s)
                 missed = max(missed, abs((arrived%q(i) - start%q(i)) - (arrived%dq(i) - start%dq(i)))/s)
                 moved_qd = max(moved_qd, abs(arrived%dqd(i) - start%dqd(i))/s_qd)
@@ -217,9 +245,9 @@ contains
         integer :: i
 
         largest_part = 0.0_wp
-        do i = 1, size(self%scale)
-            largest_part = max(largest_part, abs(error_q(i))/(self%scale(i) + abs(state%q(i))), &
-                abs(error_qd(i))/(self%scale(i) + abs(state%qd(i))))
+        do i = 1, self%n
+            largest_part = max(largest_part, abs(error_q(i))/(self%scale_of(i) + abs(state%q(i))), &
+                abs(error_qd(i))/(self%scale_of(i) + abs(state%qd(i))))
         end do
     end function largest_part
 
@@ -230,11 +258,11 @@ contains
         integer :: i
 
         size_of_window = 0.0_wp
-        do i = 1, size(self%scale)
-            size_of_window = size_of_window + (self%error_q(i)*(1.0_wp/(self%scale(i) + abs(state%q(i)))))**2 + &
-                (self%error_qd(i)*(1.0_wp/(self%scale(i) + abs(state%qd(i)))))**2
+        do i = 1, self%n
+            size_of_window = size_of_window + (self%error_q(i)*(1.0_wp/(self%scale_of(i) + abs(state%q(i)))))**2 + &
+                (self%error_qd(i)*(1.0_wp/(self%scale_of(i) + abs(state%qd(i)))))**2
         end do
-        size_of_window = sqrt(size_of_window/real(2*size(self%scale), wp))
+        size_of_window = sqrt(size_of_window/real(2*self%n, wp))
     end function size_of_window
 
     !> Begin a new window: where the motion has a kink or a jump.
@@ -251,7 +279,7 @@ contains
 
         call pack%item(self%largest, self%total)
         call pack%item(self%steps)
-        call pack%item(self%q0, self%qd0, self%error_q, self%error_qd)
+        call pack%item(self%error_q, self%error_qd)
         call pack%item(self%t0, self%h, self%t_last)
         call pack%item(self%in_window)
         call pack%item(self%last_gap)

@@ -93,6 +93,7 @@ contains
         logical :: jumps
         integer :: stat
 
+        call self%part_end()
         associate (model => self%model, state => self%state)
             qd = state%qd
             qdd = state%qdd

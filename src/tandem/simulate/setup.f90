@@ -175,7 +175,8 @@ contains
         call self%stepper%initialize(scale, self%options%newton_tolerance())
         call self%state%allocate(self%model%n)
         call self%next%allocate(self%model%n)
-        call self%start%allocate(self%model%n)
+        self%start = state_type()
+        self%end_is_apart = .false.
         call self%dense%initialize()
     end subroutine allocate_work
 end submodule tandem_simulate_setup

@@ -89,8 +89,10 @@ module tandem_simulation
         class(stepper_type), allocatable, private :: stepper
         !> What it was allocated from, if it is the caller's own.
         class(stepper_type), allocatable, private :: own_stepper
-        !> The ends of the step that is tried, or of the last one.
+        !> The ends of the last step. While one is tried, `next` is where the start of the last one was; afterwards it is an end of
+        !> its own where the state may be another, see `part_end`.
         type(state_type), private :: start, next
+        logical, private :: end_is_apart = .false.
         type(dense_output_type), private :: dense
         !> Why the next step needs a new chart whatever the policy says; 0 where it does not.
         integer, private :: renewal = 0
@@ -118,8 +120,8 @@ module tandem_simulation
         procedure :: look_at, look_back
         procedure :: statistics, multipliers, kinetic_energy, potential_energy
         procedure :: warn, add_event, save_state, restore_state
-        procedure, private :: check_ready, advance, look_for_events, act_on_events, accept_start, choose_rows_anew
-        procedure, private :: has_surplus_rows, allocate_chart, allocate_stepper, renew_chart, consider_exchange
+        procedure, private :: check_ready, advance, make_room, part_end, look_for_events, act_on_events, accept_start
+        procedure, private :: choose_rows_anew, has_surplus_rows, allocate_chart, allocate_stepper, renew_chart, consider_exchange
         procedure, private :: consider_beginning, take_stepper, set_method, measure_errors, fail, explain, compare_procedures
         procedure, private :: with_rows
         procedure :: start_clock, stop_clock
@@ -357,6 +359,18 @@ module tandem_simulation
             real(wp), intent(in) :: t_limit
             type(error_type), allocatable, intent(out) :: error
         end subroutine advance
+
+        !> Forget the last step: `next` takes the place of its start.
+        module subroutine make_room(self)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+        end subroutine make_room
+
+        !> Before the state becomes another: let `next` be the end of the last step.
+        module subroutine part_end(self)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+        end subroutine part_end
 
         !> Turn a status of the chart or the stepper into an error that says where it happened and which row is to blame.
         module subroutine fail(self, stat, where_, error)

@@ -13,8 +13,9 @@ contains
     module procedure accept_start
         integer :: rows(3), stat, i
 
-        self%start%q = self%state%q
-        self%start%qd = self%state%qd
+        ! Nobody else needs these here.
+        self%next%dq(:) = self%state%q
+        self%next%dqd(:) = self%state%qd
         call begin_chart(self, stat)
         if (self%is_sparse .and. stat == status_rank_deficient .and. &
             (allocated(self%blank) .or. .not. keeps_dependent_rows(self%model, self%options))) call leave_out_rows(self, stat)
@@ -50,8 +51,8 @@ contains
             call self%fail(stat, 'at the start', error)
             return
         end if
-        self%tally%start_moved_q = maxval(abs(self%start%q - self%state%q))
-        self%tally%start_moved_qd = maxval(abs(self%start%qd - self%state%qd))
+        self%tally%start_moved_q = maxval(abs(self%next%dq - self%state%q))
+        self%tally%start_moved_qd = maxval(abs(self%next%dqd - self%state%qd))
         call self%renew_chart(by_start, error)
         if (allocated(error)) return
         associate (state => self%state)
@@ -70,20 +71,21 @@ contains
         class(simulation_type), intent(inout) :: self
         !> ok, or why it cannot.
         integer, intent(out) :: stat
-        integer, allocatable :: partners(:)
+        integer, allocatable :: partners(:), first(:)
         integer :: i
-        !> So many are told with those that they repeat, which takes a solution each.
+        !> So many are told with those that they repeat.
         integer, parameter :: most_told = 100
 
         associate (state => self%state, model => self%model)
             call self%chart%leave_out_dependent(state%t, state%q, state%qd, stat)
             if (stat /= status_ok) return
             self%n_redundant = self%chart%n_dropped
+            call self%chart%find_partners(self%chart%left_out(:min(self%n_redundant, most_told)), first, partners)
             do i = 1, min(self%n_redundant, most_told)
                 associate (row => self%chart%left_out(i))
-                    call self%chart%find_partners(row, partners)
                     call self%warn('the constraint "'//model%row_name(row)//'" repeats'// &
-                        trim(self%with_rows(partners, row, ' '))//' and was left out; its multiplier is zero')
+                        trim(self%with_rows(partners(first(i):first(i + 1) - 1), row, ' '))// &
+                        ' and was left out; its multiplier is zero')
                 end associate
             end do
             if (self%n_redundant > most_told) call self%warn(to_text(self%n_redundant - most_told)// &
@@ -97,12 +99,12 @@ contains
         !> The worst rows of the levels.
         integer, intent(in) :: rows(3)
         type(error_type), allocatable, intent(out) :: error
-        integer, allocatable :: partners(:)
+        integer, allocatable :: partners(:), first(:)
         integer :: i
 
         do i = 1, 2
             if (self%errors(i) <= self%options%start_tolerance .or. all(self%chart%left_out /= rows(i))) cycle
-            call self%chart%find_partners(rows(i), partners)
+            call self%chart%find_partners(rows(i:i), first, partners)
             call set_error(error, status_inconsistent_rows, 'the constraint "'//self%model%row_name(rows(i))// &
                 '" depends on'//trim(self%with_rows(partners, 0, ' '))//' and contradicts it in the '// &
                 trim(level_name(i))//' at the start')

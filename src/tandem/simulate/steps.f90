@@ -35,7 +35,7 @@ contains
         before%gap = self%tally%velocity_gap
         before%grid_steps = self%grid_steps
         before%on_grid = self%on_grid
-        call self%dense%forget_step()
+        call self%make_room()
         call step_within_tolerance(self, t_limit, before, ends_at_breakpoint, error)
         if (allocated(error)) return
         self%last_step = self%state%t - self%start%t
@@ -56,6 +56,16 @@ contains
         self%tally%largest_step = max(self%tally%largest_step, self%last_step)
         if (ends_at_breakpoint) call cross_breakpoint(self, error)
     end procedure advance
+
+    module procedure make_room
+        call self%dense%forget_step()
+        if (.not. allocated(self%next%q)) call self%next%take(self%start)
+    end procedure make_room
+
+    module procedure part_end
+        if (.not. self%end_is_apart) call self%next%copy(self%state)
+        self%end_is_apart = .true.
+    end procedure part_end
 
     !> Refuse a step where the run has taken or cost as many as it may.
     subroutine check_limits(self, error)
@@ -85,8 +95,7 @@ contains
                 call try_fixed_step(self, t_limit, ends_at_breakpoint, error)
             end if
             if (allocated(error)) return
-            call self%start%copy(self%state)
-            call self%state%copy(self%next)
+            call keep_step(self)
             call self%measure_errors(error)
             if (.not. allocated(error)) return
             call take_back(self, before)
@@ -108,12 +117,33 @@ contains
         end do
     end subroutine step_within_tolerance
 
+    !> Go to the end of a step. Where there are three states, the start of the step before makes room for the next.
+    subroutine keep_step(self)
+        class(simulation_type), intent(inout) :: self
+        type(state_type) :: former
+
+        call former%take(self%start)
+        call self%start%take(self%state)
+        call self%state%take(self%next)
+        call self%next%take(former)
+        self%next%t = self%state%t
+        self%end_is_apart = .false.
+    end subroutine keep_step
+
     !> The state at the end of a step is not kept: return to the start.
     subroutine take_back(self, before)
         class(simulation_type), intent(inout) :: self
         type(before_type), intent(in) :: before
+        type(state_type) :: spare
 
-        call self%state%copy(self%start)
+        if (self%end_is_apart) then
+            call spare%take(self%state)
+        else
+            call spare%take(self%next)
+            call self%next%take(self%state)
+        end if
+        call self%state%take(self%start)
+        call self%start%take(spare)
         self%errors = before%errors
         self%grid_steps = before%grid_steps
         self%on_grid = before%on_grid
@@ -128,7 +158,7 @@ contains
             is_at_limit = self%control%is_at_limit
             call self%stiffness%smoothness%observe(self%state, self%control%weight_q, self%control%weight_qd)
         else
-            is_at_limit = self%stepper%stiffness(self%last_step, self%next) > self%method%stability_limit
+            is_at_limit = self%stepper%stiffness(self%last_step, self%state) > self%method%stability_limit
         end if
         call self%stiffness%observe(self%start%t, is_at_limit)
     end subroutine watch_stiffness

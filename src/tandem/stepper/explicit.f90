@@ -31,7 +31,7 @@ module tandem_stepper_explicit
         !> `lane`.
         real(wp), allocatable :: rate(:, :)
         !> Whether each stage takes the rates of the one before it alone, and nothing else those of any, as in Kutta's method: then
-        !> `rate` holds those of one stage, and `y` the weighted sum of those so far.
+        !> there is no `rate`, and `y` holds the weighted sum of those so far, after the step the rates of the last stage.
         logical, private :: in_turn = .false.
         !> Increments, ordered alike: of a stage, and at the start of the step, or the start itself where stages are not projected.
         real(wp), allocatable :: y(:)
@@ -49,7 +49,7 @@ module tandem_stepper_explicit
         logical :: has_extra = .false.
         !> Coordinates of a stage (n); c^2/2 - sum a c of the stages and of the end (s + 1).
         real(wp), allocatable, private :: q(:), defect(:)
-        !> Reciprocals of the coordinate scales (n).
+        !> Reciprocals of the coordinate scales (n), unless all of them are 1.
         real(wp), allocatable, private :: inverse_scale(:)
         !> The tableau as sums of rates: of the stages (s, the first is empty), of the end, of the estimates.
         type(combination_type), allocatable, private :: stage_sum(:), end_sum, estimate_sum(:)
@@ -85,17 +85,18 @@ contains
         s = size(self%b)
         self%n = n
         self%offset = short*((n + short - 1)/short)
-        self%inverse_scale = 1.0_wp/scale
+        if (allocated(self%inverse_scale)) deallocate (self%inverse_scale)
+        if (any(abs(scale - 1.0_wp) > 0.0_wp)) self%inverse_scale = 1.0_wp/scale
         n_estimates = 0
         if (allocated(self%e)) n_estimates = size(self%e, 2)
         if (allocated(self%q)) deallocate (self%q, self%defect)
         if (allocated(self%zero)) deallocate (self%zero, self%part, self%slope)
-        self%in_turn = n_estimates + self%n_extra == 0
+        self%in_turn = n_estimates + self%n_extra == 0 .and. s > 1
         do i = 3, s
             self%in_turn = self%in_turn .and. .not. any(abs(self%a(:i - 2, i)) > 0.0_wp)
         end do
         height = lane*((self%offset + n + lane - 1)/lane)
-        call allocate_aligned(self%rate, height, merge(1, s + min(n_estimates, 1) + self%n_extra, self%in_turn))
+        call allocate_aligned(self%rate, height, merge(0, s + min(n_estimates, 1) + self%n_extra, self%in_turn))
         call allocate_aligned(self%y, height)
         call allocate_aligned(self%y_start, merge(0, height, self%in_turn))
         if (n_estimates > 0) then
@@ -175,20 +176,18 @@ contains
         end do
     end subroutine advance
 
-    !> The same, whose rates are added up as they come.
+    !> The same, whose rates are added up as they come. The stages stand where the end will be.
     subroutine advance_in_turn(self, chart, state, h, next, stat)
         class(explicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         real(wp), intent(in) :: h
-        !> Its increments are those of the stages, before those of the end.
         type(state_type), intent(inout) :: next
         integer, intent(out) :: stat
         integer :: i, s
 
         s = size(self%b)
-        associate (n => self%n, of_q => self%rate(:self%n, 1), of_qd => self%rate(self%offset + 1:self%offset + self%n, 1), &
-            sum_q => self%y(:self%n), sum_qd => self%y(self%offset + 1:self%offset + self%n))
+        associate (n => self%n, sum_q => self%y(:self%n), sum_qd => self%y(self%offset + 1:self%offset + self%n))
             call chart%start_step(state%qdd)
             stat = 0
             do i = 2, s
@@ -196,8 +195,8 @@ contains
                     call set_sums(n, self%b(1), state%qd, state%qdd, sum_q, sum_qd)
                     call step_from_start(h*self%a(1, 2), state%qd, state%qdd)
                 else
-                    call add_to_sums(n, self%b(i - 1), of_q, of_qd, sum_q, sum_qd)
-                    call step_from_start(h*self%a(i - 1, i), of_q, of_qd)
+                    call add_to_sums(n, self%b(i - 1), next%qd, next%qdd, sum_q, sum_qd)
+                    call step_from_start(h*self%a(i - 1, i), next%qd, next%qdd)
                 end if
                 chart%defect = h**2*self%defect(i)
                 chart%is_stage = .true.
@@ -205,11 +204,11 @@ contains
                 chart%step_size = h
                 associate (t => merge(next%t, state%t + self%c(i)*h, self%c(i) >= 1.0_wp))
                     if (self%projects_stages) then
-                        call chart%restore_motion(t, next%dq, next%dqd, self%q, of_q, of_qd, stat)
+                        call chart%restore_motion(t, next%dq, next%dqd, next%q, next%qd, next%qdd, stat)
                     else
-                        self%q(:) = next%dq
-                        of_q = next%dqd
-                        call chart%solve_dynamics(t, self%q, of_q, of_qd, stat)
+                        next%q(:) = next%dq
+                        next%qd(:) = next%dqd
+                        call chart%solve_dynamics(t, next%q, next%qd, next%qdd, stat)
                     end if
                 end associate
                 chart%is_stage = .false.
@@ -217,9 +216,7 @@ contains
                 if (stat /= 0) exit
             end do
             if (stat == 0) then
-                if (s == 1) call set_sums(n, self%b(1), state%qd, state%qdd, sum_q, sum_qd)
-                if (s > 1) call add_to_sums(n, self%b(s), of_q, of_qd, sum_q, sum_qd)
-                call follow(n, h, state%dq, state%dqd, sum_q, sum_qd, next%dq, next%dqd)
+                call leave_stages(n, h, self%b(s), state, next, self%q, sum_q, sum_qd)
                 chart%defect = h**2*self%defect(s + 1)
                 call chart%restore_motion(next%t, next%dq, next%dqd, next%q, next%qd, next%qdd, stat)
             end if
@@ -282,6 +279,26 @@ contains
             dqd(i) = from_qd(i) + step*rate_qd(i)
         end do
     end subroutine follow
+
+    !> The increments at the end of the step from the sums with the last stage, which is kept for `stiffness`, its rates in place of
+    !> the sums.
+    pure subroutine leave_stages(n, h, weight, state, next, q, sum_q, sum_qd)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: h, weight
+        type(state_type), intent(in) :: state
+        type(state_type), intent(inout) :: next
+        real(wp), intent(inout) :: q(n), sum_q(n), sum_qd(n)
+        integer :: i
+
+        !GCC$ UNROLL 1
+        do i = 1, n
+            next%dq(i) = state%dq(i) + h*(sum_q(i) + weight*next%qd(i))
+            next%dqd(i) = state%dqd(i) + h*(sum_qd(i) + weight*next%qdd(i))
+            sum_q(i) = next%qd(i)
+            sum_qd(i) = next%qdd(i)
+            q(i) = next%q(i)
+        end do
+    end subroutine leave_stages
 
     !> Take note of where the stages start, before the first call of `set_stage` in a step.
     subroutine take_start(self, state)
@@ -392,29 +409,45 @@ contains
         class(explicit_type), intent(in) :: self
         real(wp), intent(in) :: h
         type(state_type), intent(in) :: arrived
+
+        if (self%in_turn) then
+            stiffness = largest_change(self, h, arrived, self%y(:self%n), self%y(self%offset + 1:))
+        else
+            associate (s => size(self%b))
+                stiffness = largest_change(self, h, arrived, self%rate(:self%n, s), self%rate(self%offset + 1:, s))
+            end associate
+        end if
+    end function stiffness
+
+    !> The same by the rates of the last stage.
+    pure real(wp) function largest_change(self, h, arrived, qd, qdd) result(stiffness)
+        class(explicit_type), intent(in) :: self
+        real(wp), intent(in) :: h
+        type(state_type), intent(in) :: arrived
+        real(wp), intent(in), contiguous :: qd(:), qdd(:)
         real(wp) :: f, of_q, of_qd, of_qdd, largest
         !> Differences below this part of what they are of are rounding.
         real(wp), parameter :: rounding = 16*epsilon(1.0_wp)
-        integer :: i, s
+        integer :: i
 
-        s = merge(1, size(self%b), self%in_turn)
+        f = 1.0_wp
         largest = tiny(1.0_wp)
         of_q = 0.0_wp
         of_qd = 0.0_wp
         of_qdd = 0.0_wp
         !GCC$ UNROLL 1
         do i = 1, size(self%q)
-            f = self%inverse_scale(i)
+            if (allocated(self%inverse_scale)) f = self%inverse_scale(i)
             of_q = of_q + (f*(arrived%q(i) - self%q(i)))**2
-            of_qd = of_qd + (f*(arrived%qd(i) - self%rate(i, s)))**2
-            of_qdd = of_qdd + (f*(arrived%qdd(i) - self%rate(self%offset + i, s)))**2
+            of_qd = of_qd + (f*(arrived%qd(i) - qd(i)))**2
+            of_qdd = of_qdd + (f*(arrived%qdd(i) - qdd(i)))**2
             largest = max(largest, abs(f*arrived%q(i)), abs(f*h*arrived%qd(i)))
         end do
         of_qd = h**2*of_qd
         of_qdd = h**4*of_qdd
         stiffness = 0.0_wp
         if (of_q + of_qd > (rounding*largest)**2) stiffness = sqrt((of_qd + of_qdd)/(of_q + of_qd))
-    end function stiffness
+    end function largest_change
 
     !> The weighted norm of one estimate.
     real(wp) function estimate_norm(self, number, h, weight_q, weight_qd)

@@ -17,7 +17,7 @@ module tandem_stepper_state
         !> Position and velocity increments since the chart's origin (n), in the chart's own coordinates.
         real(wp), allocatable :: dq(:), dqd(:)
     contains
-        procedure :: allocate => allocate_state, pack_state, copy
+        procedure :: allocate => allocate_state, pack_state, copy, take
     end type state_type
 
 contains
@@ -59,4 +59,17 @@ contains
         call copy_vector(n, other%dq, self%dq)
         call copy_vector(n, other%dqd, self%dqd)
     end subroutine copy
+
+    !> Become another state, which is left without any, as this one is where there was none. Nothing is copied.
+    pure subroutine take(self, other)
+        class(state_type), intent(inout) :: self
+        type(state_type), intent(inout) :: other
+
+        self%t = other%t
+        call move_alloc(other%q, self%q)
+        call move_alloc(other%qd, self%qd)
+        call move_alloc(other%qdd, self%qdd)
+        call move_alloc(other%dq, self%dq)
+        call move_alloc(other%dqd, self%dqd)
+    end subroutine take
 end module tandem_stepper_state

@@ -5,9 +5,12 @@ module test_sparse_runs
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use large_mechanisms, only: make_large
     use large_runs, only: begin, check_resumption, check_timed, controlled, go_on, scenes, start
-    use tandem, only: failure_type => error_type, long, mechanism_type, options_type, simulation_type, statistics_type, wp
+    use tandem, only: failure_type => error_type, long, mechanism_type, options_type, simulation_type, statistics_type, &
+        terms_type, wp
+    use tandem_chart_sparse, only: sparse_chart_type
     use tandem_chart_sparse_factor, only: factor_type
     use tandem_pack, only: pack_type
+    use terms_at, only: get_terms
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -27,6 +30,7 @@ contains
             new_unittest('choice', test_choice), &
             new_unittest('profile', test_profile), &
             new_unittest('redundant-rows', test_redundant), &
+            new_unittest('partners-of-redundant-rows', test_partners), &
             new_unittest('refusals', test_refusals)]
     end subroutine collect_sparse_runs
 
@@ -215,6 +219,103 @@ contains
         call mechanism%define(failure)
         call check_no_failure(error, failure)
     end subroutine draw_parallelograms
+
+    !> Each row that is left out is a combination of those that it is said to repeat, and of no fewer, by C itself: of
+    !> parallelograms that stand apart, and of equal cranks on one coupler, whose combinations all touch that.
+    subroutine test_partners(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism, cranks
+
+        call draw_parallelograms(9, mechanism, error)
+        if (.not. allocated(error)) call check_partners(mechanism, 9, error)
+        if (.not. allocated(error)) call draw_cranks(12, cranks, error)
+        if (.not. allocated(error)) call check_partners(cranks, 10, error)
+    end subroutine test_partners
+
+    !> All rows that are left out at the start.
+    subroutine check_partners(mechanism, expected, error)
+        type(mechanism_type), intent(inout), target :: mechanism
+        integer, intent(in) :: expected
+        type(error_type), allocatable, intent(inout) :: error
+        type(sparse_chart_type) :: chart
+        type(terms_type) :: terms
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(mechanism%n), qd(mechanism%n)
+        integer, allocatable :: start(:), partners(:), norms(:)
+        integer :: i, k, stat
+
+        call mechanism%start(q, qd)
+        call chart%initialize(mechanism, options_type(stepper='rk4'), .false., failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call chart%renew(0.0_wp, q, qd, stat)
+        call chart%leave_out_dependent(0.0_wp, q, qd, stat)
+        call check_count(error, stat, 0, 'status')
+        call check_count(error, chart%n_dropped, expected, 'rows left out')
+        if (allocated(error)) return
+        call chart%find_partners(chart%left_out, start, partners)
+        call get_terms(mechanism, 0.0_wp, q, qd, terms, stat)
+        ! Euler parameters stay normed whatever the rows of joints say.
+        norms = pack([(i, i=1, size(terms%phi))], [(index(mechanism%row_name(i), ' norm') > 0, i=1, size(terms%phi))])
+        do i = 1, expected
+            associate (its => partners(start(i):start(i + 1) - 1), row => chart%left_out(i))
+                call check_below(error, rest_of(terms%jacobian, [norms, its], row), 1.0e-10_wp, 'what partners leave')
+                do k = 1, size(its)
+                    call check_true(error, rest_of(terms%jacobian, [norms, its(:k - 1), its(k + 1:)], row) > 1.0e-3_wp, &
+                        'a partner is none')
+                end do
+            end associate
+            if (allocated(error)) return
+        end do
+    end subroutine check_partners
+
+    !> The length of what some rows leave of another.
+    real(wp) function rest_of(c, rows, row)
+        real(wp), intent(in) :: c(:, :)
+        integer, intent(in) :: rows(:), row
+        real(wp) :: basis(size(c, 2), size(rows) + 1)
+        integer :: i, k, pass
+
+        do i = 1, size(rows) + 1
+            if (i <= size(rows)) basis(:, i) = c(rows(i), :)
+            if (i > size(rows)) basis(:, i) = c(row, :)
+            do pass = 1, 2
+                do k = 1, i - 1
+                    basis(:, i) = basis(:, i) - dot_product(basis(:, k), basis(:, i))*basis(:, k)
+                end do
+            end do
+            if (i <= size(rows)) basis(:, i) = basis(:, i)/norm2(basis(:, i))
+        end do
+        rest_of = norm2(basis(:, size(rows) + 1))
+    end function rest_of
+
+    !> Equal cranks in the plane on one coupler.
+    subroutine draw_cranks(n, mechanism, error)
+        integer, intent(in) :: n
+        type(mechanism_type), intent(inout) :: mechanism
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable :: failure
+        character(len=2) :: number
+        real(wp) :: x
+        integer :: i
+
+        mechanism%planar = .true.
+        call mechanism%add_body('coupler', 1.0_wp, [0.5_wp*n, 1.0_wp], failure, inertia=[1.0_wp])
+        call check_no_failure(error, failure)
+        do i = 1, n
+            if (allocated(error)) return
+            write (number, '(i0)') i
+            x = i
+            call mechanism%add_body('c'//number, 1.0_wp, [x, 0.5_wp], failure, inertia=[0.1_wp])
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('f'//number, 'revolute', 'ground', 'c'//number, failure, at=[x, 0.0_wp])
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('t'//number, 'revolute', 'c'//number, 'coupler', failure, at=[x, 1.0_wp])
+            call check_no_failure(error, failure)
+        end do
+        call mechanism%define(failure)
+        call check_no_failure(error, failure)
+    end subroutine draw_cranks
 
     !> What this chart cannot do is refused at the set-up, with what to do.
     subroutine test_refusals(error)

@@ -104,19 +104,21 @@ module tandem_chart_sparse_factor
 contains
 
     !> Allocate for what was analysed.
-    subroutine allocate_factor(self, a, pattern)
+    subroutine allocate_factor(self, a, pattern, has_terms)
         class(factor_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
         type(pattern_type), intent(in) :: pattern
+        !> Whether C and W too: else they come from another factor.
+        logical, intent(in) :: has_terms
 
         if (allocated(self%y)) deallocate (self%y, self%sent, self%own, self%r, self%blocks, self%alone, self%added, self%is_out)
         ! What goes from one factor to the other may be with either.
         if (allocated(self%c)) deallocate (self%c)
         if (allocated(self%w)) deallocate (self%w)
-        allocate (self%c(a%n_entries + read_behind + a%n), self%y(a%n_moved + read_behind), self%own(a%n), &
-            self%sent(most_rows, merge(size(a%link_node), 0, any(a%norm_row > 0))), self%w(pattern%mass_width, a%n), self%r(a%n), &
-            self%blocks(a%n_factor + read_behind), self%alone(a%m), self%added(a%n_bodies), &
-            source=0.0_wp)
+        allocate (self%y(a%n_moved + read_behind), self%own(a%n), &
+            self%sent(most_rows, merge(size(a%link_node), 0, any(a%norm_row > 0))), self%r(a%n), &
+            self%blocks(a%n_factor + read_behind), self%alone(a%m), self%added(a%n_bodies), source=0.0_wp)
+        if (has_terms) allocate (self%c(a%n_entries + read_behind + a%n), self%w(pattern%mass_width, a%n), source=0.0_wp)
         allocate (self%is_out(a%m), source=.false.)
         self%leaves_out = .false.
         self%has_rows = .false.

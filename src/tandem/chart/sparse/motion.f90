@@ -6,6 +6,7 @@
 !> projector is formed. Corrections for Phi move no row of E, which is one complement of the tangent space as good as others.
 module tandem_chart_sparse_motion
     use tandem_chart_sparse_errors, only: judge_velocity
+    use tandem_chart_sparse_partners, only: find_partners_of => find_partners
     use tandem_chart_sparse_progress, only: is_rounding, is_trusted, largest, learn, progress_type, unknown
     use tandem_chart_sparse_rank, only: rank_type
     use tandem_chart_sparse_secants, only: secants_type
@@ -54,8 +55,8 @@ module tandem_chart_sparse_motion
         !> Whether `curve` and `bend` are those of another origin, whose complement is not the one here.
         logical :: is_curve_old = .false., is_bend_old = .false.
         real(wp) :: defect_of_delta = 0.0_wp, defect_of_rate = 0.0_wp
-        !> Reciprocals of the natural scales of rows at the origin (nh), (m), and of velocities at the end of a step (m).
-        real(wp), allocatable :: phi_weight(:), velocity_weight(:), end_weight(:)
+        !> Reciprocals of the natural scales of rows at the origin (nh), (m).
+        real(wp), allocatable :: phi_weight(:), velocity_weight(:)
         type(progress_type) :: position, velocity, held_position, held_velocity
         real(wp), allocatable :: held_delta(:)
         !> Mends corrections that leave much, where steps may be long.
@@ -144,7 +145,6 @@ contains
         self%has_bend = .false.
         self%phi_weight = spread(1.0_wp, 1, model%n_holonomic)
         self%velocity_weight = spread(1.0_wp, 1, model%n_constraints())
-        self%end_weight = self%velocity_weight
         if (implicit .or. options%is_adaptive()) call self%secants%allocate(model%n)
     end subroutine initialize
 
@@ -201,13 +201,13 @@ contains
         if (self%n_dropped == 0) stat = status_rank_deficient
     end subroutine leave_out_dependent
 
-    !> The rows of which one that was left out is a combination.
-    subroutine find_partners(self, row, partners)
+    !> The rows of which those that were left out are combinations.
+    subroutine find_partners(self, rows, start, partners)
         class(sparse_motion_type), intent(inout) :: self
-        integer, intent(in) :: row
-        integer, allocatable, intent(out) :: partners(:)
+        integer, intent(in) :: rows(:)
+        integer, allocatable, intent(out) :: start(:), partners(:)
 
-        call self%system%find_partners(row, partners)
+        call find_partners_of(self%system, rows, start, partners)
     end subroutine find_partners
 
     !> Keep what there is to say of a failure at the last point.
@@ -509,7 +509,8 @@ contains
         first_error = 0.0_wp
         error_before = 0.0_wp
         last_error = unknown
-        associate (s => self%system, base => self%system%factor(self%system%base), here => self%system%factor(self%system%here))
+        associate (s => self%system, base => self%system%factor(self%system%base), &
+            here => self%system%factor(self%system%here), end_weight => self%system%scales(:, 2))
             if (predicts .and. self%has_delta_rate) qd = qd + self%defect*self%delta_rate
             if (predicts .and. .not. self%has_delta_rate) self%delta_rate = qd
             if (carries) then
@@ -523,7 +524,9 @@ contains
                     if (is_trusted(self%velocity, age, last_error, wanted)) exit
                 end if
                 if (k == 0 .and. .not. is_loose) then
-                    call judge_velocity(s%analysis, here, s%model%terms%nu, qd, self%scale, s%g, self%end_weight)
+                    ! The scales at the end take their place when its errors are found.
+                    s%has_scales = .false.
+                    call judge_velocity(s%analysis, here, s%model%terms%nu, qd, self%scale, s%g, end_weight)
                 else
                     s%g(:) = s%model%terms%nu
                     call here%multiply(s%analysis, qd, s%g)
@@ -531,7 +534,7 @@ contains
                 if (is_loose) then
                     error = largest(s%m, s%g, self%velocity_weight)
                 else
-                    error = largest(s%m, s%g, self%end_weight)
+                    error = largest(s%m, s%g, end_weight)
                 end if
                 if (.not. error <= huge(1.0_wp)) then
                     stat = status_not_finite
@@ -550,7 +553,7 @@ contains
                 end if
                 if (has_left) then
                     stat = status_chart_left
-                    self%failed_row = maxloc(abs(s%g)*merge(self%velocity_weight, self%end_weight, is_loose), dim=1)
+                    self%failed_row = maxloc(abs(s%g)*merge(self%velocity_weight, end_weight, is_loose), dim=1)
                     self%failed_value = error
                     return
                 end if

@@ -43,7 +43,7 @@ module tandem_chart_sparse_system
         !> Work space: unknowns of nodes, (m), (n).
         real(wp), allocatable :: z(:), g(:), x(:)
     contains
-        procedure :: initialize, visit, load, factorize, move_with, choose_rows, find_partners
+        procedure :: initialize, visit, load, factorize, move_with, choose_rows
         procedure, private :: lend_rows
         procedure :: take_origin, forget, find_errors, find_weights
         procedure :: find_diagonal, find_multipliers, name_infinite, pack_state
@@ -59,18 +59,22 @@ contains
         logical, intent(in) :: shares_terms
         integer :: i
 
-        call self%model%initialize(model, compressed=.true.)
+        call self%model%initialize(model, compressed=.true., wants_jacobian=.false.)
         self%pattern => model%pattern
         self%nh = model%n_holonomic
         self%m = model%n_constraints()
         call self%analysis%analyse(self%pattern, [(i, i=1, self%m)])
         call want_blocks(self%analysis, self%pattern)
+        call model%note_blocks()
+        if (.not. self%pattern%all_in_blocks) then
+            deallocate (self%model%terms%jacobian)
+            allocate (self%model%terms%jacobian(self%m, self%pattern%width), source=0.0_wp)
+        end if
         if (allocated(self%model%terms%blocks)) deallocate (self%model%terms%blocks)
         do i = 1, 2
-            call self%factor(i)%allocate(self%analysis, self%pattern)
+            call self%factor(i)%allocate(self%analysis, self%pattern, i == 1 .or. .not. shares_terms)
         end do
         self%shares_terms = shares_terms
-        if (shares_terms) deallocate (self%factor(2)%c, self%factor(2)%w)
         self%q_point = spread(0.0_wp, 1, model%n)
         self%qd_point = self%q_point
         self%x = self%q_point
@@ -160,10 +164,6 @@ contains
         ! None of these depends on the velocity; q stands in for it.
         call self%model%evaluate(need_jacobian + need_nu + need_mass, t, q, q, counts, stat)
         if (stat /= status_ok) return
-        if (self%pattern%all_in_blocks .and. size(self%model%terms%jacobian) > 0) then
-            deallocate (self%model%terms%jacobian)
-            allocate (self%model%terms%jacobian(self%m, 0))
-        end if
         self%t_point = t
         self%q_point(:) = q
         self%has_point = .true.
@@ -222,33 +222,6 @@ contains
             end do
         end associate
     end subroutine choose_rows
-
-    !> The rows of which a row that was left out is a combination.
-    subroutine find_partners(self, row, partners)
-        class(system_type), intent(inout) :: self
-        integer, intent(in) :: row
-        integer, allocatable, intent(out) :: partners(:)
-        real(wp), allocatable :: lambda(:), force(:)
-        !> Smaller shares than this of the largest are rounding.
-        real(wp), parameter :: least_share = 1.0e-6_wp
-        integer :: i, n
-
-        allocate (force(size(self%x)), lambda(self%m), source=0.0_wp)
-        lambda(row) = -1.0_wp
-        call self%factor(self%here)%add_reactions(self%analysis, lambda, force)
-        lambda(row) = 0.0_wp
-        self%g = 0.0_wp
-        associate (a => self%analysis)
-            call self%factor(self%here)%solve(a, .true., force, self%g, self%x, self%z)
-            do n = 1, a%n_nodes
-                if (a%is_body(n)) cycle
-                do i = 1, a%height(n)
-                    lambda(a%origin(n) + i - 1) = abs(self%z(a%place(n) + i))
-                end do
-            end do
-        end associate
-        partners = pack([(i, i=1, self%m)], lambda > least_share*max(maxval(lambda), least_share))
-    end subroutine find_partners
 
     !> Evaluate gamma and the forces at (t, q, qd) too, unless it was done last.
     subroutine move_with(self, t, q, qd, counts, stat)
