@@ -54,13 +54,13 @@ contains
         real(wp), parameter :: least_share = 1.0e-6_wp
         real(wp), allocatable :: largest(:)
         integer, allocatable :: members(:), met(:), more(:, :), of(:)
-        logical, allocatable :: takes_part(:)
+        logical :: takes_part(system%m)
         integer :: i, k, n
 
         members = pack([(i, i=1, size(rows))], lot == now)
         call combine(system, rows(members), lambda, force)
         associate (a => system%analysis, pattern => system%pattern)
-            takes_part = lambda > least_share*max(maxval(lambda), least_share)
+            takes_part(:) = lambda > least_share*max(maxval(lambda), least_share)
             takes_part(rows(members)) = .true.
             group = [(i, i=0, a%n_bodies)]
             do i = 1, system%m
