@@ -216,7 +216,8 @@ contains
                 if (stat /= 0) exit
             end do
             if (stat == 0) then
-                call leave_stages(n, h, self%b(s), state, next, self%q, sum_q, sum_qd)
+                call leave_stages(n, h, self%b(s), state%dq, state%dqd, next%q, next%qd, next%qdd, self%q, sum_q, sum_qd, &
+                    next%dq, next%dqd)
                 chart%defect = h**2*self%defect(s + 1)
                 call chart%restore_motion(next%t, next%dq, next%dqd, next%q, next%qd, next%qdd, stat)
             end if
@@ -282,21 +283,19 @@ contains
 
     !> The increments at the end of the step from the sums with the last stage, which is kept for `stiffness`, its rates in place of
     !> the sums.
-    pure subroutine leave_stages(n, h, weight, state, next, q, sum_q, sum_qd)
+    pure subroutine leave_stages(n, h, weight, from_q, from_qd, q, qd, qdd, last_q, sum_q, sum_qd, dq, dqd)
         integer, intent(in) :: n
-        real(wp), intent(in) :: h, weight
-        type(state_type), intent(in) :: state
-        type(state_type), intent(inout) :: next
-        real(wp), intent(inout) :: q(n), sum_q(n), sum_qd(n)
+        real(wp), intent(in) :: h, weight, from_q(n), from_qd(n), q(n), qd(n), qdd(n)
+        real(wp), intent(inout) :: last_q(n), sum_q(n), sum_qd(n), dq(n), dqd(n)
         integer :: i
 
         !GCC$ UNROLL 1
         do i = 1, n
-            next%dq(i) = state%dq(i) + h*(sum_q(i) + weight*next%qd(i))
-            next%dqd(i) = state%dqd(i) + h*(sum_qd(i) + weight*next%qdd(i))
-            sum_q(i) = next%qd(i)
-            sum_qd(i) = next%qdd(i)
-            q(i) = next%q(i)
+            dq(i) = from_q(i) + h*(sum_q(i) + weight*qd(i))
+            dqd(i) = from_qd(i) + h*(sum_qd(i) + weight*qdd(i))
+            sum_q(i) = qd(i)
+            sum_qd(i) = qdd(i)
+            last_q(i) = q(i)
         end do
     end subroutine leave_stages
 
