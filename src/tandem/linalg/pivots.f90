@@ -8,7 +8,7 @@ module tandem_linalg_pivots
 
     public :: divide_rows, load, take_all, take_pivot
 
-    !> Up to so many pivots are taken one by one faster than in pairs: measured on a vehicle with 5 and a disk with 6.
+    !> Up to so many pivots are taken one by one faster than in pairs: measured on a vehicle with 5 and a disk with 6 rows.
     integer, parameter :: most_single = 5
 
 contains
@@ -52,25 +52,29 @@ contains
 
     !> Take all remembered pivots. stat > 0: they do not serve, because one of them is small in its row or an entry of Y is large.
     !> An entry that is not finite makes a pivot or an entry of Y so, and does not pass either.
-    pure subroutine take_all(m, n, height, matrix, mask, order, scale, pivot_scale, row_size, unit, copy, a, column, second, &
+    pure subroutine take_all(m, n, height, matrix, mask, order, scale, pivot_scale, row_size, unit, copy, a, column, work, &
         pivots, stat)
         integer, intent(in) :: m, n, height, order(n)
         !> C; 1 for rows and 0 for padding; scales of the unknowns and of the pivot columns, largest scaled entries of rows, the
         !> unit matrix.
         real(wp), intent(in) :: matrix(m*n), mask(height), scale(n), pivot_scale(height), row_size(height), unit(height, height)
         !> C padded, [Cd^-1, Y], work space, the pivots.
-        real(wp), intent(inout) :: copy(height, n), a(height, n), column(height), second(height), pivots(height)
+        real(wp), intent(inout) :: copy(height, n), a(height, n), column(height), work(height), pivots(height)
         integer, intent(out) :: stat
 
         ! The same loops, in the common case of a length that the compiler knows.
         if (height == lane) then
-            call load(m, n, lane, matrix, mask, order, copy, a)
             if (m > most_single) then
-                call take_pairs(m, n, unit, a, column, second, pivots, stat)
+                call load(m, n, lane, matrix, mask, order, copy, a)
+                call take_pairs(m, n, unit, a, column, work, pivots, stat)
+                if (stat == 0) call divide_rows(n, lane, pivots, a, column)
+            else if (m > 1) then
+                call take_ahead(m, n, matrix, mask, order, unit, copy, a, column, work, pivots, stat)
             else
+                call load(m, n, lane, matrix, mask, order, copy, a)
                 call take_singly(m, n, lane, unit, a, column, pivots, stat)
+                if (stat == 0) call divide_rows(n, lane, pivots, a, column)
             end if
-            if (stat == 0) call divide_rows(n, lane, pivots, a, column)
             if (stat == 0) call judge(m, n, lane, order, scale, pivot_scale, row_size, a, pivots, column, stat)
         else
             call load(m, n, height, matrix, mask, order, copy, a)
@@ -142,6 +146,152 @@ contains
             call take_pivot(k, n, height, 1.0_wp/pivots(k), unit, a, column)
         end do
     end subroutine take_singly
+
+    !> Take the pivots one by one of few rows, in a pass through the columns for each: the first as C is copied,
+    !> the last as rows are divided by their pivots. A pivot is known before its column is, so that the division by it need not wait
+    !> for the pass before. Rounding is that of `load`, `take_pivot` and `divide_rows`.
+    pure subroutine take_ahead(m, n, matrix, mask, order, unit, copy, a, column, inverses, pivots, stat)
+        !> At least two rows.
+        integer, intent(in) :: m, n, order(n)
+        real(wp), intent(in) :: matrix(m, n), mask(lane), unit(lane, lane)
+        !> Work space: what a column loses per unit of the pivot's row; 1 over the pivots, and 1 in the padding.
+        real(wp), intent(inout) :: copy(lane, n), a(lane, n), column(lane), inverses(lane), pivots(lane)
+        integer, intent(out) :: stat
+        real(wp) :: f, inverse, pivot
+        integer :: b, i, j, k, p
+
+        stat = 1
+        p = order(1)
+        pivot = matrix(1, p)
+        pivots(1) = pivot
+        if (.not. is_pivot(pivot)) then
+            ! A search for pivots wants the copy too.
+            call load(m, n, lane, matrix, mask, order, copy, a)
+            return
+        end if
+        inverse = 1.0_wp/pivot
+        pivot = matrix(2, order(2)) - matrix(2, p)*inverse*matrix(1, order(2))
+        !GCC$ IVDEP
+        !GCC$ UNROLL 1
+        do i = 1, lane
+            f = 0.0_wp
+            if (mask(i) > 0.0_wp) f = matrix(i, p)
+            copy(i, p) = f
+            column(i) = (f*(1.0_wp - unit(i, 1)))*inverse
+            a(i, 1) = unit(i, 1) - column(i)
+            inverses(i) = (1.0_wp - mask(i)) + unit(i, 1)*inverse
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 2, n
+            p = order(j)
+            call load_less(m, mask, matrix(1, p), column, copy(1, p), a(1, j))
+        end do
+        do k = 2, m - 1
+            stat = k
+            pivots(k) = pivot
+            if (.not. is_pivot(pivot)) return
+            inverse = 1.0_wp/pivot
+            pivot = a(k + 1, k + 1) - a(k + 1, k)*inverse*a(k, k + 1)
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    column(b + i) = (a(b + i, k)*(1.0_wp - unit(b + i, k)))*inverse
+                    a(b + i, k) = unit(b + i, k) - column(b + i)
+                    inverses(b + i) = inverses(b + i) + unit(b + i, k)*inverse
+                end do
+            end do
+            ! The columns of the next pivots first, for which they wait.
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = k + 1, n
+                call subtract(a(k, j), column, a(1, j))
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, k - 1
+                call subtract(a(k, j), column, a(1, j))
+            end do
+        end do
+        stat = m
+        pivots(m) = pivot
+        if (.not. is_pivot(pivot)) return
+        inverse = 1.0_wp/pivot
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                column(b + i) = (a(b + i, m)*(1.0_wp - unit(b + i, m)))*inverse
+                inverses(b + i) = inverses(b + i) + unit(b + i, m)*inverse
+                a(b + i, m) = (unit(b + i, m) - column(b + i))*inverses(b + i)
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = m + 1, n
+            call subtract_and_divide(a(m, j), column, inverses, a(1, j))
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, m - 1
+            call subtract_and_divide(a(m, j), column, inverses, a(1, j))
+        end do
+        stat = 0
+    end subroutine take_ahead
+
+    !> A column of C and zeros behind it, where the mask is zero; and that less f times another column, f its first entry. In two
+    !> loops, of which gfortran makes one: around a single one it would take two columns at once, entry by entry.
+    pure subroutine load_less(m, mask, x, column, copy, a)
+        integer, intent(in) :: m
+        real(wp), intent(in) :: mask(lane), x(m), column(lane)
+        real(wp), intent(inout) :: copy(lane), a(lane)
+        real(wp) :: f, first
+        integer :: i
+
+        first = x(1)
+        !GCC$ IVDEP
+        !GCC$ UNROLL 1
+        do i = 1, lane
+            f = 0.0_wp
+            if (mask(i) > 0.0_wp) f = x(i)
+            copy(i) = f
+            a(i) = f
+        end do
+        !GCC$ IVDEP
+        !GCC$ UNROLL 1
+        do i = 1, lane
+            a(i) = a(i) - column(i)*first
+        end do
+    end subroutine load_less
+
+    !> A column less f times another.
+    pure subroutine subtract(f, column, a)
+        real(wp), intent(in), value :: f
+        real(wp), intent(in) :: column(lane)
+        real(wp), intent(inout) :: a(lane)
+        integer :: b, i
+
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                a(b + i) = a(b + i) - column(b + i)*f
+            end do
+        end do
+    end subroutine subtract
+
+    !> The same, and each row over its pivot.
+    pure subroutine subtract_and_divide(f, column, inverses, a)
+        real(wp), intent(in), value :: f
+        real(wp), intent(in) :: column(lane), inverses(lane)
+        real(wp), intent(inout) :: a(lane)
+        integer :: b, i
+
+        do b = 0, lane - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                a(b + i) = (a(b + i) - column(b + i)*f)*inverses(b + i)
+            end do
+        end do
+    end subroutine subtract_and_divide
 
     !> Take the pivots two by two, in one pass through the other columns.
     pure subroutine take_pairs(m, n, unit, a, column, second, pivots, stat)

@@ -11,9 +11,9 @@ module tandem_chart_dense_massless_ties
     type :: massless_ties_type
         !> The coordinate that is tied least, 0 where all have mass.
         integer :: loosest = 0
-        !> The coordinates without mass: their numbers, and how many.
+        !> How many coordinates have no mass, and their numbers.
+        integer :: n = 0
         integer, allocatable, private :: columns(:)
-        integer, private :: n = 0
         !> What the rows of C weigh (m), and work space (m, m), its columns padded.
         real(wp), allocatable, private :: weight(:), product(:, :), weighted(:, :)
         !> How firmly the loosest was tied at the last comparison, and at best: about squares of singular values.
@@ -79,7 +79,8 @@ contains
             self%weight, self%loosest, self%weakest, is_kept)
     end subroutine compare
 
-    !> How many steps as the last one the constraints are away from no longer tying a coordinate, where they hardly do.
+    !> How many steps as the last one the constraints are away from no longer tying a coordinate, where they hardly do. Some
+    !> coordinate has no mass.
     pure subroutine measure(self, from, to, scale, horizon, room, loosened, coordinate)
         class(massless_ties_type), intent(inout) :: self
         !> C at the ends of the step, which were compared before, and the scales.
@@ -95,7 +96,6 @@ contains
         real(wp) :: before, after
         logical :: is_kept
 
-        if (self%n == 0) return
         if (.not. self%weakest < loose*self%best) then
             self%best = max(self%best, self%weakest)
             return

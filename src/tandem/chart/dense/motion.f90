@@ -17,26 +17,30 @@ contains
 
     module procedure visit
         stat = status_ok
-        if (.not. self%point%is_at(t, q)) call go_to(self, t, q, .true., stat)
+        if (.not. self%point%is_at(t, q)) call go_to(self, t, q, stat)
     end procedure visit
 
     !> Evaluate C, nu and M at (t, q).
-    subroutine go_to(self, t, q, remembers, stat)
+    subroutine go_to(self, t, q, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(self%n)
-        !> Whether a later call may ask for this point again.
-        logical, intent(in) :: remembers
         integer, intent(out) :: stat
 
         call self%point%leave()
+        call evaluate_place(self, t, q, stat)
+        if (stat == status_ok) call self%point%arrive(t, q)
+    end subroutine go_to
+
+    !> The same, whatever the point is.
+    subroutine evaluate_place(self, t, q, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(self%n)
+        integer, intent(out) :: stat
+
         ! None of these depends on the velocity; q stands in for it.
         call self%model%evaluate(need_jacobian + need_nu + need_mass, t, q, q, self%counts, stat)
-        if (stat /= status_ok) then
-            call self%fail_term()
-            return
-        end if
-        call self%point%arrive(t, q, remembers)
-    end subroutine go_to
+        if (stat /= status_ok) call self%fail_term()
+    end subroutine evaluate_place
 
     module procedure move_to
         call self%visit(t, q, stat)
@@ -129,30 +133,34 @@ contains
     module procedure move_with
         call self%visit(t, q, stat)
         if (stat /= status_ok) return
-        if (.not. self%point%is_moving_with(qd)) call go_with(self, t, q, qd, .true., stat)
+        if (.not. self%point%is_moving_with(qd)) call go_with(self, t, q, qd, stat)
     end procedure move_with
 
     !> Evaluate gamma and the forces at the current point.
-    subroutine go_with(self, t, q, qd, remembers, stat)
+    subroutine go_with(self, t, q, qd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(self%n), qd(self%n)
-        !> Whether a later call may ask for this velocity again.
-        logical, intent(in) :: remembers
         integer, intent(out) :: stat
 
         call self%point%forget_motion()
+        call evaluate_motion(self, t, q, qd, stat)
+        if (stat == status_ok) call self%point%note_motion(qd)
+    end subroutine go_with
+
+    !> The same, whatever the velocity is.
+    subroutine evaluate_motion(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(self%n), qd(self%n)
+        integer, intent(out) :: stat
+
         self%counts%right_hand_sides = self%counts%right_hand_sides + 1
         call self%model%evaluate(need_gamma + need_force, t, q, qd, self%counts, stat)
         if (stat == status_ok .and. .not. self%has_gamma) then
             call self%rows%evaluate_gamma(self%differences, self%model, t, q, qd, self%counts, stat)
         end if
         if (stat == status_ok .and. self%friction%n > 0) call add_friction(self, t, q, qd, stat)
-        if (stat /= status_ok) then
-            call self%fail_term()
-            return
-        end if
-        call self%point%note_motion(qd, remembers)
-    end subroutine go_with
+        if (stat /= status_ok) call self%fail_term()
+    end subroutine evaluate_motion
 
     !> Add what friction makes of the reactions here to the forces.
     subroutine add_friction(self, t, q, qd, stat)
@@ -196,17 +204,20 @@ contains
     end subroutine solve_here
 
     module procedure restore_motion
-        logical :: remembers
-
-        ! No later call asks for the point of a stage again.
-        remembers = .not. self%is_stage
         call restore_position(self, t, increment, q, stat)
-        if (stat == status_ok) call go_to(self, t, q, remembers, stat)
+        if (stat /= status_ok) return
+        if (self%is_stage) then
+            ! No later call asks for the point of a stage again.
+            call self%point%pass(t)
+            call evaluate_place(self, t, q, stat)
+        else
+            call go_to(self, t, q, stat)
+        end if
         if (stat /= status_ok) return
         if (self%has_bases .or. self%m == 0) then
             call self%find_velocity_basis(stat)
             if (stat == status_ok) call restore_velocity_here(self, increment_qd, qd, stat)
-            if (stat == status_ok) call go_with(self, t, q, qd, remembers, stat)
+            if (stat == status_ok) call go_with(self, t, q, qd, stat)
             if (stat == status_ok) call solve_here(self, qdd, stat)
             return
         end if
@@ -227,7 +238,11 @@ contains
             end if
             call add(self%n, self%qd0, increment_qd, qd)
             call self%free_motion%restore_velocity(elimination, self%has_nu, .not. self%is_stage, terms%nu, qd, stat)
-            if (stat == status_ok) call go_with(self, t, q, qd, remembers, stat)
+            if (stat == status_ok .and. self%is_stage) then
+                call evaluate_motion(self, t, q, qd, stat)
+            else if (stat == status_ok) then
+                call go_with(self, t, q, qd, stat)
+            end if
             if (stat /= status_ok) return
             self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%n - self%m, 1)
             call self%free_motion%solve(elimination, .not. self%is_stage, self%model%n_blocks, self%model%blocks, &

@@ -51,8 +51,10 @@ contains
         end if
         if (stat == status_ok) then
             call self%ties%find_massless(self%model%terms%mass)
-            call self%ties%weigh_rows(self%step_jacobian, self%scale)
-            if (.not. keeps_ties(self, self%step_jacobian, self%model%terms%jacobian)) stat = status_singular_mass
+            if (self%ties%n > 0) then
+                call self%ties%weigh_rows(self%step_jacobian, self%scale)
+                if (.not. keeps_ties(self, self%step_jacobian, self%model%terms%jacobian)) stat = status_singular_mass
+            end if
         end if
         if (stat /= status_ok) then
             ! A shorter step will be compared with the same start.
@@ -61,8 +63,8 @@ contains
         end if
         self%origin_orientation = self%velocity_basis%orientation
         self%last_independence = self%velocity_basis%independence
-        call self%ties%measure(self%step_jacobian, self%model%terms%jacobian, self%scale, horizon, room, self%loosened, &
-            self%failed_coordinate)
+        if (self%ties%n > 0) call self%ties%measure(self%step_jacobian, self%model%terms%jacobian, self%scale, horizon, room, &
+            self%loosened, self%failed_coordinate)
         if (.not. falls) return
         call self%row_space%find_weakest(self%m, self%n, self%step_jacobian, self%scale, self%x, smallest_before)
         call self%row_space%find_weakest(self%m, self%n, self%model%terms%jacobian, self%scale, self%x, smallest)

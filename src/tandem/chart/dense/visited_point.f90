@@ -18,7 +18,7 @@ module tandem_chart_dense_visited_point
         logical, private :: has_point = .false., has_motion = .false.
         real(wp), allocatable, private :: q(:), qd(:)
     contains
-        procedure :: allocate => allocate_point, is_at, leave, arrive, forget, pack_state
+        procedure :: allocate => allocate_point, is_at, leave, arrive, pass, forget, pack_state
         procedure :: note_velocity_basis, forget_velocity_basis, is_moving_with, note_motion, forget_motion
     end type visited_point_type
 
@@ -53,18 +53,26 @@ contains
     end subroutine leave
 
     !> C, nu and M were evaluated at (t, q).
-    pure subroutine arrive(self, t, q, remembers)
+    pure subroutine arrive(self, t, q)
         class(visited_point_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:)
-        !> Whether a later call may ask for this point again.
-        logical, intent(in) :: remembers
 
         self%is_finite = .false.
         self%t = t
-        self%has_point = remembers
-        if (remembers) call copy(size(q), q, self%q)
+        self%has_point = .true.
+        call copy(size(q), q, self%q)
     end subroutine arrive
+
+    !> A point at time t is to be evaluated that no later call asks for.
+    pure subroutine pass(self, t)
+        class(visited_point_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+
+        call self%leave()
+        self%is_finite = .false.
+        self%t = t
+    end subroutine pass
 
     !> R and D were found there, which takes a finite C.
     pure subroutine note_velocity_basis(self)
@@ -98,14 +106,12 @@ contains
     end subroutine forget_motion
 
     !> Gamma and the forces were evaluated with this velocity.
-    pure subroutine note_motion(self, qd, remembers)
+    pure subroutine note_motion(self, qd)
         class(visited_point_type), intent(inout) :: self
         real(wp), intent(in), contiguous :: qd(:)
-        !> Whether a later call may ask for this velocity again.
-        logical, intent(in) :: remembers
 
-        self%has_motion = remembers
-        if (remembers) call copy(size(qd), qd, self%qd)
+        self%has_motion = .true.
+        call copy(size(qd), qd, self%qd)
     end subroutine note_motion
 
     !> Nothing of it is known any more.
