@@ -312,57 +312,67 @@ contains
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: names(4) = [character(len=14) :: 'spatial_chain', 'star', 'planar_chain', 'four_bars']
         integer, parameter :: joints(4) = [of_hinges, of_hinges, of_pins, of_pins]
+        integer :: k
+
+        do k = 1, size(names)
+            if (.not. allocated(error)) call check_meetings(trim(names(k)), joints(k), error)
+        end do
+    end subroutine test_meetings
+
+    !> Those of one mechanism.
+    subroutine check_meetings(name, joint, error)
+        character(len=*), intent(in) :: name
+        !> What its bodies are held by.
+        integer, intent(in) :: joint
+        type(error_type), allocatable, intent(inout) :: error
         type(mechanism_type), target :: mechanism
         type(failure_type), allocatable :: failure
         type(system_type) :: system
         type(counts_type) :: counts
         type(terms_type) :: terms
         real(wp), allocatable :: f(:), g(:), lambda(:), left(:), p(:), q(:), qd(:), rest(:), x(:), z(:)
-        integer :: b, k, n, pass, stat
+        integer :: b, n, pass, stat
 
-        do k = 1, size(names)
-            call make_large(names(k), 12, mechanism, failure)
-            call check_no_failure(error, failure)
-            if (allocated(error)) return
-            allocate (q(mechanism%n), qd(mechanism%n))
-            call mechanism%start(q, qd)
-            q = q + 0.1_wp*scattered(mechanism%n, 1)
-            call system%initialize(mechanism, .false.)
-            call system%visit(0.0_wp, q, counts, stat)
-            if (stat == 0) call system%factorize(counts, stat)
-            call check_count(error, stat, 0, 'the status of a factorization')
-            if (allocated(error)) return
-            call check_count(error, count(system%analysis%joints_of_body == joints(k)), &
-                count(.not. system%analysis%is_kept), 'bodies that have to do with '//trim(names(k))//' alone')
-            call terms%allocate(mechanism%n, mechanism%n_holonomic, 0)
-            call mechanism%evaluate(need_jacobian + need_mass, 0.0_wp, q, q, terms, stat)
-            x = spread(0.0_wp, 1, mechanism%n)
-            z = spread(0.0_wp, 1, system%analysis%n_unknowns)
-            lambda = spread(0.0_wp, 1, mechanism%n_holonomic)
-            associate (a => system%analysis, factor => system%factor(system%here))
-                do pass = 1, 2
-                    f = (pass - 1)*scattered(mechanism%n, 2)
-                    g = scattered(mechanism%n_holonomic, 3)
-                    call factor%solve(a, pass == 2, f, g, x, z)
-                    left = g
-                    call factor%multiply(a, x, left)
-                    call check_close(error, left, 0.0_wp*g, 1.0e-11_wp, 'C x and g, '//trim(names(k)))
-                    call check_close(error, matmul(terms%jacobian, x), g, 1.0e-11_wp, 'C x by full matrices, '//trim(names(k)))
-                    do n = 1, a%n_nodes
-                        if (.not. a%is_body(n)) lambda(a%origin(n):a%origin(n) + a%height(n) - 1) = &
-                            z(a%place(n) + 1:a%place(n) + a%height(n))
-                    end do
-                    rest = f - matmul(terms%mass, x) - matmul(lambda, terms%jacobian)
-                    do b = 1, a%n_bodies
-                        if (a%norm_row(b) == 0) cycle
-                        p = terms%jacobian(a%norm_row(b), :)
-                        rest = rest - p*dot_product(p, rest)/dot_product(p, p)
-                    end do
-                    call check_close(error, rest, 0.0_wp*rest, 1.0e-10_wp, 'M x + C'' lambda and f, '//trim(names(k)))
-                    if (allocated(error)) return
+        call make_large(name, 12, mechanism, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        allocate (q(mechanism%n), qd(mechanism%n))
+        call mechanism%start(q, qd)
+        q = q + 0.1_wp*scattered(mechanism%n, 1)
+        call system%initialize(mechanism, .false.)
+        call system%visit(0.0_wp, q, counts, stat)
+        if (stat == 0) call system%factorize(counts, stat)
+        call check_count(error, stat, 0, 'the status of a factorization')
+        if (allocated(error)) return
+        call check_count(error, count(system%analysis%joints_of_body == joint), &
+            count(.not. system%analysis%is_kept), 'bodies that have to do with '//name//' alone')
+        call terms%allocate(mechanism%n, mechanism%n_holonomic, 0)
+        call mechanism%evaluate(need_jacobian + need_mass, 0.0_wp, q, q, terms, stat)
+        x = spread(0.0_wp, 1, mechanism%n)
+        z = spread(0.0_wp, 1, system%analysis%n_unknowns)
+        lambda = spread(0.0_wp, 1, mechanism%n_holonomic)
+        associate (a => system%analysis, factor => system%factor(system%here))
+            do pass = 1, 2
+                f = (pass - 1)*scattered(mechanism%n, 2)
+                g = scattered(mechanism%n_holonomic, 3)
+                call factor%solve(a, pass == 2, f, g, x, z)
+                left = g
+                call factor%multiply(a, x, left)
+                call check_close(error, left, 0.0_wp*g, 1.0e-11_wp, 'C x and g, '//name)
+                call check_close(error, matmul(terms%jacobian, x), g, 1.0e-11_wp, 'C x by full matrices, '//name)
+                do n = 1, a%n_nodes
+                    if (.not. a%is_body(n)) lambda(a%origin(n):a%origin(n) + a%height(n) - 1) = &
+                        z(a%place(n) + 1:a%place(n) + a%height(n))
                 end do
-            end associate
-            deallocate (q, qd)
-        end do
-    end subroutine test_meetings
+                rest = f - matmul(terms%mass, x) - matmul(lambda, terms%jacobian)
+                do b = 1, a%n_bodies
+                    if (a%norm_row(b) == 0) cycle
+                    p = terms%jacobian(a%norm_row(b), :)
+                    rest = rest - p*dot_product(p, rest)/dot_product(p, p)
+                end do
+                call check_close(error, rest, 0.0_wp*rest, 1.0e-10_wp, 'M x + C'' lambda and f, '//name)
+                if (allocated(error)) return
+            end do
+        end associate
+    end subroutine check_meetings
 end module test_sparse_kernels
