@@ -36,8 +36,8 @@ module tandem_model_pattern
         logical, allocatable :: in_blocks(:)
         !> Whether it does so with all that a chart wants.
         logical :: all_in_blocks = .false.
-        !> Joints whose first rows say that points of two bodies meet, hinges in space and pins in the plane: how many rows the joint
-        !> has that begins with a row (n_rows), 5 or 2, 0 where none does; at the entries of that row in `row_body` the sign
+        !> Joints whose first rows say that points of two bodies meet, hinges in space and pins in the plane: how many rows the
+        !> joint has that begins with a row (n_rows), 5 or 2, 0 where none does; at the entries of that row in `row_body` the sign
         !> with which the place of the body enters: there C is the unit matrix with that sign in its first 3 or 2 rows, and
         !> zero in the others. Not allocated where the model tells of none.
         integer, allocatable :: meeting_height(:), meeting_sign(:)

@@ -393,8 +393,8 @@ contains
         end function rigid
     end subroutine test_stiffest_spring
 
-    !> Explicit steppers on suspensions of all degrees of stiffness: what is advised takes less work, counted, and where nothing is stiff
-    !> nothing is advised.
+    !> Explicit steppers on suspensions of all degrees of stiffness: what is advised takes less work, counted, and where nothing is
+    !> stiff nothing is advised.
     subroutine test_advice(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=6), parameter :: explicit(2) = ['dopri5', 'dop853']

@@ -215,10 +215,12 @@ contains
             joint = of_others
             if (.not. self%is_kept(b) .and. self%link_start(b + 1) > self%link_start(b)) then
                 if (self%kind(b) == of_rigid_body .and. self%norm_row(b) > 0) joint = of_hinges
-                if (self%kind(b) == of_single_blocks .and. self%first(b + 1) - self%first(b) == 3 .and. self%norm_row(b) == 0) &
+                if (self%kind(b) == of_single_blocks .and. self%first(b + 1) - self%first(b) == 3 .and. self%norm_row(b) == 0) then
                     joint = of_pins
-                if (any(self%joint_of_node(self%link_node(self%link_start(b):self%link_start(b + 1) - 1)) /= joint)) &
-                    joint = of_others
+                end if
+                do l = self%link_start(b), self%link_start(b + 1) - 1
+                    if (self%joint_of_node(self%link_node(l)) /= joint) joint = of_others
+                end do
             end if
             self%joints_of_body(b) = joint
             do l = self%link_start(b), self%link_start(b + 1) - 1
