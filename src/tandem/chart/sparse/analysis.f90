@@ -209,7 +209,7 @@ contains
                 if (self%height(n) == 2) self%joint_of_node(n) = of_pins
             end do
         end if
-        next = self%node_start
+        allocate (next, source=self%node_start)
         self%n_moved = 0
         do b = 1, self%n_bodies
             joint = of_others
