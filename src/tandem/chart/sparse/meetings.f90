@@ -155,6 +155,7 @@ contains
         end do
     end subroutine fetch_in_space
 
+    !> The same in the plane: x := x - W C' z of a body.
     pure subroutine fetch_in_plane(n_links, link, y, z, x)
         integer, intent(in), value :: n_links
         integer, intent(in) :: link(n_link, n_links)
@@ -207,6 +208,7 @@ contains
         g(5) = u
     end subroutine multiply_in_space
 
+    !> The same in the plane: g := g - C x of a node.
     pure subroutine multiply_in_plane(n_links, link, c, x, g)
         integer, intent(in), value :: n_links
         integer, intent(in) :: link(4, n_links)
@@ -297,6 +299,7 @@ contains
         end do
     end subroutine subtract_in_space
 
+    !> The same in the plane: W c' of the links of a body, and C W C' taken from the blocks of the nodes.
     pure subroutine add_in_plane(n_links, link, ldw, w, pair_target, c, y, blocks)
         integer, intent(in), value :: n_links, ldw
         integer, intent(in) :: link(n_link, n_links), pair_target(*)
