@@ -7,7 +7,7 @@
 module tandem_simulate_local_error
     use tandem_kinds, only: long, wp
     use tandem_pack, only: pack_type
-    use tandem_stepper_state, only: state_type
+    use tandem_stepper_state, only: go_along, state_type
     implicit none (type, external)
     private
 
@@ -132,20 +132,6 @@ contains
             self%error_qd(i) = arrived%qd(i) - self%error_qd(i) - late*arrived%qdd(i)
         end do
     end subroutine extend
-
-    !> Go on along rates.
-    pure subroutine go_along(n, h, rate_q, rate_qd, q, qd)
-        integer, intent(in) :: n
-        real(wp), intent(in) :: h, rate_q(n), rate_qd(n)
-        real(wp), intent(inout) :: q(n), qd(n)
-        integer :: i
-
-        !GCC$ UNROLL 1
-        do i = 1, n
-            q(i) = q(i) + h*rate_q(i)
-            qd(i) = qd(i) + h*rate_qd(i)
-        end do
-    end subroutine go_along
 
     !> By how much the accelerations of a step miss its change of velocity, on the scale s + |qd|. Increments hold all of the
     !> acceleration, so in a smooth motion the velocity constraints take away no more than the error of the step.

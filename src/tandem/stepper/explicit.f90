@@ -13,7 +13,7 @@ module tandem_stepper_explicit
     use tandem_pack, only: pack_type
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_combination, only: combination_type
-    use tandem_stepper_state, only: state_type
+    use tandem_stepper_state, only: go_along, state_type
     use tandem_chart, only: chart_type
     implicit none (type, external)
     private
@@ -195,7 +195,7 @@ contains
                     call set_sums(n, self%b(1), state%qd, state%qdd, sum_q, sum_qd)
                     call step_from_start(h*self%a(1, 2), state%qd, state%qdd)
                 else
-                    call add_to_sums(n, self%b(i - 1), next%qd, next%qdd, sum_q, sum_qd)
+                    call go_along(n, self%b(i - 1), next%qd, next%qdd, sum_q, sum_qd)
                     call step_from_start(h*self%a(i - 1, i), next%qd, next%qdd)
                 end if
                 chart%defect = h**2*self%defect(i)
@@ -252,20 +252,6 @@ contains
             sum_qd(i) = weight*rate_qd(i)
         end do
     end subroutine set_sums
-
-    !> Weighted rates, to those before.
-    pure subroutine add_to_sums(n, weight, rate_q, rate_qd, sum_q, sum_qd)
-        integer, intent(in) :: n
-        real(wp), intent(in) :: weight, rate_q(n), rate_qd(n)
-        real(wp), intent(inout) :: sum_q(n), sum_qd(n)
-        integer :: i
-
-        !GCC$ UNROLL 1
-        do i = 1, n
-            sum_q(i) = sum_q(i) + weight*rate_q(i)
-            sum_qd(i) = sum_qd(i) + weight*rate_qd(i)
-        end do
-    end subroutine add_to_sums
 
     !> Increments after a way along rates.
     pure subroutine follow(n, step, from_q, from_qd, rate_q, rate_qd, dq, dqd)

@@ -7,7 +7,7 @@ module tandem_stepper_state
     implicit none (type, external)
     private
 
-    public :: state_type
+    public :: go_along, state_type
 
     type :: state_type
         !> Time.
@@ -72,4 +72,19 @@ contains
         call move_alloc(other%dq, self%dq)
         call move_alloc(other%dqd, self%dqd)
     end subroutine take
+
+    !> Go on along rates, or add weighted ones to sums.
+    pure subroutine go_along(n, h, rate_q, rate_qd, q, qd)
+        integer, intent(in) :: n
+        !> (n) each.
+        real(wp), intent(in) :: h, rate_q(n), rate_qd(n)
+        real(wp), intent(inout) :: q(n), qd(n)
+        integer :: i
+
+        !GCC$ UNROLL 1
+        do i = 1, n
+            q(i) = q(i) + h*rate_q(i)
+            qd(i) = qd(i) + h*rate_qd(i)
+        end do
+    end subroutine go_along
 end module tandem_stepper_state

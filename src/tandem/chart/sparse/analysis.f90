@@ -13,7 +13,6 @@ module tandem_chart_sparse_analysis
     use tandem_model_pattern, only: pattern_type
     use tandem_chart_sparse_blocks, only: most_coordinates, of_any_blocks, of_rigid_body, of_single_blocks
     use tandem_chart_sparse_inverses, only: side_by_side
-    use tandem_chart_sparse_meetings, only: n_in_plane, n_in_space, of_hinges, of_others, of_pins
     use tandem_chart_sparse_order, only: append, list_type, order_nodes
     implicit none (type, external)
     private
@@ -80,6 +79,18 @@ module tandem_chart_sparse_analysis
     end type analysis_type
 
     public :: sorted
+
+    interface
+        !> Nodes that are hinges or pins, with the signs of their links, and bodies that have to do with these alone; where W c'
+        !> stands, which takes less of them.
+        pure module subroutine find_joints(self, pattern, rows)
+            implicit none (type, external)
+            class(analysis_type), intent(inout) :: self
+            type(pattern_type), intent(in) :: pattern
+            !> Numbers of the rows in use.
+            integer, intent(in) :: rows(:)
+        end subroutine find_joints
+    end interface
 
 contains
 
@@ -189,60 +200,6 @@ contains
             end do
         end do
     end subroutine list_for_loops
-
-    !> Nodes that are hinges or pins, with the signs of their links, and bodies that have to do with these alone; where W c' stands,
-    !> which takes less of them.
-    pure subroutine find_joints(self, pattern, rows)
-        class(analysis_type), intent(inout) :: self
-        type(pattern_type), intent(in) :: pattern
-        integer, intent(in) :: rows(:)
-        integer, allocatable :: next(:)
-        integer :: b, joint, k, l, n
-
-        self%joint_of_node = spread(of_others, 1, self%n_nodes)
-        self%joints_of_body = spread(of_others, 1, self%n_bodies)
-        if (allocated(pattern%meeting_height)) then
-            do n = 1, self%n_nodes
-                if (self%is_body(n)) cycle
-                if (pattern%meeting_height(rows(self%origin(n))) /= self%height(n)) cycle
-                if (self%height(n) == 5) self%joint_of_node(n) = of_hinges
-                if (self%height(n) == 2) self%joint_of_node(n) = of_pins
-            end do
-        end if
-        allocate (next, source=self%node_start)
-        self%n_moved = 0
-        do b = 1, self%n_bodies
-            joint = of_others
-            if (.not. self%is_kept(b) .and. self%link_start(b + 1) > self%link_start(b)) then
-                if (self%kind(b) == of_rigid_body .and. self%norm_row(b) > 0) joint = of_hinges
-                if (self%kind(b) == of_single_blocks .and. self%first(b + 1) - self%first(b) == 3 .and. self%norm_row(b) == 0) then
-                    joint = of_pins
-                end if
-                do l = self%link_start(b), self%link_start(b + 1) - 1
-                    if (self%joint_of_node(self%link_node(l)) /= joint) joint = of_others
-                end do
-            end if
-            self%joints_of_body(b) = joint
-            do l = self%link_start(b), self%link_start(b + 1) - 1
-                n = self%link_node(l)
-                self%link(5, l) = self%n_moved
-                if (joint == of_hinges) then
-                    self%n_moved = self%n_moved + n_in_space
-                else if (joint == of_pins) then
-                    self%n_moved = self%n_moved + n_in_plane
-                else
-                    self%n_moved = self%n_moved + self%height(n)*(self%first(b + 1) - self%first(b))
-                end if
-                if (self%joint_of_node(n) /= of_others) then
-                    do k = pattern%row_start(rows(self%origin(n))), pattern%row_start(rows(self%origin(n)) + 1) - 1
-                        if (pattern%row_body(k) == b) self%link(6, l) = pattern%meeting_sign(k)
-                    end do
-                end if
-                self%node_link(4, next(n)) = self%link(6, l)
-                next(n) = next(n) + 1
-            end do
-        end do
-    end subroutine find_joints
 
     !> Rows that follow each other and touch the same bodies become nodes; bodies with many of them are kept.
     subroutine gather_rows(self, pattern, rows, node_first, node_size, nodes_of, bodies_of)
