@@ -73,6 +73,7 @@ program main
     use test_sparse, only: collect_sparse
     use test_sparse_implicit, only: collect_sparse_implicit
     use test_sparse_kernels, only: collect_sparse_kernels
+    use test_sparse_nearby, only: collect_sparse_nearby
     use test_sparse_runs, only: collect_sparse_runs
     use test_sparse_turns, only: collect_sparse_turns
     use test_singular, only: collect_singular
@@ -176,6 +177,7 @@ program main
         new_testsuite('sparse_runs', collect_sparse_runs), &
         new_testsuite('sparse_implicit', collect_sparse_implicit), &
         new_testsuite('sparse_kernels', collect_sparse_kernels), &
+        new_testsuite('sparse_nearby', collect_sparse_nearby), &
         new_testsuite('sparse_turns', collect_sparse_turns), &
         new_testsuite('mechanism_references', collect_mechanism_references), &
         new_testsuite('linearisation', collect_linearisation), &

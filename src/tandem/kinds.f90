@@ -1,14 +1,16 @@
 ! SPDX-License-Identifier: MIT
 !> Kinds of the numbers that tandem computes with, and how many of them loops take at once.
 module tandem_kinds
-    use, intrinsic :: iso_fortran_env, only: real64, int64
+    use, intrinsic :: iso_fortran_env, only: int64, real32, real64
     implicit none (type, external)
     private
 
-    public :: wp, long, lane, short
+    public :: wp, sp, long, lane, short
 
     !> Working precision of every real number: IEEE double.
     integer, parameter :: wp = real64
+    !> Single precision, for guesses that are kept: nothing is computed with it.
+    integer, parameter :: sp = real32
     !> Kind of counters that may pass 2**31 in a long run.
     integer, parameter :: long = int64
     !> The length of innermost loops: one vector register. With that said, gfortran spends nothing on how to take the rest.

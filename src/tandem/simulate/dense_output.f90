@@ -171,10 +171,11 @@ contains
         self%is_looking = .false.
         call self%give_back(state, errors)
         if (.not. self%has_step) return
+        if (model%segment /= self%kept_segment) then
+            model%segment = self%kept_segment
+            call chart%forget()
+        end if
         call chart%release()
-        if (model%segment == self%kept_segment) return
-        model%segment = self%kept_segment
-        call chart%forget()
     end subroutine look_back
 
     !> Go on from the state that is looked at, not from the one that was left.

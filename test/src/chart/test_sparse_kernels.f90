@@ -5,6 +5,7 @@ module test_sparse_kernels
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     use asserts, only: check_close, check_count, check_no_failure
     use large_mechanisms, only: make_large
+    use scattered_numbers, only: scattered
     use tandem, only: failure_type => error_type, mechanism_type, wp
     use tandem_chart_sparse_blocks, only: keep_rows, most_coordinates, multiply_right, read_behind, subtract_transposed, &
         subtract_update
@@ -36,18 +37,6 @@ contains
             new_unittest('hinges', test_hinges), &
             new_unittest('joints-that-make-points-meet', test_meetings)]
     end subroutine collect_sparse_kernels
-
-    !> Numbers between -1 and 1 without a pattern.
-    pure function scattered(n, seed) result(x)
-        integer, intent(in) :: n, seed
-        real(wp) :: x(n)
-        integer :: i
-
-        do i = 1, n
-            x(i) = 12345.678_wp*sin(1.0_wp + seed + 78.233_wp*i)
-            x(i) = 2*(x(i) - floor(x(i))) - 1
-        end do
-    end function scattered
 
     !> A symmetric matrix that is definite.
     pure function definite(s, seed) result(a)

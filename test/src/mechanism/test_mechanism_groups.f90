@@ -4,6 +4,7 @@
 module test_mechanism_groups
     use asserts, only: check_close, check_count, check_no_failure
     use large_mechanisms, only: make_large
+    use scattered_numbers, only: scattered
     use tandem, only: failure_type => error_type, mechanism_type, wp
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_phi, terms_type
     use tandem_rigid_euler_parameters, only: g_matrix, rotation
@@ -24,18 +25,6 @@ contains
             new_unittest('pins', test_pins), &
             new_unittest('turning-bodies', test_turning)]
     end subroutine collect_mechanism_groups
-
-    !> Numbers between -1 and 1 without a pattern.
-    pure function scattered(n, seed) result(x)
-        integer, intent(in) :: n, seed
-        real(wp) :: x(n)
-        integer :: i
-
-        do i = 1, n
-            x(i) = 12345.678_wp*sin(1.0_wp + seed + 78.233_wp*i)
-            x(i) = 2*(x(i) - floor(x(i))) - 1
-        end do
-    end function scattered
 
     !> A symmetric matrix that is definite.
     pure function definite(s, seed) result(a)

@@ -32,7 +32,7 @@ module tandem_chart_sparse_factor
         !> Inverse diagonal blocks D^-1 of the factor, and L = B D^-1 of the others, B what they were when their turn came.
         real(wp), allocatable :: blocks(:)
         !> What the pivot of each row would be if it stood alone, then the pivot against that (m); how much of a c c' was added to a
-        !> kept body (n_bodies).
+        !> kept body (n_bodies; none where no body is kept).
         real(wp), allocatable :: alone(:), added(:)
         !> The smallest pivot of a row against that, and the row.
         real(wp) :: least = 1.0_wp
@@ -51,7 +51,7 @@ module tandem_chart_sparse_factor
         logical :: is_difference = .false.
     contains
         procedure :: allocate => allocate_factor, load_rows, invert_masses, factorize, solve, multiply
-        procedure :: add_reactions, move, add_squares, pack_state
+        procedure :: add_reactions, find_unbalanced, exchange, move, add_squares, pack_state
         procedure, private :: add_bodies, eliminate
     end type factor_type
 
@@ -90,6 +90,17 @@ module tandem_chart_sparse_factor
             real(wp), intent(inout), contiguous :: f(:)
         end subroutine add_reactions
 
+        !> The forces that are not balanced, f - M x - C' lambda; what owned rows can hold of it they do.
+        pure module subroutine find_unbalanced(self, a, mass, f, x, lambda, left)
+            implicit none (type, external)
+            class(factor_type), intent(in) :: self
+            type(analysis_type), intent(in) :: a
+            !> Compressed M (n, mass_width), f and x (n), lambda in the order of the nodes (n_unknowns).
+            real(wp), intent(in), contiguous :: mass(:, :), f(:), x(:), lambda(:)
+            !> (n)
+            real(wp), intent(out), contiguous :: left(:)
+        end subroutine find_unbalanced
+
         !> What a force moves of each body by itself: W f; kept bodies stay.
         pure module subroutine move(self, a, f, x)
             implicit none (type, external)
@@ -108,17 +119,21 @@ contains
         class(factor_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
         type(pattern_type), intent(in) :: pattern
-        !> Whether C and W too: else they come from another factor.
+        !> Whether C, W and the pivots too: else they come from another factor.
         logical, intent(in) :: has_terms
 
-        if (allocated(self%y)) deallocate (self%y, self%sent, self%own, self%r, self%blocks, self%alone, self%added, self%is_out)
+        if (allocated(self%y)) deallocate (self%y, self%sent, self%r, self%blocks, self%added, self%is_out)
         ! What goes from one factor to the other may be with either.
         if (allocated(self%c)) deallocate (self%c)
-        if (allocated(self%w)) deallocate (self%w)
-        allocate (self%y(a%n_moved + read_behind), self%own(a%n), &
+        if (allocated(self%w)) deallocate (self%w, self%alone)
+        if (allocated(self%own)) deallocate (self%own)
+        allocate (self%y(a%n_moved + read_behind), &
             self%sent(most_rows, merge(size(a%link_node), 0, any(a%norm_row > 0))), self%r(a%n), &
-            self%blocks(a%n_factor + read_behind), self%alone(a%m), self%added(a%n_bodies), source=0.0_wp)
-        if (has_terms) allocate (self%c(a%n_entries + read_behind + a%n), self%w(pattern%mass_width, a%n), source=0.0_wp)
+            self%blocks(a%n_factor + read_behind), self%added(merge(a%n_bodies, 0, any(a%is_kept))), source=0.0_wp)
+        if (has_terms) allocate (self%c(a%n_entries + read_behind + a%n), self%w(pattern%mass_width, a%n), self%alone(a%m), &
+            source=0.0_wp)
+        ! Solutions ask for owned rows of kept bodies.
+        if (has_terms .or. any(a%is_kept)) allocate (self%own(a%n), source=0.0_wp)
         allocate (self%is_out(a%m), source=.false.)
         self%leaves_out = .false.
         self%has_rows = .false.
@@ -217,7 +232,7 @@ contains
         real(wp), intent(in) :: mass(a%n, ld)
         !> ok or `singular_mass`.
         integer, intent(out) :: stat
-        real(wp) :: work(most_coordinates*most_coordinates)
+        real(wp) :: part, work(most_coordinates*most_coordinates)
         integer :: b, first(side_by_side), j, s, waiting, worst
         logical :: has_row(side_by_side)
 
@@ -240,8 +255,11 @@ contains
                     if (s == 1 .and. a%norm_row(b) == 0 .and. mass(j, 1) > 0.0_wp) then
                         self%w(1, j) = merge(mass(j, 1), 1.0_wp/mass(j, 1), a%is_kept(b))
                     else
+                        part = 0.0_wp
+                        if (a%is_kept(b)) part = self%added(b)
                         call invert_block(s, a%n, mass(j, 1), a%norm_row(b) > 0, a%is_kept(b), self%own(j), size(self%w, 1), &
-                            self%w(1, j), self%r(j), self%added(b), work, worst)
+                            self%w(1, j), self%r(j), part, work, worst)
+                        if (a%is_kept(b)) self%added(b) = part
                         if (worst > 0) call refuse(j + worst - 1)
                         if (worst > 0) return
                     end if
@@ -394,19 +412,52 @@ contains
     pure subroutine add_kept(s, nb, is_behind, inverse, c, block, alone)
         integer, intent(in), value :: s, nb
         !> Whether the rows come behind the body.
-        logical, intent(in) :: is_behind
+        logical, intent(in), value :: is_behind
         !> Of the diagonal of the body's M; its part of C.
         real(wp), intent(in) :: inverse(nb), c(s, nb)
         real(wp), intent(inout) :: block(s*nb), alone(s)
+
+        ! Loops of known length.
+        if (s == 5 .and. nb == 7) then
+            call add_kept_sized(5, 7, is_behind, inverse, c, block, alone)
+        else
+            call add_kept_sized(s, nb, is_behind, inverse, c, block, alone)
+        end if
+    end subroutine add_kept
+
+    pure subroutine add_kept_sized(s, nb, is_behind, inverse, c, block, alone)
+        integer, intent(in), value :: s, nb
+        logical, intent(in), value :: is_behind
+        real(wp), intent(in) :: inverse(nb), c(s, nb)
+        real(wp), intent(inout) :: block(s*nb), alone(s)
+        real(wp) :: t(most_rows)
         integer :: i, j
 
+        do i = 1, s
+            t(i) = alone(i)
+        end do
         do j = 1, nb
             do i = 1, s
-                block(merge((j - 1)*s + i, (i - 1)*nb + j, is_behind)) = c(i, j)
-                alone(i) = alone(i) + c(i, j)**2*inverse(j)
+                t(i) = t(i) + c(i, j)**2*inverse(j)
             end do
         end do
-    end subroutine add_kept
+        do i = 1, s
+            alone(i) = t(i)
+        end do
+        if (is_behind) then
+            do j = 1, nb
+                do i = 1, s
+                    block((j - 1)*s + i) = c(i, j)
+                end do
+            end do
+        else
+            do i = 1, s
+                do j = 1, nb
+                    block((i - 1)*nb + j) = c(i, j)
+                end do
+            end do
+        end if
+    end subroutine add_kept_sized
 
     !> Take C W C' of the links of a body from the blocks of their nodes.
     pure subroutine add_links(kind, nb, n_links, block_first, ldw, w, link, pair_target, c, y, blocks)
@@ -548,6 +599,38 @@ contains
             end associate
         end do
     end subroutine pass_on
+
+    !> Exchange the numbers of two factors, but for what goes from one to the other anyway.
+    subroutine exchange(self, other)
+        class(factor_type), intent(inout) :: self
+        type(factor_type), intent(inout) :: other
+
+        call swap(self%y, other%y)
+        call swap(self%r, other%r)
+        call swap(self%blocks, other%blocks)
+        call swap(self%added, other%added)
+        call swap_matrices(self%sent, other%sent)
+
+    contains
+
+        subroutine swap(x, y)
+            real(wp), allocatable, intent(inout) :: x(:), y(:)
+            real(wp), allocatable :: z(:)
+
+            call move_alloc(x, z)
+            call move_alloc(y, x)
+            call move_alloc(z, y)
+        end subroutine swap
+
+        subroutine swap_matrices(x, y)
+            real(wp), allocatable, intent(inout) :: x(:, :), y(:, :)
+            real(wp), allocatable :: z(:, :)
+
+            call move_alloc(x, z)
+            call move_alloc(y, x)
+            call move_alloc(z, y)
+        end subroutine swap_matrices
+    end subroutine exchange
 
     !> Squared lengths of the rows of C, or of what they differ by from those elsewhere.
     pure subroutine add_squares(self, a, scale, squares, other)

@@ -11,7 +11,7 @@ module tandem_chart_sparse_meetings
 
     public :: of_hinges, of_pins, of_others, n_in_space, n_in_plane
     public :: send_in_space, send_own_in_space, send_in_plane, fetch_in_space, fetch_in_plane, multiply_in_space, multiply_in_plane
-    public :: add_in_space, add_in_plane
+    public :: add_in_space, add_in_plane, leave_in_space, leave_in_plane
 
     !> What a body, or a node, has to do with: hinges alone, pins alone, or others.
     integer, parameter :: of_others = 0, of_hinges = 1, of_pins = 2
@@ -224,6 +224,61 @@ contains
             end associate
         end do
     end subroutine multiply_in_plane
+
+    !> f - M x - C' lambda of a body.
+    pure subroutine leave_in_space(n_links, link, ldm, mass, f, x, c, z, left)
+        integer, intent(in), value :: n_links, ldm
+        integer, intent(in) :: link(n_link, n_links)
+        !> M of the body, compressed; the multipliers by nodes.
+        real(wp), intent(in) :: mass(ldm, 4), f(7), x(7), c(*), z(*)
+        real(wp), intent(out) :: left(7)
+        real(wp) :: place(3), turn(4)
+        integer :: i, l
+
+        do i = 1, 3
+            place(i) = f(i) - mass(i, 1)*x(i)
+        end do
+        do i = 1, 4
+            turn(i) = f(3 + i) - ((mass(3 + i, 1)*x(4) + mass(3 + i, 2)*x(5)) + (mass(3 + i, 3)*x(6) + mass(3 + i, 4)*x(7)))
+        end do
+        do l = 1, n_links
+            associate (k => link(3, l) + 10, n => link(1, l), sign => real(link(6, l), wp))
+                do i = 1, 3
+                    place(i) = place(i) - sign*z(n + i)
+                end do
+                do i = 1, 4
+                    turn(i) = turn(i) - (((c(k + 5*i + 1)*z(n + 1) + c(k + 5*i + 2)*z(n + 2)) + &
+                        (c(k + 5*i + 3)*z(n + 3) + c(k + 5*i + 4)*z(n + 4))) + c(k + 5*i + 5)*z(n + 5))
+                end do
+            end associate
+        end do
+        do i = 1, 3
+            left(i) = place(i)
+        end do
+        do i = 1, 4
+            left(3 + i) = turn(i)
+        end do
+    end subroutine leave_in_space
+
+    !> The same in the plane.
+    pure subroutine leave_in_plane(n_links, link, mass, f, x, c, z, left)
+        integer, intent(in), value :: n_links
+        integer, intent(in) :: link(n_link, n_links)
+        real(wp), intent(in) :: mass(3), f(3), x(3), c(*), z(*)
+        real(wp), intent(out) :: left(3)
+        integer :: i, l
+
+        do i = 1, 3
+            left(i) = f(i) - mass(i)*x(i)
+        end do
+        do l = 1, n_links
+            associate (k => link(3, l) + 4, n => link(1, l), sign => real(link(6, l), wp))
+                left(1) = left(1) - sign*z(n + 1)
+                left(2) = left(2) - sign*z(n + 2)
+                left(3) = left(3) - (c(k + 1)*z(n + 1) + c(k + 2)*z(n + 2))
+            end associate
+        end do
+    end subroutine leave_in_plane
 
     !> W c' of the links of a body, what its own row gives to nodes, and C W C' taken from the blocks of the nodes.
     pure subroutine add_in_space(n_links, link, ldw, w, r, pair_target, c, sent, y, blocks)

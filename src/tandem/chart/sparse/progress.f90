@@ -31,13 +31,17 @@ contains
     end function is_trusted
 
     !> Learn from the first correction of an iteration. What it left as rounding says how large the part is at most.
-    pure subroutine learn(progress, age, error, before)
+    pure subroutine learn(progress, age, error, before, rounding_of)
         type(progress_type), intent(inout) :: progress
         real(wp), intent(in) :: age, error, before
-        real(wp), parameter :: rounding = 1.0e-15_wp, many = 20.0_wp, kept = 0.5_wp
-        real(wp) :: seen
+        !> What one rounding leaves, if not 1e-15.
+        real(wp), intent(in), optional :: rounding_of
+        real(wp), parameter :: many = 20.0_wp, kept = 0.5_wp
+        real(wp) :: rounding, seen
 
         if (.not. (age > 0.0_wp .and. before > 0.0_wp)) return
+        rounding = 1.0e-15_wp
+        if (present(rounding_of)) rounding = rounding_of
         seen = max(error, rounding)/(before*age)
         if (error <= many*rounding) then
             progress%ageing = min(progress%ageing, seen)

@@ -3,8 +3,8 @@
 !> in memory.
 submodule(tandem_chart_sparse_factor) tandem_chart_sparse_solve
     use tandem_chart_sparse_blocks, only: add_moved, multiply_inverse, set_owned, subtract_rows, subtract_transposed
-    use tandem_chart_sparse_meetings, only: fetch_in_plane, fetch_in_space, multiply_in_plane, multiply_in_space, of_hinges, &
-        of_pins, send_in_plane, send_in_space, send_own_in_space
+    use tandem_chart_sparse_meetings, only: fetch_in_plane, fetch_in_space, leave_in_plane, leave_in_space, &
+        multiply_in_plane, multiply_in_space, of_hinges, of_pins, send_in_plane, send_in_space, send_own_in_space
     implicit none (type, external)
 
 contains
@@ -326,6 +326,68 @@ contains
             end associate
         end do
     end procedure add_reactions
+
+    !> Body by body.
+    module procedure find_unbalanced
+        call leave_bodies(self, a, mass, f, x, lambda, left)
+    end procedure find_unbalanced
+
+    pure subroutine leave_bodies(self, a, mass, f, x, z, left)
+        class(factor_type), intent(in) :: self
+        type(analysis_type), intent(in) :: a
+        real(wp), intent(in) :: mass(a%n, *), f(a%n), x(a%n), z(a%n_unknowns)
+        real(wp), intent(out) :: left(a%n)
+        real(wp) :: along, squared
+        integer :: b, i, l
+
+        do b = 1, a%n_bodies
+            associate (first => a%first(b), last => a%first(b + 1) - 1, from => a%link_start(b), &
+                n_links => a%link_start(b + 1) - a%link_start(b))
+                if (a%joints_of_body(b) == of_hinges) then
+                    call leave_in_space(n_links, a%link(1, from), a%n, mass(first, 1), f(first), x(first), self%c, z, left(first))
+                else if (a%joints_of_body(b) == of_pins) then
+                    call leave_in_plane(n_links, a%link(1, from), mass(first, 1), f(first), x(first), self%c, z, left(first))
+                else
+                    call leave_body(first, last, a%block_first, a%n, mass, f, x, left)
+                    do l = from, from + n_links - 1
+                        call subtract_transposed(a%link(2, l), last - first + 1, self%c(a%link(3, l) + 1), z(a%link(1, l) + 1), &
+                            left(first))
+                    end do
+                end if
+                if (a%own_row(b) == 0) cycle
+                along = 0.0_wp
+                squared = tiny(1.0_wp)
+                do i = first, last
+                    along = along + self%own(i)*left(i)
+                    squared = squared + self%own(i)*self%own(i)
+                end do
+                along = along/squared
+                do i = first, last
+                    left(i) = left(i) - along*self%own(i)
+                end do
+            end associate
+        end do
+    end subroutine leave_bodies
+
+    !> f - M x of a body.
+    pure subroutine leave_body(first, last, block_first, n, mass, f, x, left)
+        integer, intent(in) :: first, last, n, block_first(n)
+        real(wp), intent(in) :: mass(n, *), f(n), x(n)
+        real(wp), intent(inout) :: left(n)
+        integer :: i, j
+
+        do i = first, last
+            left(i) = f(i)
+        end do
+        do j = first, last
+            i = block_first(j)
+            do while (i <= last)
+                if (block_first(i) /= block_first(j)) exit
+                left(i) = left(i) - mass(i, j - block_first(j) + 1)*x(j)
+                i = i + 1
+            end do
+        end do
+    end subroutine leave_body
 
     module procedure move
         integer :: b

@@ -103,7 +103,7 @@ contains
         real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
 
         associate (s => self%system, here => self%system%factor(self%system%here))
-            if (.not. here%is_factored) return
+            if (.not. (here%is_factored .or. s%serves)) return
             s%g = 0.0_wp
             call here%multiply(s%analysis, error_q, s%g)
             s%g(s%nh + 1:) = 0.0_wp
@@ -229,6 +229,17 @@ contains
             now = sqrt(s%factor(s%here)%least)
             fall = self%independence - now
             falls = .not. now > horizon*fall
+            if (falls .and. s%serves) then
+                ! Here the factor of a point beside it is not enough.
+                call s%insist(self%counts, stat)
+                if (stat /= status_ok) then
+                    call self%fail_here(stat)
+                    return
+                end if
+                now = sqrt(s%factor(s%here)%least)
+                fall = self%independence - now
+                falls = .not. now > horizon*fall
+            end if
             if (.not. falls) then
                 ! One step more is looked at behind those that came near.
                 if (rank%has_combination) then

@@ -6,7 +6,8 @@ module tandem_chart_sparse_system
     use tandem_chart_sparse_blocks, only: read_behind
     use tandem_chart_sparse_errors, only: judge_rows
     use tandem_chart_sparse_factor, only: factor_type
-    use tandem_kinds, only: wp
+    use tandem_chart_sparse_nearby, only: nearby_type
+    use tandem_kinds, only: lane, wp
     use tandem_linalg_kernels, only: are_same
     use tandem_model, only: model_type
     use tandem_model_counts, only: counts_type
@@ -30,6 +31,15 @@ module tandem_chart_sparse_system
         !> Whether there are C and W of the last point alone, which go from one factor to the other: explicit steps solve with the
         !> factor of the origin without them.
         logical :: shares_terms = .false.
+        !> In such steps: the accelerations beside a point that was factored; whether the factor of a point beside the last one
+        !> serves there, in all that a factor of its own would.
+        type(nearby_type) :: nearby
+        logical :: serves = .false.
+        !> While others look elsewhere, between steps: where the factor is that served, its W, and of which point (n).
+        type(factor_type) :: spare
+        real(wp), allocatable :: spare_w(:, :), spare_q(:)
+        real(wp) :: spare_t = 0.0_wp
+        logical :: is_put_aside = .false., is_held = .false.
         !> Whether they hold the inverses of a constant M, without rows that bodies own.
         logical :: has_inverses(2) = .false.
         integer :: nh = 0, m = 0
@@ -43,8 +53,9 @@ module tandem_chart_sparse_system
         !> Work space: unknowns of nodes, (m), (n).
         real(wp), allocatable :: z(:), g(:), x(:)
     contains
-        procedure :: initialize, visit, load, factorize, move_with, choose_rows
+        procedure :: initialize, visit, load, factorize, insist, move_with, solve_nearby, choose_rows
         procedure, private :: lend_rows
+        procedure :: hold, release
         procedure :: take_origin, forget, find_errors, find_weights
         procedure :: find_diagonal, find_multipliers, name_infinite, pack_state
     end type system_type
@@ -75,6 +86,9 @@ contains
             call self%factor(i)%allocate(self%analysis, self%pattern, i == 1 .or. .not. shares_terms)
         end do
         self%shares_terms = shares_terms
+        if (shares_terms) call self%nearby%allocate(self%analysis)
+        self%is_held = .false.
+        self%is_put_aside = .false.
         self%q_point = spread(0.0_wp, 1, model%n)
         self%qd_point = self%q_point
         self%x = self%q_point
@@ -123,6 +137,8 @@ contains
         associate (here => self%factor(self%here), other => self%factor(3 - self%here))
             if (.not. allocated(here%w)) then
                 call move_alloc(other%w, here%w)
+                call move_alloc(other%alone, here%alone)
+                if (.not. allocated(here%own)) call move_alloc(other%own, here%own)
                 self%has_inverses(self%here) = self%has_inverses(3 - self%here)
             end if
             if (allocated(self%model%terms%blocks)) return
@@ -142,6 +158,8 @@ contains
         self%has_motion = .false.
         self%has_phi = .false.
         self%has_scales = .false.
+        self%serves = .false.
+        call self%nearby%forget()
     end subroutine forget
 
     !> Evaluate C, nu and M at (t, q), unless that was the last point.
@@ -150,14 +168,26 @@ contains
         real(wp), intent(in) :: t, q(:)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
+        real(wp) :: t_factor
+        logical :: serves
 
         stat = status_ok
-        if (self%has_point .and. .not. (t > self%t_point .or. t < self%t_point)) then
-            if (are_same(size(q), q, self%q_point)) return
+        serves = .false.
+        if ((self%has_point .or. self%serves) .and. .not. (t > self%t_point .or. t < self%t_point)) then
+            if (are_same(size(q), q, self%q_point)) then
+                if (self%has_point) return
+                serves = .true.
+            end if
         end if
+        t_factor = self%nearby%t
         call self%forget()
         if (.not. self%model%mass_is_known) self%has_inverses = .false.
-        if (self%here == self%base) self%here = 3 - self%base
+        if (self%here == self%base) then
+            self%here = 3 - self%base
+        else if (abs(t - t_factor) <= 0.0_wp) then
+            self%nearby%t = t_factor
+            self%nearby%moved = self%nearby%moved + farthest(size(q), q, self%q_point)
+        end if
         self%factor(self%here)%has_rows = .false.
         self%factor(self%here)%is_factored = .false.
         call self%lend_rows()
@@ -167,7 +197,33 @@ contains
         self%t_point = t
         self%q_point(:) = q
         self%has_point = .true.
+        self%serves = serves
     end subroutine visit
+
+    !> The largest distance.
+    pure real(wp) function farthest(n, x, y)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: x(n), y(n)
+        real(wp) :: most(lane)
+        integer :: b, i
+
+        do i = 1, lane
+            most(i) = 0.0_wp
+        end do
+        do b = 0, n - lane, lane
+            !GCC$ UNROLL 1
+            do i = 1, lane
+                most(i) = max(most(i), abs(x(b + i) - y(b + i)))
+            end do
+        end do
+        farthest = 0.0_wp
+        do i = n - modulo(n, lane) + 1, n
+            farthest = max(farthest, abs(x(i) - y(i)))
+        end do
+        do i = 1, lane
+            farthest = max(farthest, most(i))
+        end do
+    end function farthest
 
     !> C of the last point by links.
     subroutine load(self)
@@ -179,7 +235,7 @@ contains
         end associate
     end subroutine load
 
-    !> The factor at the last point.
+    !> The factor at the last point, unless that of a point beside it serves.
     subroutine factorize(self, counts, stat)
         class(system_type), intent(inout) :: self
         type(counts_type), intent(inout) :: counts
@@ -190,6 +246,8 @@ contains
         associate (factor => self%factor(self%here))
             if (factor%is_factored) return
             call self%load()
+            if (self%serves) return
+            call self%nearby%forget()
             if (.not. self%has_inverses(self%here)) then
                 call factor%invert_masses(self%analysis, self%pattern%mass_width, self%model%terms%mass, stat)
                 self%has_inverses(self%here) = stat == status_ok .and. self%model%mass_is_known .and. &
@@ -201,6 +259,79 @@ contains
         counts%mass_factorizations = counts%mass_factorizations + 1
         if (stat /= status_ok) call self%name_infinite(stat)
     end subroutine factorize
+
+    !> The factor of the last point itself.
+    subroutine insist(self, counts, stat)
+        class(system_type), intent(inout) :: self
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+
+        self%serves = .false.
+        call self%factorize(counts, stat)
+    end subroutine insist
+
+    !> The acceleration at the last point with the factor of one beside it, if there is one that serves.
+    subroutine solve_nearby(self, scale, is_stage, largest_rest, qdd, is_solved)
+        class(system_type), intent(inout) :: self
+        !> (n)
+        real(wp), intent(in), contiguous :: scale(:)
+        !> See `tandem_chart_sparse_nearby`.
+        logical, intent(in) :: is_stage
+        real(wp), intent(in) :: largest_rest
+        !> (n)
+        real(wp), intent(out), contiguous :: qdd(:)
+        logical, intent(out) :: is_solved
+
+        is_solved = .false.
+        if (self%is_held .or. .not. self%shares_terms) return
+        associate (here => self%factor(self%here))
+            if (here%is_factored .or. .not. self%nearby%may_serve(self%t_point, here)) return
+            call self%load()
+            call self%nearby%solve(self%analysis, here, self%model%terms%mass, self%model%terms, scale, is_stage, self%serves, &
+                largest_rest, qdd, self%g, self%x, self%z, is_solved)
+        end associate
+        self%serves = is_solved
+    end subroutine solve_nearby
+
+    !> Others look elsewhere until `release`: put aside what the next step starts from.
+    subroutine hold(self)
+        class(system_type), intent(inout) :: self
+
+        self%is_held = .true.
+        self%is_put_aside = self%serves .and. self%here /= self%base
+        if (.not. self%is_put_aside) return
+        if (.not. allocated(self%spare%y)) then
+            call self%spare%allocate(self%analysis, self%pattern, .false.)
+            allocate (self%spare_q(size(self%q_point)))
+        end if
+        call self%spare%exchange(self%factor(self%here))
+        self%spare_w = self%factor(self%here)%w
+        self%spare_q(:) = self%q_point
+        self%spare_t = self%t_point
+        call self%forget()
+    end subroutine hold
+
+    !> Go back to what was put aside; C and M are to be evaluated anew.
+    subroutine release(self)
+        class(system_type), intent(inout) :: self
+        integer :: i
+
+        if (.not. self%is_held) return
+        self%is_held = .false.
+        if (.not. self%is_put_aside) return
+        self%is_put_aside = .false.
+        call self%forget()
+        self%here = 3 - self%base
+        call self%spare%exchange(self%factor(self%here))
+        self%factor(self%here)%is_factored = .false.
+        do i = 1, 2
+            if (allocated(self%factor(i)%w)) self%factor(i)%w(:, :) = self%spare_w
+        end do
+        self%q_point(:) = self%spare_q
+        self%t_point = self%spare_t
+        self%nearby%t = self%t_point
+        self%serves = .true.
+    end subroutine release
 
     !> The same, and choose anew which rows are left out: those that depend on others there.
     subroutine choose_rows(self, counts, stat)
@@ -316,15 +447,17 @@ contains
     end subroutine find_diagonal
 
     !> The multipliers of all rows that belong to an acceleration: those of least force left over in the mass metric,
-    !> M x + C' lambda = force - M qdd with C x = 0. The last point is factored, and its forces are known.
+    !> M x + C' lambda = force - M qdd with C x = 0. The last point is factored, and its forces are known. Where the factor is that
+    !> of a point beside it, solutions go on from what is left.
     subroutine find_multipliers(self, qdd, lambda)
         class(system_type), intent(inout) :: self
         !> (n)
         real(wp), intent(in), contiguous :: qdd(:)
         !> (m)
         real(wp), intent(out), contiguous :: lambda(:)
-        real(wp) :: force(size(qdd)), moved(size(qdd))
-        integer :: b, first, i, last, n
+        integer, parameter :: most = 8
+        real(wp) :: force(size(qdd)), moved(size(qdd)), left(size(qdd)), more(size(self%z))
+        integer :: b, first, i, last, n, pass
 
         lambda = 0.0_wp
         associate (a => self%analysis, factor => self%factor(self%here))
@@ -332,6 +465,15 @@ contains
             force = self%model%terms%force - force
             self%g(:) = 0.0_wp
             call factor%solve(a, .true., force, self%g, self%x, self%z)
+            do pass = 2, merge(most, 1, self%serves)
+                call factor%find_unbalanced(a, self%model%terms%mass, force, self%x, self%z, left)
+                self%g(:) = 0.0_wp
+                call factor%multiply(a, self%x, self%g)
+                call factor%solve(a, .true., left, self%g, moved, more)
+                self%x = self%x + moved
+                self%z = self%z + more
+                if (maxval(abs(more)) <= 4*epsilon(1.0_wp)*maxval(abs(self%z))) exit
+            end do
             do n = 1, a%n_nodes
                 if (a%is_body(n)) cycle
                 do i = 1, a%height(n)
@@ -407,5 +549,7 @@ contains
         call pack%item(self%has_point, self%has_motion, self%has_phi)
         call pack%item(self%scales)
         call pack%item(self%has_scales)
+        call pack%item(self%serves)
+        call self%nearby%pack_state(pack)
     end subroutine pack_state
 end module tandem_chart_sparse_system
