@@ -212,7 +212,7 @@ contains
             real(sp), intent(inout) :: x(:, :)
             real(wp), allocatable :: copy(:, :)
 
-            copy = real(x, wp)
+            allocate (copy(size(x, 1), size(x, 2)), source=real(x, wp))
             call pack%item(copy)
             x(:, :) = real(copy, sp)
         end subroutine pack_guess
