@@ -88,8 +88,8 @@ contains
         end do
     end subroutine test_unbalanced
 
-    !> At a point 1e-6 away, at the same again, and further off, the equations of motion and C qdd = -gamma hold by full matrices. At
-    !> another time, and where the point is no neighbour, the factor does not serve.
+    !> At a point 1e-6 away, at the same again, and further off, the equations of motion and C qdd = -gamma hold by full matrices.
+    !> At another time, and where the point is no neighbour, the factor does not serve.
     subroutine test_accelerations(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
