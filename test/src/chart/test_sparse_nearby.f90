@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of accelerations that fixed explicit steps find with the factor of a point beside: against full matrices, and in runs.
 module test_sparse_nearby
+    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     use asserts, only: check_close, check_count, check_no_failure, check_true
     use large_mechanisms, only: make_large
     use large_runs, only: begin, go_on, scenes
@@ -89,7 +90,8 @@ contains
     end subroutine test_unbalanced
 
     !> At a point 1e-6 away, at the same again, and further off, the equations of motion and C qdd = -gamma hold by full matrices.
-    !> At another time, and where the point is no neighbour, the factor does not serve.
+    !> At another time, where the point is no neighbour, and for what is no number the factor does not
+    !> serve.
     subroutine test_accelerations(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -135,6 +137,13 @@ contains
             call check_beside(1.0e-5_wp)
             if (allocated(error)) return
             call check_count(error, int(counts%constraint_factorizations), 2, trim(scenes(k))//': factorizations')
+            call system%move_with(1.0_wp, q + 2.0e-5_wp*off, qd, counts, stat)
+            system%model%terms%force(1) = ieee_value(1.0_wp, ieee_quiet_nan)
+            call try(is_solved)
+            call check_true(error, .not. is_solved, trim(scenes(k))//': solved for forces that are no numbers')
+            call check_true(error, all(abs(system%nearby%change) <= 0) .and. all(abs(system%nearby%trend) <= 0), &
+                trim(scenes(k))//': what is no number is kept')
+            system%nearby%pause = 0
             call system%move_with(1.0_wp, q + 0.5_wp*off, qd, counts, stat)
             call try(is_solved)
             call check_true(error, .not. is_solved, trim(scenes(k))//': solved far away')

@@ -594,25 +594,24 @@ contains
             is_solved = .false.
             if (stat == status_ok) call s%solve_nearby(self%scale, self%is_stage, merge(rest_at_stage, min(rest_at_end, &
                 self%allowed), self%is_stage), qdd, is_solved)
-            if (stat == status_ok .and. .not. is_solved) call s%factorize(self%counts, stat)
+            if (is_solved) return
+            if (stat == status_ok) call s%factorize(self%counts, stat)
             if (stat /= status_ok) then
                 call self%fail_here(stat)
                 return
             end if
-            if (.not. is_solved) then
-                associate (here => s%factor(s%here))
+            associate (here => s%factor(s%here))
+                s%g(:) = -s%model%terms%gamma
+                call here%solve(s%analysis, .true., s%model%terms%force, s%g, qdd, s%z)
+                if (.not. s%is_held) call s%nearby%note(t, qdd, s%z)
+                do pass = 1, merge(0, passes(here%least), self%is_stage)
+                    ! What rounding left of C qdd + gamma.
                     s%g(:) = -s%model%terms%gamma
-                    call here%solve(s%analysis, .true., s%model%terms%force, s%g, qdd, s%z)
-                    if (.not. s%is_held) call s%nearby%note(t, qdd, s%z)
-                    do pass = 1, merge(0, passes(here%least), self%is_stage)
-                        ! What rounding left of C qdd + gamma.
-                        s%g(:) = -s%model%terms%gamma
-                        call here%multiply(s%analysis, qdd, s%g)
-                        call here%solve(s%analysis, .false., qdd, s%g, s%x, s%z)
-                        qdd = qdd + s%x
-                    end do
-                end associate
-            end if
+                    call here%multiply(s%analysis, qdd, s%g)
+                    call here%solve(s%analysis, .false., qdd, s%g, s%x, s%z)
+                    qdd = qdd + s%x
+                end do
+            end associate
             if (.not. is_finite(self%n, qdd)) then
                 stat = status_not_finite
                 call s%name_infinite(stat)

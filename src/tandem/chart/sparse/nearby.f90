@@ -9,6 +9,7 @@ module tandem_chart_sparse_nearby
     use tandem_chart_sparse_factor, only: factor_type
     use tandem_chart_sparse_progress, only: is_rounding, is_trusted, largest_part, learn, progress_type, unknown
     use tandem_kinds, only: sp, wp
+    use tandem_linalg_kernels, only: is_finite
     use tandem_model_terms, only: terms_type
     use tandem_pack, only: pack_type
     implicit none (type, external)
@@ -148,6 +149,8 @@ contains
             if (k > 1) before = last
             last = rest
         end do
+        ! What is no number is not seen by its size.
+        if (is_solved) is_solved = is_finite(a%n, qdd)
         if (is_solved) then
             self%qdd(:) = qdd
             if (.not. is_again) return
