@@ -136,6 +136,8 @@ contains
             call check_beside(1.0e-6_wp)
             call check_beside(1.0e-5_wp)
             if (allocated(error)) return
+            call check_again()
+            if (allocated(error)) return
             call check_count(error, int(counts%constraint_factorizations), 2, trim(scenes(k))//': factorizations')
             call system%move_with(1.0_wp, q + 2.0e-5_wp*off, qd, counts, stat)
             system%model%terms%force(1) = ieee_value(1.0_wp, ieee_quiet_nan)
@@ -163,6 +165,30 @@ contains
 
             call system%solve_nearby(scale, .false., 1.0e-13_wp, qdd, is_solved)
         end subroutine try
+
+        !> Once more at the point solved for last, after a look elsewhere: what is known of its factor is back, the guesses stay.
+        subroutine check_again()
+            type(counts_type) :: of_looks
+            real(wp) :: least, change(size(q), 2), found(size(q))
+            integer :: weakest
+
+            least = system%factor(system%here)%least
+            weakest = system%factor(system%here)%weakest
+            change = system%nearby%change
+            found = qdd
+            call system%hold()
+            call system%visit(1.0_wp, q + 0.01_wp*off, of_looks, stat)
+            call system%factorize(of_looks, stat)
+            call system%release()
+            call check_true(error, abs(system%factor(system%here)%least - least) <= 0.0_wp .and. &
+                system%factor(system%here)%weakest == weakest, trim(scenes(k))//': the smallest pivot is that of a look')
+            call system%move_with(1.0_wp, q + 1.0e-5_wp*off, qd, counts, stat)
+            call try(is_solved)
+            call check_true(error, is_solved, trim(scenes(k))//': not solved after a look')
+            call check_close(error, qdd/(1.0_wp + maxval(abs(found))), found/(1.0_wp + maxval(abs(found))), 1.0e-12_wp, &
+                trim(scenes(k))//': the acceleration after a look')
+            call check_true(error, all(abs(system%nearby%change - change) <= 0), trim(scenes(k))//': a guess has changed')
+        end subroutine check_again
 
         !> At q + distance off.
         subroutine check_beside(distance)

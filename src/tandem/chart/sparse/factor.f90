@@ -610,6 +610,10 @@ contains
         call swap(self%blocks, other%blocks)
         call swap(self%added, other%added)
         call swap_matrices(self%sent, other%sent)
+        call swap_values(self%least, other%least)
+        call swap_values(self%rest, other%rest)
+        call swap_rows(self%weakest, other%weakest)
+        call swap_rows(self%loosest, other%loosest)
 
     contains
 
@@ -630,6 +634,24 @@ contains
             call move_alloc(y, x)
             call move_alloc(z, y)
         end subroutine swap_matrices
+
+        subroutine swap_values(x, y)
+            real(wp), intent(inout) :: x, y
+            real(wp) :: z
+
+            z = x
+            x = y
+            y = z
+        end subroutine swap_values
+
+        subroutine swap_rows(i, j)
+            integer, intent(inout) :: i, j
+            integer :: k
+
+            k = i
+            i = j
+            j = k
+        end subroutine swap_rows
     end subroutine exchange
 
     !> Squared lengths of the rows of C, or of what they differ by from those elsewhere.

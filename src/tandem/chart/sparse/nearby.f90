@@ -96,7 +96,7 @@ contains
         type(terms_type), intent(in) :: terms
         !> Of the coordinates (n).
         real(wp), intent(in), contiguous :: scale(:)
-        !> Whether the point is a stage, and whether it was solved for before.
+        !> Whether the point is a stage, and whether it was solved for before: then the guesses for the next step stay.
         logical, intent(in) :: is_stage, is_again
         !> What may be left of each acceleration against itself or the scale of its coordinate.
         real(wp), intent(in) :: largest_rest
@@ -136,8 +136,13 @@ contains
             ! The acceleration at the other point has served.
             call factor%find_unbalanced(a, mass, terms%force, qdd, self%lambda, self%qdd)
             call factor%solve(a, .true., self%qdd, g, x, z)
-            call add(a%n, x, qdd, self%change(:, kind), self%trend(:, kind))
-            call add(a%n_unknowns, z, self%lambda, self%change_lambda(:, kind), self%trend_lambda(:, kind))
+            if (is_again) then
+                qdd(:) = qdd + x
+                self%lambda(:) = self%lambda + z
+            else
+                call add(a%n, x, qdd, self%change(:, kind), self%trend(:, kind))
+                call add(a%n_unknowns, z, self%lambda, self%change_lambda(:, kind), self%trend_lambda(:, kind))
+            end if
             rest = largest_part(a%n, x, qdd, scale)
             if (.not. rest < slow*last) then
                 is_solved = rest <= largest_rounding .and. is_rounding(rest, last, before)
@@ -153,10 +158,9 @@ contains
         if (is_solved) is_solved = is_finite(a%n, qdd)
         if (is_solved) then
             self%qdd(:) = qdd
-            if (.not. is_again) return
-        else
-            self%pause = long_pause
+            return
         end if
+        self%pause = long_pause
         self%change(:, kind) = 0.0_sp
         self%change_lambda(:, kind) = 0.0_sp
         self%trend(:, kind) = 0.0_sp

@@ -6,7 +6,7 @@ module tandem_chart_sparse_progress
     implicit none (type, external)
     private
 
-    public :: is_rounding, is_trusted, largest, largest_part, learn, progress_type, unknown
+    public :: is_rounding, is_trusted, largest, largest_change, largest_part, learn, progress_type, unknown
 
     !> Stands for an error or a part of it that nothing is known of.
     real(wp), parameter :: unknown = 1.0e100_wp
@@ -91,6 +91,31 @@ contains
         end do
         if (.not. rest <= huge(1.0_wp)) largest = rest
     end function largest
+
+    !> The largest change of an entry; one that is no number does not count.
+    pure real(wp) function largest_change(n, x, before)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: x(n), before(n)
+        real(wp) :: most(lane)
+        integer :: b, i
+
+        do i = 1, lane
+            most(i) = 0.0_wp
+        end do
+        do b = 0, n - lane, lane
+            !GCC$ UNROLL 1
+            do i = 1, lane
+                most(i) = max(most(i), abs(x(b + i) - before(b + i)))
+            end do
+        end do
+        largest_change = 0.0_wp
+        do i = n - modulo(n, lane) + 1, n
+            largest_change = max(largest_change, abs(x(i) - before(i)))
+        end do
+        do i = 1, lane
+            largest_change = max(largest_change, most(i))
+        end do
+    end function largest_change
 
     !> The largest entry against what it is added to, max |x| / max(|of|, scale); one that is no number does not count.
     pure real(wp) function largest_part(n, x, of, scale)

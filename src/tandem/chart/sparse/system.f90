@@ -7,7 +7,8 @@ module tandem_chart_sparse_system
     use tandem_chart_sparse_errors, only: judge_rows
     use tandem_chart_sparse_factor, only: factor_type
     use tandem_chart_sparse_nearby, only: nearby_type
-    use tandem_kinds, only: lane, wp
+    use tandem_chart_sparse_progress, only: largest_change
+    use tandem_kinds, only: wp
     use tandem_linalg_kernels, only: are_same
     use tandem_model, only: model_type
     use tandem_model_counts, only: counts_type
@@ -87,6 +88,7 @@ contains
         end do
         self%shares_terms = shares_terms
         if (shares_terms) call self%nearby%allocate(self%analysis)
+        self%spare = factor_type()
         self%is_held = .false.
         self%is_put_aside = .false.
         self%q_point = spread(0.0_wp, 1, model%n)
@@ -186,7 +188,7 @@ contains
             self%here = 3 - self%base
         else if (abs(t - t_factor) <= 0.0_wp) then
             self%nearby%t = t_factor
-            self%nearby%moved = self%nearby%moved + farthest(size(q), q, self%q_point)
+            self%nearby%moved = self%nearby%moved + largest_change(size(q), q, self%q_point)
         end if
         self%factor(self%here)%has_rows = .false.
         self%factor(self%here)%is_factored = .false.
@@ -199,31 +201,6 @@ contains
         self%has_point = .true.
         self%serves = serves
     end subroutine visit
-
-    !> The largest distance.
-    pure real(wp) function farthest(n, x, y)
-        integer, intent(in) :: n
-        real(wp), intent(in) :: x(n), y(n)
-        real(wp) :: most(lane)
-        integer :: b, i
-
-        do i = 1, lane
-            most(i) = 0.0_wp
-        end do
-        do b = 0, n - lane, lane
-            !GCC$ UNROLL 1
-            do i = 1, lane
-                most(i) = max(most(i), abs(x(b + i) - y(b + i)))
-            end do
-        end do
-        farthest = 0.0_wp
-        do i = n - modulo(n, lane) + 1, n
-            farthest = max(farthest, abs(x(i) - y(i)))
-        end do
-        do i = 1, lane
-            farthest = max(farthest, most(i))
-        end do
-    end function farthest
 
     !> C of the last point by links.
     subroutine load(self)
@@ -300,13 +277,10 @@ contains
         self%is_held = .true.
         self%is_put_aside = self%serves .and. self%here /= self%base
         if (.not. self%is_put_aside) return
-        if (.not. allocated(self%spare%y)) then
-            call self%spare%allocate(self%analysis, self%pattern, .false.)
-            allocate (self%spare_q(size(self%q_point)))
-        end if
+        if (.not. allocated(self%spare%y)) call self%spare%allocate(self%analysis, self%pattern, .false.)
         call self%spare%exchange(self%factor(self%here))
         self%spare_w = self%factor(self%here)%w
-        self%spare_q(:) = self%q_point
+        self%spare_q = self%q_point
         self%spare_t = self%t_point
         call self%forget()
     end subroutine hold
