@@ -184,29 +184,23 @@ contains
         type(terms_type), intent(inout) :: terms
 
         if (group%has_blocks .and. allocated(terms%blocks)) then
-            call put_blocks(group, side, sign, b, of_x, of_y, size(terms%blocks), terms%blocks)
+            call put_blocks(group, side, b, of_x, of_y, size(terms%blocks), terms%blocks)
         else
             call put_columns(group, side, sign, b, of_x, of_y, size(terms%jacobian, 1), size(terms%jacobian, 2), terms%jacobian)
         end if
     end subroutine put_side
 
-    !> Into the blocks that a chart wants.
-    pure subroutine put_blocks(group, side, sign, b, of_x, of_y, n_entries, blocks)
+    !> Into the blocks that a chart wants, behind the columns of the place, which it knows.
+    pure subroutine put_blocks(group, side, b, of_x, of_y, n_entries, blocks)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: side, n_entries
-        real(wp), intent(in) :: sign, b(lane, 3, 4), of_x(lane, 4), of_y(lane, 4)
+        real(wp), intent(in) :: b(lane, 3, 4), of_x(lane, 4), of_y(lane, 4)
         real(wp), intent(inout) :: blocks(n_entries)
-        !> Columns of the place.
-        real(wp), parameter :: unit(15) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
-            0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp]
         integer :: j, k, l
 
         do l = 1, group%n
             if (group%body(l, side) == 0) cycle
             associate (at => group%block(l, side))
-                do k = 1, 15
-                    blocks(at + k) = sign*unit(k)
-                end do
                 do j = 1, 4
                     do k = 1, 3
                         blocks(at + 10 + 5*j + k) = b(l, k, j)

@@ -186,13 +186,12 @@ contains
         end do
     end subroutine set_phi
 
-    !> The two rows of C of the pins whose rows a chart wants in blocks.
+    !> The two rows of C of the pins whose rows a chart wants in blocks, which knows the columns of places.
     pure subroutine set_blocks(n_pins, pins, n_angles, c, s, n_entries, blocks)
         integer, intent(in) :: n_pins, n_angles, n_entries
         type(pin_type), intent(in) :: pins(n_pins)
         real(wp), intent(in) :: c(0:n_angles - 1), s(0:n_angles - 1)
         real(wp), intent(inout) :: blocks(n_entries)
-        real(wp) :: sign
         integer :: i, side
 
         do i = 1, n_pins
@@ -200,11 +199,6 @@ contains
             do side = 1, 2
                 if (.not. pins(i)%is_body(side)) cycle
                 associate (at => pins(i)%block(side), arm => pins(i)%arm, angle => pins(i)%angle(side))
-                    sign = 2.0_wp*side - 3.0_wp
-                    blocks(at + 1) = sign
-                    blocks(at + 2) = 0.0_wp
-                    blocks(at + 3) = 0.0_wp
-                    blocks(at + 4) = sign
                     blocks(at + 5) = -(s(angle)*arm(1, side) + c(angle)*arm(2, side))
                     blocks(at + 6) = c(angle)*arm(1, side) - s(angle)*arm(2, side)
                 end associate

@@ -29,7 +29,8 @@ module tandem_model_pattern
         integer, allocatable :: column(:), mass_column(:)
         !> A chart may want rows that belong together as a whole, the part of each body as a block (rows, coordinates) in
         !> `terms%blocks`, where what is not set stays zero. How many rows begin with a row, 0 where none do (n_rows); for these
-        !> before which entry the block of each body in `row_body` begins; not allocated where no chart wants that.
+        !> before which entry the block of each body in `row_body` begins; not allocated where no chart wants that. Of joints that
+        !> make points meet (below) the chart knows the columns of places: no model sets these there, and they may be missing.
         integer, allocatable :: block_height(:), block_start(:)
         !> Whether the model sets the rows that begin there so, and not in `terms%jacobian` (n_rows); not allocated where it does so
         !> with none, or has not looked yet.

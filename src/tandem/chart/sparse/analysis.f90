@@ -31,7 +31,8 @@ module tandem_chart_sparse_analysis
         !> What the blocks of each body's M are, see `tandem_chart_sparse_blocks`.
         integer, allocatable :: kind(:)
         !> A link is where a body and a node meet: those of body b are link_start(b) to link_start(b + 1) - 1. Of each its node, and
-        !> where its part of C begins among all, (rows, coordinates) in size.
+        !> before which entry its part of C begins among all, (rows, coordinates) in size, or would if the columns of the place
+        !> were kept that hinges and pins do without.
         integer, allocatable :: link_start(:), link_node(:), link_offset(:)
         !> The same for loops, side by side in memory: of each link the first unknown less one and the height of its node, the
         !> offset in C, the first row, the offset of W c' and the sign of a joint that makes points meet (6, links + 1); the links
@@ -39,6 +40,9 @@ module tandem_chart_sparse_analysis
         !> the number of coordinates of its body, the offset in C and that sign (4, links + 1). The last ones are empty, so that
         !> there is one to begin with where a list is empty.
         integer, allocatable :: link(:, :), node_start(:), node_link(:, :)
+        !> Of each body the first coordinate and the first link, how many links there are, the row that is eliminated with it, and
+        !> what it has to do with (5, n_bodies).
+        integer, allocatable :: body(:, :)
         !> Entries of C, and of W c' of all links.
         integer :: n_entries = 0, n_moved = 0
         !> Whether a body goes first and has to do with hinges alone, or with pins, and whether a node is one
@@ -81,8 +85,8 @@ module tandem_chart_sparse_analysis
     public :: sorted
 
     interface
-        !> Nodes that are hinges or pins, with the signs of their links, and bodies that have to do with these alone; where W c'
-        !> stands, which takes less of them.
+        !> Nodes that are hinges or pins, with the signs of their links, and bodies that have to do with these alone; where C and
+        !> W c' stand, which take less of them.
         pure module subroutine find_joints(self, pattern, rows)
             implicit none (type, external)
             class(analysis_type), intent(inout) :: self
@@ -177,8 +181,8 @@ contains
             [4, self%n_nodes])
         self%behind = reshape([(self%place(self%later(k)), self%height(self%later(k)), self%later_offset(k), &
             k=1, size(self%later))], [3, size(self%later) + 1], pad=[0])
-        self%link = reshape([(self%place(self%link_node(l)), self%height(self%link_node(l)), self%link_offset(l), &
-            self%origin(self%link_node(l)), self%link_offset(l), 0, l=1, size(self%link_node))], [6, size(self%link_node) + 1], &
+        self%link = reshape([(self%place(self%link_node(l)), self%height(self%link_node(l)), 0, &
+            self%origin(self%link_node(l)), 0, 0, l=1, size(self%link_node))], [6, size(self%link_node) + 1], &
             pad=[0])
         self%node_start = spread(0, 1, self%n_nodes + 1)
         do l = 1, size(self%link_node)
@@ -194,7 +198,7 @@ contains
         do b = 1, self%n_bodies
             do l = self%link_start(b), self%link_start(b + 1) - 1
                 associate (k => next(self%link_node(l)))
-                    self%node_link(:3, k) = [self%first(b), self%first(b + 1) - self%first(b), self%link_offset(l)]
+                    self%node_link(:2, k) = [self%first(b), self%first(b + 1) - self%first(b)]
                     k = k + 1
                 end associate
             end do
@@ -436,17 +440,13 @@ contains
         self%link_node = spread(0, 1, n)
         self%link_offset = self%link_node
         n = 0
-        k = 0
         do b = 1, self%n_bodies
             do i = 1, nodes_of(b)%n
                 n = n + 1
                 self%link_node(n) = position(nodes_of(b)%item(i))
-                self%link_offset(n) = k
-                k = k + self%height(self%link_node(n))*(self%first(b + 1) - self%first(b))
             end do
             self%link_start(b + 1) = n + 1
         end do
-        self%n_entries = k
     end subroutine number_nodes
 
     !> Numbers in ascending order, by insertion: lists are short.

@@ -8,7 +8,8 @@ module tandem_chart_sparse_blocks
     private
 
     public :: subtract_product, multiply_right, subtract_update, keep_rows, apply_inverse
-    public :: multiply_inverse, set_owned, subtract_rows, subtract_transposed, add_moved
+    public :: multiply_inverse, set_owned, subtract_rows, subtract_seven_rows, subtract_transposed, subtract_transposed_sized
+    public :: add_moved
     public :: of_single_blocks, of_rigid_body, of_any_blocks, most_coordinates, read_behind
 
     !> The most coordinates of a body, and so the most unknowns of a block.
@@ -134,7 +135,7 @@ contains
         else if (p == 3 .and. q == 3 .and. s == 3) then
             call subtract_update_sized(3, 4, 3, 3, l, b, x)
         else if (p == 7 .and. q == 7 .and. s == 5) then
-            call subtract_update_sized(7, 8, 7, 5, l, b, x)
+            call subtract_seven_update(7, 5, l, b, x)
         else
             call subtract_update_sized(p, padded(p), q, s, l, b, x)
         end if
@@ -166,6 +167,38 @@ contains
             x(5, j) = r
         end do
     end subroutine subtract_five_update
+
+    !> The same of seven rows.
+    pure subroutine subtract_seven_update(q, s, l, b, x)
+        integer, intent(in), value :: q, s
+        real(wp), intent(in) :: l(8, s), b(q, s)
+        real(wp), intent(inout) :: x(7, q)
+        real(wp) :: t(4), u(4)
+        integer :: i, j, k
+
+        do j = 1, q
+            !GCC$ UNROLL 1
+            do i = 1, 4
+                t(i) = l(i, 1)*b(j, 1)
+                u(i) = l(4 + i, 1)*b(j, 1)
+            end do
+            !GCC$ UNROLL 4
+            do k = 2, s
+                !GCC$ UNROLL 1
+                do i = 1, 4
+                    t(i) = t(i) + l(i, k)*b(j, k)
+                    u(i) = u(i) + l(4 + i, k)*b(j, k)
+                end do
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, 4
+                x(i, j) = x(i, j) - t(i)
+            end do
+            x(5, j) = x(5, j) - u(1)
+            x(6, j) = x(6, j) - u(2)
+            x(7, j) = x(7, j) - u(3)
+        end do
+    end subroutine subtract_seven_update
 
     pure subroutine subtract_update_sized(p, lanes, q, s, l, b, x)
         integer, intent(in), value :: p, lanes, q, s
@@ -201,6 +234,8 @@ contains
             call keep_rows_sized(2, 2, 2, l, x)
         else if (p == 3 .and. s == 3) then
             call keep_rows_sized(3, 4, 3, l, x)
+        else if (p == 7 .and. s == 5) then
+            call keep_rows_sized(7, 8, 5, l, x)
         else
             call keep_rows_sized(p, padded(p), s, l, x)
         end if

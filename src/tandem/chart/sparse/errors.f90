@@ -5,6 +5,7 @@ module tandem_chart_sparse_errors
     use tandem_chart_sparse_analysis, only: analysis_type, most_rows
     use tandem_chart_sparse_blocks, only: most_coordinates
     use tandem_chart_sparse_factor, only: factor_type
+    use tandem_chart_sparse_meetings, only: of_hinges
     use tandem_kinds, only: wp
     use tandem_model_terms, only: terms_type
     implicit none (type, external)
@@ -46,6 +47,12 @@ contains
             if (a%is_body(n)) cycle
             associate (s => a%node(2, n), origin => a%node(4, n), links => a%node_start(n + 1) - a%node_start(n), &
                 from => a%node_start(n))
+                if (a%joint_of_node(n) == of_hinges) then
+                    call add_hinge(links, a%node_link(1, from), factor%c, q, qd, qdd, scale, terms%nu(origin:origin + 4), &
+                        terms%gamma(origin:origin + 4), sums)
+                    call take(origin, 5)
+                    cycle
+                end if
                 select case (s)
                 case (5)
                     call add_node(5, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, terms%nu(origin:origin + s - 1), &
@@ -62,7 +69,9 @@ contains
         end do
         do b = 1, a%n_bodies
             if (a%own_row(b) == 0) cycle
-            associate (row => a%own_row(b), from => a%first(b), to => a%first(b + 1) - 1)
+            ! The norm of Euler parameters knows nothing of the place.
+            associate (row => a%own_row(b), from => a%first(b) + merge(3, 0, a%joints_of_body(b) == of_hinges), &
+                to => a%first(b + 1) - 1)
                 call add_owned(to - from + 1, factor%own(from:to), q(from:to), qd(from:to), qdd(from:to), scale(from:to), &
                     terms%nu(row), terms%gamma(row), sums)
                 call take(row, 1)
@@ -75,16 +84,54 @@ contains
         subroutine take(first, count)
             integer, intent(in) :: first, count
             integer :: i
+            logical :: is_better
 
+            if (count == 5) then
+                call keep_scales(5, size(scales, 1), first, sums, scales)
+                is_better = are_better(5, sums, errors)
+            else
+                call keep_scales(count, size(scales, 1), first, sums, scales)
+                is_better = are_better(count, sums, errors)
+            end if
+            do i = first, min(first + count - 1, nh)
+                is_better = is_better .and. abs(terms%phi(i)) <= errors(1)*sums%scale(i - first + 1, 1)
+            end do
+            if (is_better .and. all(rows > 0)) return
             do i = 1, count
-                scales(first + i - 1, 1) = sums%scale(i, 1)
-                scales(first + i - 1, 2) = sums%scale(i, 2)
                 if (first + i - 1 <= nh) call compare(terms%phi(first + i - 1), sums%scale(i, 1), first + i - 1, errors(1), rows(1))
                 call compare(sums%residual(i, 1), sums%scale(i, 2), first + i - 1, errors(2), rows(2))
                 call compare(sums%residual(i, 2), sums%scale(i, 3), first + i - 1, errors(3), rows(3))
             end do
         end subroutine take
     end subroutine judge_rows
+
+    !> Whether no row's velocity and acceleration is worse than the worst so far; NaN are not better. As products, which cost less.
+    pure logical function are_better(count, sums, errors)
+        integer, intent(in), value :: count
+        type(sums_type), intent(in) :: sums
+        real(wp), intent(in) :: errors(3)
+        integer :: i, n
+
+        n = 0
+        do i = 1, count
+            n = n + merge(1, 0, abs(sums%residual(i, 1)) <= errors(2)*sums%scale(i, 2))
+            n = n + merge(1, 0, abs(sums%residual(i, 2)) <= errors(3)*sums%scale(i, 3))
+            n = n + merge(1, 0, (sums%scale(i, 1) + sums%scale(i, 2)) + sums%scale(i, 3) <= huge(1.0_wp))
+        end do
+        are_better = n == 3*count
+    end function are_better
+
+    pure subroutine keep_scales(count, m, first, sums, scales)
+        integer, intent(in), value :: count, m, first
+        type(sums_type), intent(in) :: sums
+        real(wp), intent(inout) :: scales(m, 2)
+        integer :: i
+
+        do i = 1, count
+            scales(first + i - 1, 1) = sums%scale(i, 1)
+            scales(first + i - 1, 2) = sums%scale(i, 2)
+        end do
+    end subroutine keep_scales
 
     !> What a velocity leaves of the rows, nu - C qd, and the reciprocals of their natural scales.
     pure subroutine judge_velocity(a, factor, nu, qd, scale, left, weight)
@@ -103,6 +150,11 @@ contains
             if (a%is_body(n)) cycle
             associate (s => a%node(2, n), origin => a%node(4, n), links => a%node_start(n + 1) - a%node_start(n), &
                 from => a%node_start(n))
+                if (a%joint_of_node(n) == of_hinges) then
+                    call add_velocity_of_hinge(links, a%node_link(1, from), factor%c, qd, scale, &
+                        left(origin:origin + 4), weight(origin:origin + 4))
+                    cycle
+                end if
                 select case (s)
                 case (5)
                     call add_velocity(5, links, a%node_link(1, from), factor%c, qd, scale, &
@@ -119,7 +171,7 @@ contains
         do b = 1, a%n_bodies
             if (a%own_row(b) == 0) cycle
             total = [left(a%own_row(b)), weight(a%own_row(b))]
-            do j = a%first(b), a%first(b + 1) - 1
+            do j = a%first(b) + merge(3, 0, a%joints_of_body(b) == of_hinges), a%first(b + 1) - 1
                 total(1) = total(1) - factor%own(j)*qd(j)
                 total(2) = total(2) + abs(factor%own(j))*max(abs(qd(j)), scale(j))
             end do
@@ -177,6 +229,59 @@ contains
         end do
     end subroutine add_velocity
 
+    !> max(|x|, scale), where it need not care for NaN as that does: residuals show them.
+    elemental real(wp) function larger(x, scale)
+        real(wp), intent(in) :: x, scale
+
+        larger = merge(abs(x), scale, abs(x) > scale)
+    end function larger
+
+    !> The five rows of a hinge: the columns of a place are the unit matrix with a sign, those of a turn follow.
+    pure subroutine add_velocity_of_hinge(n_links, node_link, c, qd, scale, left, total)
+        integer, intent(in), value :: n_links
+        integer, intent(in) :: node_link(4, n_links)
+        real(wp), intent(in) :: c(*), qd(*), scale(*)
+        real(wp), intent(inout) :: left(5), total(5)
+        real(wp) :: residual(4), terms(4), last(2), sign(4), x(4)
+        integer :: i, j, l
+
+        sign(4) = 0.0_wp
+        !GCC$ UNROLL 1
+        do i = 1, 4
+            residual(i) = left(i)
+            terms(i) = total(i)
+        end do
+        last = [left(5), total(5)]
+        do l = 1, n_links
+            associate (first => node_link(1, l), k => node_link(3, l) + 15)
+                sign(1:3) = real(node_link(4, l), wp)
+                !GCC$ UNROLL 1
+                do i = 1, 4
+                    residual(i) = residual(i) - sign(i)*qd(first - 1 + i)
+                    terms(i) = terms(i) + abs(sign(i))*larger(qd(first - 1 + i), scale(first - 1 + i))
+                    x(i) = larger(qd(first + 2 + i), scale(first + 2 + i))
+                end do
+                !GCC$ UNROLL 4
+                do j = 1, 4
+                    !GCC$ UNROLL 1
+                    do i = 1, 4
+                        residual(i) = residual(i) - c(k + 5*(j - 1) + i)*qd(first + 2 + j)
+                        terms(i) = terms(i) + abs(c(k + 5*(j - 1) + i))*x(j)
+                    end do
+                    last(1) = last(1) - c(k + 5*j)*qd(first + 2 + j)
+                    last(2) = last(2) + abs(c(k + 5*j))*x(j)
+                end do
+            end associate
+        end do
+        !GCC$ UNROLL 1
+        do i = 1, 4
+            left(i) = residual(i)
+            total(i) = terms(i)
+        end do
+        left(5) = last(1)
+        total(5) = last(2)
+    end subroutine add_velocity_of_hinge
+
     !> The error of a row against the worst one so far.
     pure subroutine compare(residual, scale, row, worst, worst_row)
         real(wp), intent(in) :: residual, scale
@@ -184,8 +289,6 @@ contains
         real(wp), intent(inout) :: worst
         integer, intent(inout) :: worst_row
 
-        ! As a product, which costs less; NaN go on.
-        if (abs(residual) <= worst*scale .and. worst_row > 0 .and. scale <= huge(1.0_wp)) return
         if (abs(residual)/max(scale, tiny(1.0_wp)) <= worst .and. worst_row > 0 .and. scale <= huge(1.0_wp)) return
         worst = abs(residual)/max(scale, tiny(1.0_wp))
         if (.not. worst <= huge(1.0_wp) .or. .not. scale <= huge(1.0_wp)) worst = huge(1.0_wp)
@@ -243,6 +346,74 @@ contains
             sums%scale(i, 3) = of_qdd(i)
         end do
     end subroutine add_node
+
+    !> The same of a hinge, as `add_velocity_of_hinge`.
+    pure subroutine add_hinge(n_links, node_link, c, q, qd, qdd, scale, nu, gamma, sums)
+        integer, intent(in), value :: n_links
+        integer, intent(in) :: node_link(4, n_links)
+        real(wp), intent(in) :: c(*), q(*), qd(*), qdd(*), scale(*), nu(5), gamma(5)
+        type(sums_type), intent(inout) :: sums
+        real(wp), dimension(4) :: velocity, acceleration, of_q, of_qd, of_qdd, sign
+        real(wp) :: entry, last(5), x(4, 3)
+        integer :: i, j, l
+
+        sign(4) = 0.0_wp
+        !GCC$ UNROLL 1
+        do i = 1, 4
+            velocity(i) = -nu(i)
+            acceleration(i) = gamma(i)
+            of_q(i) = 0.0_wp
+            of_qd(i) = abs(nu(i))
+            of_qdd(i) = abs(gamma(i))
+        end do
+        last = [-nu(5), gamma(5), 0.0_wp, abs(nu(5)), abs(gamma(5))]
+        do l = 1, n_links
+            associate (first => node_link(1, l), k => node_link(3, l) + 15)
+                sign(1:3) = real(node_link(4, l), wp)
+                !GCC$ UNROLL 1
+                do i = 1, 4
+                    associate (place => first - 1 + i, turn => first + 2 + i)
+                        velocity(i) = velocity(i) + sign(i)*qd(place)
+                        acceleration(i) = acceleration(i) + sign(i)*qdd(place)
+                        of_q(i) = of_q(i) + abs(sign(i))*larger(q(place), scale(place))
+                        of_qd(i) = of_qd(i) + abs(sign(i))*larger(qd(place), scale(place))
+                        of_qdd(i) = of_qdd(i) + abs(sign(i))*larger(qdd(place), scale(place))
+                        x(i, 1) = larger(q(turn), scale(turn))
+                        x(i, 2) = larger(qd(turn), scale(turn))
+                        x(i, 3) = larger(qdd(turn), scale(turn))
+                    end associate
+                end do
+                !GCC$ UNROLL 4
+                do j = 1, 4
+                    !GCC$ UNROLL 1
+                    do i = 1, 4
+                        entry = c(k + 5*(j - 1) + i)
+                        velocity(i) = velocity(i) + entry*qd(first + 2 + j)
+                        acceleration(i) = acceleration(i) + entry*qdd(first + 2 + j)
+                        of_q(i) = of_q(i) + abs(entry)*x(j, 1)
+                        of_qd(i) = of_qd(i) + abs(entry)*x(j, 2)
+                        of_qdd(i) = of_qdd(i) + abs(entry)*x(j, 3)
+                    end do
+                    entry = c(k + 5*j)
+                    last(1) = last(1) + entry*qd(first + 2 + j)
+                    last(2) = last(2) + entry*qdd(first + 2 + j)
+                    do i = 1, 3
+                        last(2 + i) = last(2 + i) + abs(entry)*x(j, i)
+                    end do
+                end do
+            end associate
+        end do
+        !GCC$ UNROLL 1
+        do i = 1, 4
+            sums%residual(i, 1) = velocity(i)
+            sums%residual(i, 2) = acceleration(i)
+            sums%scale(i, 1) = of_q(i)
+            sums%scale(i, 2) = of_qd(i)
+            sums%scale(i, 3) = of_qdd(i)
+        end do
+        sums%residual(5, :) = last(:2)
+        sums%scale(5, :) = last(3:)
+    end subroutine add_hinge
 
     !> The same of a row that a body owns.
     pure subroutine add_owned(nb, own, q, qd, qdd, scale, nu, gamma, sums)

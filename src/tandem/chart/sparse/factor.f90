@@ -8,7 +8,7 @@ module tandem_chart_sparse_factor
         subtract_product, subtract_rows, subtract_update
     use tandem_chart_sparse_inverses, only: invert, invert_nodes, invert_some, side_by_side
     use tandem_chart_sparse_masses, only: invert_block, invert_rigid, least_mass
-    use tandem_chart_sparse_meetings, only: add_in_plane, add_in_space, of_hinges, of_pins
+    use tandem_chart_sparse_meetings, only: add_in_plane, add_in_space, n_of_place, of_hinges, of_pins
     use tandem_model_pattern, only: pattern_type
     use tandem_pack, only: pack_type
     use tandem_status, only: status_not_finite, status_ok, status_rank_deficient, status_singular_mass
@@ -21,7 +21,8 @@ module tandem_chart_sparse_factor
     !> some 1e-15 of it.
     real(wp), parameter :: least_pivot = 1.0e-10_wp
     type :: factor_type
-        !> The parts of C by links and behind them owned rows where the model sets these so; owned rows by coordinates (n).
+        !> The parts of C by links, less of hinges and pins (`tandem_chart_sparse_meetings`), and behind them owned rows where the
+        !> model sets these so; owned rows by coordinates (n).
         real(wp), allocatable :: c(:), own(:)
         !> W, its blocks as those of M (mass_width, n), and R (n).
         real(wp), allocatable :: w(:, :), r(:)
@@ -132,6 +133,7 @@ contains
             self%blocks(a%n_factor + read_behind), self%added(merge(a%n_bodies, 0, any(a%is_kept))), source=0.0_wp)
         if (has_terms) allocate (self%c(a%n_entries + read_behind + a%n), self%w(pattern%mass_width, a%n), self%alone(a%m), &
             source=0.0_wp)
+        if (has_terms) call put_places(a, self%c)
         ! Solutions ask for owned rows of kept bodies.
         if (has_terms .or. any(a%is_kept)) allocate (self%own(a%n), source=0.0_wp)
         allocate (self%is_out(a%m), source=.false.)
@@ -139,6 +141,22 @@ contains
         self%has_rows = .false.
         self%is_factored = .false.
     end subroutine allocate_factor
+
+    !> The columns of places of joints that make points meet, where they are kept: they do not change, and no model sets them.
+    pure subroutine put_places(a, c)
+        type(analysis_type), intent(in) :: a
+        real(wp), intent(inout) :: c(:)
+        integer :: b, i, l
+
+        do b = 1, a%n_bodies
+            if (n_of_place(a%joints_of_body(b)) > 0) cycle
+            do l = a%link_start(b), a%link_start(b + 1) - 1
+                do i = 0, n_of_place(a%joint_of_node(a%link_node(l))) - 1
+                    c(a%link(3, l) + i*(a%link(2, l) + 1) + 1) = real(a%link(6, l), wp)
+                end do
+            end do
+        end do
+    end subroutine put_places
 
     !> Take C.
     subroutine load_rows(self, a, pattern, jacobian, blocks)
@@ -153,39 +171,52 @@ contains
 
         call move_alloc(blocks, self%c)
         if (.not. pattern%all_in_blocks) call take_rows(a%n_bodies, a%n, a%m, size(a%link, 2), size(jacobian, 2), a%first, &
-            a%link_start, a%link, pattern%column, jacobian, self%c, pattern%in_blocks)
-        do b = 1, a%n_bodies
-            if (a%norm_row(b) == 0) cycle
-            start = -1
-            if (allocated(pattern%in_blocks)) then
-                if (pattern%in_blocks(a%norm_row(b))) start = pattern%block_start(pattern%row_start(a%norm_row(b)))
-            end if
-            if (start >= 0) then
-                do j = a%first(b), a%first(b + 1) - 1
-                    self%own(j) = self%c(start + 1 + j - a%first(b))
-                end do
-            else
-                do j = a%first(b), a%first(b + 1) - 1
-                    self%own(j) = jacobian(a%norm_row(b), pattern%column(j))
-                end do
-            end if
-        end do
+            a%joints_of_body, a%link_start, a%link, pattern%column, jacobian, self%c, pattern%in_blocks)
+        ! At once where the model sets all of them so, but for those of kept bodies.
+        if (pattern%all_in_blocks) call take_owned(a%n, self%c(a%n_entries + read_behind + 1), self%own)
+        if (.not. pattern%all_in_blocks .or. size(self%added) > 0) then
+            do b = 1, a%n_bodies
+                if (a%norm_row(b) == 0 .or. (pattern%all_in_blocks .and. .not. a%is_kept(b))) cycle
+                start = -1
+                if (allocated(pattern%in_blocks)) then
+                    if (pattern%in_blocks(a%norm_row(b))) start = pattern%block_start(pattern%row_start(a%norm_row(b)))
+                end if
+                if (start >= 0) then
+                    do j = a%first(b), a%first(b + 1) - 1
+                        self%own(j) = self%c(start + 1 + j - a%first(b))
+                    end do
+                else
+                    do j = a%first(b), a%first(b + 1) - 1
+                        self%own(j) = jacobian(a%norm_row(b), pattern%column(j))
+                    end do
+                end if
+            end do
+        end if
         self%has_rows = .true.
         self%is_factored = .false.
     end subroutine load_rows
 
+    pure subroutine take_owned(n, rows, own)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: rows(n)
+        real(wp), intent(out) :: own(n)
+
+        own(:) = rows
+    end subroutine take_owned
+
     !> The rows of the nodes by links, but for those that are there.
-    pure subroutine take_rows(n_bodies, n, m, n_links, width, first, link_start, link, column, jacobian, c, in_blocks)
-        integer, intent(in) :: n_bodies, n, m, n_links, width, first(n_bodies + 1), link_start(n_bodies + 1), link(6, n_links), &
-            column(n)
+    pure subroutine take_rows(n_bodies, n, m, n_links, width, first, joints, link_start, link, column, jacobian, c, in_blocks)
+        integer, intent(in) :: n_bodies, n, m, n_links, width, first(n_bodies + 1), joints(n_bodies), link_start(n_bodies + 1), &
+            link(6, n_links), column(n)
         real(wp), intent(in) :: jacobian(m, width)
         real(wp), intent(inout) :: c(*)
         logical, intent(in), optional :: in_blocks(m)
-        integer :: b, i, j, k, l, row
+        integer :: b, from, i, j, k, l, row
 
         do b = 1, n_bodies
+            from = first(b) + n_of_place(joints(b))
             do l = link_start(b), link_start(b + 1) - 1
-                k = link(3, l)
+                k = link(3, l) + link(2, l)*n_of_place(joints(b))
                 row = link(4, l)
                 if (present(in_blocks)) then
                     if (in_blocks(row)) cycle
@@ -193,27 +224,27 @@ contains
                 ! A copy of variable length would be a call.
                 select case (link(2, l))
                 case (5)
-                    do j = first(b), first(b + 1) - 1
+                    do j = from, first(b + 1) - 1
                         do i = 0, 4
                             c(k + 1 + i) = jacobian(row + i, column(j))
                         end do
                         k = k + 5
                     end do
                 case (3)
-                    do j = first(b), first(b + 1) - 1
+                    do j = from, first(b + 1) - 1
                         do i = 0, 2
                             c(k + 1 + i) = jacobian(row + i, column(j))
                         end do
                         k = k + 3
                     end do
                 case (2)
-                    do j = first(b), first(b + 1) - 1
+                    do j = from, first(b + 1) - 1
                         c(k + 1) = jacobian(row, column(j))
                         c(k + 2) = jacobian(row + 1, column(j))
                         k = k + 2
                     end do
                 case default
-                    do j = first(b), first(b + 1) - 1
+                    do j = from, first(b + 1) - 1
                         do i = 1, link(2, l)
                             c(k + i) = jacobian(row + i - 1, column(j))
                         end do
@@ -379,13 +410,7 @@ contains
                 end do
             end associate
         end do
-        do n = 1, a%n_nodes
-            if (a%is_body(n)) cycle
-            do i = 1, a%height(n)
-                self%alone(a%origin(n) + i - 1) = self%alone(a%origin(n) + i - 1) - &
-                    self%blocks(a%diagonal_offset(n) + (i - 1)*(a%height(n) + 1) + 1)
-            end do
-        end do
+        call take_diagonals(a%n_nodes, a%node, a%is_body, self%blocks, self%alone)
 
     contains
 
@@ -408,6 +433,31 @@ contains
         end subroutine put_kept
     end subroutine add_bodies
 
+    !> What bodies that go first give to the pivots of rows.
+    pure subroutine take_diagonals(n_nodes, node, is_body, blocks, alone)
+        integer, intent(in) :: n_nodes, node(4, n_nodes)
+        logical, intent(in) :: is_body(n_nodes)
+        real(wp), intent(in) :: blocks(*)
+        real(wp), intent(inout) :: alone(*)
+        integer :: i, n
+
+        do n = 1, n_nodes
+            if (is_body(n)) cycle
+            associate (s => node(2, n), diagonal => node(3, n), origin => node(4, n))
+                ! A loop of known length.
+                if (s == 5) then
+                    do i = 0, 4
+                        alone(origin + i) = alone(origin + i) - blocks(diagonal + 6*i + 1)
+                    end do
+                else
+                    do i = 0, s - 1
+                        alone(origin + i) = alone(origin + i) - blocks(diagonal + (s + 1)*i + 1)
+                    end do
+                end if
+            end associate
+        end do
+    end subroutine take_diagonals
+
     !> The block of a link of a kept body, and what its diagonal would be without that of others.
     pure subroutine add_kept(s, nb, is_behind, inverse, c, block, alone)
         integer, intent(in), value :: s, nb
@@ -416,34 +466,55 @@ contains
         !> Of the diagonal of the body's M; its part of C.
         real(wp), intent(in) :: inverse(nb), c(s, nb)
         real(wp), intent(inout) :: block(s*nb), alone(s)
+        integer :: i, j
 
         ! Loops of known length.
         if (s == 5 .and. nb == 7) then
-            call add_kept_sized(5, 7, is_behind, inverse, c, block, alone)
+            call add_squared(7, inverse, c, alone)
+            call put_kept_rows(5, 7, is_behind, c, block)
         else
-            call add_kept_sized(s, nb, is_behind, inverse, c, block, alone)
+            do i = 1, s
+                do j = 1, nb
+                    alone(i) = alone(i) + c(i, j)**2*inverse(j)
+                end do
+            end do
+            call put_kept_rows(s, nb, is_behind, c, block)
         end if
     end subroutine add_kept
 
-    pure subroutine add_kept_sized(s, nb, is_behind, inverse, c, block, alone)
-        integer, intent(in), value :: s, nb
-        logical, intent(in), value :: is_behind
-        real(wp), intent(in) :: inverse(nb), c(s, nb)
-        real(wp), intent(inout) :: block(s*nb), alone(s)
-        real(wp) :: t(most_rows)
+    !> Of five rows what each would be alone: rows as four and one, see `subtract_five_rows`.
+    pure subroutine add_squared(nb, inverse, c, alone)
+        integer, intent(in), value :: nb
+        real(wp), intent(in) :: inverse(nb), c(5, nb)
+        real(wp), intent(inout) :: alone(5)
+        real(wp) :: t(4), u
         integer :: i, j
 
-        do i = 1, s
+        do i = 1, 4
             t(i) = alone(i)
         end do
+        u = alone(5)
+        !GCC$ UNROLL 7
         do j = 1, nb
-            do i = 1, s
+            do i = 1, 4
                 t(i) = t(i) + c(i, j)**2*inverse(j)
             end do
+            u = u + c(5, j)**2*inverse(j)
         end do
-        do i = 1, s
+        do i = 1, 4
             alone(i) = t(i)
         end do
+        alone(5) = u
+    end subroutine add_squared
+
+    !> The block itself, (s, nb) behind the body and else (nb, s).
+    pure subroutine put_kept_rows(s, nb, is_behind, c, block)
+        integer, intent(in), value :: s, nb
+        logical, intent(in), value :: is_behind
+        real(wp), intent(in) :: c(s, nb)
+        real(wp), intent(inout) :: block(s*nb)
+        integer :: i, j
+
         if (is_behind) then
             do j = 1, nb
                 do i = 1, s
@@ -457,7 +528,7 @@ contains
                 end do
             end do
         end if
-    end subroutine add_kept_sized
+    end subroutine put_kept_rows
 
     !> Take C W C' of the links of a body from the blocks of their nodes.
     pure subroutine add_links(kind, nb, n_links, block_first, ldw, w, link, pair_target, c, y, blocks)
@@ -550,6 +621,10 @@ contains
             integer, intent(in) :: origin, height
             integer :: i
 
+            if (height == 5 .and. .not. self%leaves_out) then
+                ! A loop of known length: mostly none is smaller.
+                if (.not. smallest_of_five(self%alone(origin)) < self%least) return
+            end if
             do i = origin, origin + height - 1
                 if (self%is_out(i)) then
                     if (self%alone(i) > self%rest) self%loosest = i
@@ -579,6 +654,12 @@ contains
             end if
         end subroutine refuse
     end subroutine eliminate
+
+    pure real(wp) function smallest_of_five(x)
+        real(wp), intent(in) :: x(5)
+
+        smallest_of_five = min(min(x(1), x(2)), min(x(3), x(4)), x(5))
+    end function smallest_of_five
 
     !> L = B D^-1 of the neighbours behind a node, and what the node takes from their blocks, L B'. From the last one on, since
     !> those before it are needed as they were.
@@ -664,12 +745,18 @@ contains
         real(wp), intent(inout) :: squares(:)
         type(factor_type), intent(in), optional :: other
         real(wp) :: entry
-        integer :: b, i, j, k, l
+        integer :: b, i, j, k, l, n_place
 
         do b = 1, a%n_bodies
+            n_place = n_of_place(a%joints_of_body(b))
             do j = a%first(b), a%first(b + 1) - 1
                 do l = a%link_start(b), a%link_start(b + 1) - 1
                     associate (s => a%height(a%link_node(l)), origin => a%origin(a%link_node(l)))
+                        i = j - a%first(b)
+                        if (i < n_place) then
+                            if (.not. present(other)) squares(origin + i) = squares(origin + i) + scale(j)**2
+                            cycle
+                        end if
                         k = a%link_offset(l) + (j - a%first(b))*s
                         do i = 1, s
                             entry = self%c(k + i)

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Which nodes are hinges or pins, and which bodies these alone hold.
 submodule(tandem_chart_sparse_analysis) tandem_chart_sparse_joints
-    use tandem_chart_sparse_meetings, only: n_in_plane, n_in_space, of_hinges, of_others, of_pins
+    use tandem_chart_sparse_meetings, only: n_in_plane, n_in_space, n_of_place, of_hinges, of_others, of_pins
     implicit none (type, external)
 
 contains
@@ -21,7 +21,11 @@ contains
             end do
         end if
         allocate (next, source=self%node_start)
+        if (allocated(self%body)) deallocate (self%body)
+        allocate (self%body(5, self%n_bodies))
         self%n_moved = 0
+        ! No offset less than nothing.
+        self%n_entries = most_rows*n_of_place(of_hinges)
         do b = 1, self%n_bodies
             joint = of_others
             if (.not. self%is_kept(b) .and. self%link_start(b + 1) > self%link_start(b)) then
@@ -34,8 +38,16 @@ contains
                 end do
             end if
             self%joints_of_body(b) = joint
+            self%body(:, b) = [self%first(b), self%link_start(b), self%link_start(b + 1) - self%link_start(b), &
+                self%norm_row(b), joint]
             do l = self%link_start(b), self%link_start(b + 1) - 1
                 n = self%link_node(l)
+                ! Behind the columns that are not kept.
+                self%n_entries = self%n_entries - self%height(n)*n_of_place(joint)
+                self%link_offset(l) = self%n_entries
+                self%link(3, l) = self%n_entries
+                self%node_link(3, next(n)) = self%n_entries
+                self%n_entries = self%n_entries + self%height(n)*(self%first(b + 1) - self%first(b))
                 self%link(5, l) = self%n_moved
                 if (joint == of_hinges) then
                     self%n_moved = self%n_moved + n_in_space

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Bodies that are held by hinges in space, or by pins in the plane, alone. The first rows of such a joint say that points of two
 !> bodies meet: there the columns of a body's place are the unit matrix with a sign, and in its other rows they are zero. So of the
-!> part of C of a link the columns of the turn alone are read, and W c' is kept as
+!> part of C of a link the columns of the turn alone are kept, behind where those of the place would stand, and W c' as
 !>     the mobilities of the place with that sign (3 or 2), then that of the turn, (4, 5) or (1, 2).
 !> One body or node a call, whose lengths are constants.
 module tandem_chart_sparse_meetings
@@ -9,7 +9,7 @@ module tandem_chart_sparse_meetings
     implicit none (type, external)
     private
 
-    public :: of_hinges, of_pins, of_others, n_in_space, n_in_plane
+    public :: of_hinges, of_pins, of_others, n_in_space, n_in_plane, n_of_place
     public :: send_in_space, send_own_in_space, send_in_plane, fetch_in_space, fetch_in_plane, multiply_in_space, multiply_in_plane
     public :: add_in_space, add_in_plane, leave_in_space, leave_in_plane
 
@@ -22,6 +22,16 @@ module tandem_chart_sparse_meetings
 
 contains
 
+    !> How many columns of a body's place its joints enter with a sign alone: these are not kept.
+    elemental integer function n_of_place(joints)
+        !> What the body has to do with.
+        integer, intent(in) :: joints
+
+        n_of_place = 0
+        if (joints == of_hinges) n_of_place = 3
+        if (joints == of_pins) n_of_place = 2
+    end function n_of_place
+
     !> x = R g of a body, and what that gives to its nodes.
     pure subroutine send_own_in_space(n_links, link, r, g, sent, x, z)
         integer, intent(in), value :: n_links
@@ -33,7 +43,10 @@ contains
         real(wp), intent(inout) :: z(*)
         integer :: i, l
 
-        do i = 1, 7
+        do i = 1, 3
+            x(i) = 0.0_wp
+        end do
+        do i = 4, 7
             x(i) = r(i)*g
         end do
         do l = 1, n_links
@@ -173,10 +186,12 @@ contains
     end subroutine fetch_in_plane
 
     !> g := g - C x of a node.
-    pure subroutine multiply_in_space(n_links, link, c, x, g)
+    pure subroutine multiply_in_space(n_links, link, of_place, c, x, g)
         integer, intent(in), value :: n_links
         !> Of each link the first coordinate, how many there are, the offset in C, the sign.
         integer, intent(in) :: link(4, n_links)
+        !> 1, or 0 where places have gone from C, as it is what two of them differ by.
+        real(wp), intent(in), value :: of_place
         real(wp), intent(in) :: c(*), x(*)
         real(wp), intent(inout) :: g(5)
         real(wp) :: t(4), u, sign(4)
@@ -189,7 +204,7 @@ contains
         sign(4) = 0.0_wp
         do l = 1, n_links
             associate (n => link(1, l), k => link(3, l) + 15)
-                sign(1:3) = real(link(4, l), wp)
+                sign(1:3) = of_place*real(link(4, l), wp)
                 do i = 1, 4
                     t(i) = t(i) - sign(i)*x(n - 1 + i)
                 end do
@@ -209,15 +224,16 @@ contains
     end subroutine multiply_in_space
 
     !> The same in the plane: g := g - C x of a node.
-    pure subroutine multiply_in_plane(n_links, link, c, x, g)
+    pure subroutine multiply_in_plane(n_links, link, of_place, c, x, g)
         integer, intent(in), value :: n_links
         integer, intent(in) :: link(4, n_links)
+        real(wp), intent(in), value :: of_place
         real(wp), intent(in) :: c(*), x(*)
         real(wp), intent(inout) :: g(2)
         integer :: i, l
 
         do l = 1, n_links
-            associate (n => link(1, l), k => link(3, l) + 4, sign => real(link(4, l), wp))
+            associate (n => link(1, l), k => link(3, l) + 4, sign => of_place*real(link(4, l), wp))
                 do i = 1, 2
                     g(i) = g(i) - (sign*x(n - 1 + i) + c(k + i)*x(n + 2))
                 end do
@@ -225,14 +241,14 @@ contains
         end do
     end subroutine multiply_in_plane
 
-    !> f - M x - C' lambda of a body.
-    pure subroutine leave_in_space(n_links, link, ldm, mass, f, x, c, z, left)
+    !> f - M x - C' lambda of a body; what its own row can hold of it that does.
+    pure subroutine leave_in_space(n_links, link, ldm, mass, f, x, c, own, z, left)
         integer, intent(in), value :: n_links, ldm
         integer, intent(in) :: link(n_link, n_links)
         !> M of the body, compressed; the multipliers by nodes.
-        real(wp), intent(in) :: mass(ldm, 4), f(7), x(7), c(*), z(*)
+        real(wp), intent(in) :: mass(ldm, 4), f(7), x(7), c(*), own(7), z(*)
         real(wp), intent(out) :: left(7)
-        real(wp) :: place(3), turn(4)
+        real(wp) :: along, place(3), turn(4)
         integer :: i, l
 
         do i = 1, 3
@@ -252,11 +268,13 @@ contains
                 end do
             end associate
         end do
+        along = ((own(4)*turn(1) + own(5)*turn(2)) + (own(6)*turn(3) + own(7)*turn(4)))/ &
+            max((own(4)**2 + own(5)**2) + (own(6)**2 + own(7)**2), tiny(1.0_wp))
         do i = 1, 3
             left(i) = place(i)
         end do
         do i = 1, 4
-            left(3 + i) = turn(i)
+            left(3 + i) = turn(i) - along*own(3 + i)
         end do
     end subroutine leave_in_space
 
@@ -287,7 +305,6 @@ contains
         real(wp), intent(in) :: w(ldw, 7), r(7), c(*)
         real(wp), intent(out) :: sent(6, n_links)
         real(wp), intent(inout) :: y(*), blocks(*)
-        real(wp) :: t(4)
         integer :: d, i, j, k, l
 
         d = 0
@@ -299,14 +316,13 @@ contains
                 y(to + 4) = 0.0_wp
                 ! W is symmetric.
                 do j = 1, 5
+                    !GCC$ UNROLL 1
                     do i = 1, 4
-                        t(i) = (w(i, 4)*c(from + j) + w(i, 5)*c(from + 5 + j)) + &
+                        y(to + 4*j + i) = (w(i, 4)*c(from + j) + w(i, 5)*c(from + 5 + j)) + &
                             (w(i, 6)*c(from + 10 + j) + w(i, 7)*c(from + 15 + j))
                     end do
-                    do i = 1, 4
-                        y(to + 4*j + i) = t(i)
-                    end do
                 end do
+                !GCC$ UNROLL 1
                 do i = 1, 5
                     sent(i, l) = -((c(from + i)*r(4) + c(from + 5 + i)*r(5)) + (c(from + 10 + i)*r(6) + c(from + 15 + i)*r(7)))
                 end do
@@ -329,25 +345,15 @@ contains
         real(wp), intent(in) :: c(5, 4), y(n_in_space)
         integer, intent(in), value :: sign
         real(wp), intent(inout) :: x(5, 5)
-        real(wp) :: t(4), u
-        integer :: i, j, k
+        integer :: i, j
 
         do j = 1, 5
+            ! Kept a loop, whose turns fill one register.
+            !GCC$ UNROLL 1
             do i = 1, 4
-                t(i) = x(i, j)
+                x(i, j) = x(i, j) - ((c(i, 1)*y(4*j + 1) + c(i, 2)*y(4*j + 2)) + (c(i, 3)*y(4*j + 3) + c(i, 4)*y(4*j + 4)))
             end do
-            u = x(5, j)
-            !GCC$ UNROLL 4
-            do k = 1, 4
-                do i = 1, 4
-                    t(i) = t(i) - c(i, k)*y(4*j + k)
-                end do
-                u = u - c(5, k)*y(4*j + k)
-            end do
-            do i = 1, 4
-                x(i, j) = t(i)
-            end do
-            x(5, j) = u
+            x(5, j) = x(5, j) - ((c(5, 1)*y(4*j + 1) + c(5, 2)*y(4*j + 2)) + (c(5, 3)*y(4*j + 3) + c(5, 4)*y(4*j + 4)))
         end do
         do j = 1, 3
             x(j, j) = x(j, j) - sign*y(j)

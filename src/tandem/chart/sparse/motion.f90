@@ -133,18 +133,18 @@ contains
             self%stage_tolerance = max(self%tolerance, self%end_tolerance)
             self%stage_velocity_tolerance = of_velocities*self%tolerance
         end if
-        self%scale = spread(1.0_wp, 1, model%n)
-        if (allocated(model%coordinate_scale)) self%scale = model%coordinate_scale
-        self%q0 = spread(0.0_wp, 1, model%n)
-        self%qd0 = self%q0
-        self%delta = self%q0
-        self%curve = self%q0
-        self%delta_rate = self%q0
-        if (implicit) self%bend = self%q0
+        ! Without temporaries, which would leave holes in the memory.
+        if (allocated(self%scale)) deallocate (self%scale, self%q0, self%qd0, self%delta, self%curve, self%delta_rate, &
+            self%phi_weight, self%velocity_weight)
+        if (allocated(self%bend)) deallocate (self%bend)
+        allocate (self%scale(model%n), self%phi_weight(model%n_holonomic), self%velocity_weight(model%n_constraints()), &
+            source=1.0_wp)
+        if (allocated(model%coordinate_scale)) self%scale(:) = model%coordinate_scale
+        allocate (self%q0(model%n), self%qd0(model%n), self%delta(model%n), self%curve(model%n), self%delta_rate(model%n), &
+            source=0.0_wp)
+        if (implicit) allocate (self%bend(model%n), source=0.0_wp)
         self%has_curve = .false.
         self%has_bend = .false.
-        self%phi_weight = spread(1.0_wp, 1, model%n_holonomic)
-        self%velocity_weight = spread(1.0_wp, 1, model%n_constraints())
         if (implicit .or. options%is_adaptive()) call self%secants%allocate(model%n)
     end subroutine initialize
 

@@ -20,6 +20,8 @@ module tandem_chart_sparse_newton_analysis
         !> own analysis, with the numbers of the nodes here, 0 for a row that is eliminated with its body.
         integer, allocatable :: link_target(:)
         logical, allocatable :: is_row_later(:)
+        !> The signs of joints that make points meet, by links.
+        integer, allocatable :: link_sign(:)
         !> Where the blocks of bodies that share a force go, in the order of their partners.
         integer, allocatable :: force_target(:)
     contains
@@ -157,6 +159,8 @@ contains
         end do
         self%link_start = base%link_start
         self%link_offset = base%link_offset
+        self%link_sign = base%link(6, :size(base%link_node))
+        self%joints_of_body = base%joints_of_body
         self%link_node = 0*base%link_node
         self%link_target = self%link_node
         if (allocated(self%is_row_later)) deallocate (self%is_row_later)

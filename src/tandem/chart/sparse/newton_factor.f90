@@ -3,6 +3,7 @@
 !> complex matrix of that kind has the same pattern, without M and C.
 module tandem_chart_sparse_newton_factor
     use tandem_chart_sparse_analysis, only: most_coordinates, most_rows
+    use tandem_chart_sparse_meetings, only: n_of_place
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
     use tandem_chart_sparse_newton_kernels, only: invert_pivoted, multiply, multiply_block, subtract, subtract_product
     use tandem_kinds, only: wp
@@ -132,7 +133,11 @@ contains
                         ! C and its transpose.
                         along = a%link_target(link) + (column - 1)*rows + row
                         across = a%link_target(link) + (row - 1)*height + column
-                        value = terms%c(from + (column - 1)*rows + row)
+                        if (column > n_of_place(a%joints_of_body(body))) then
+                            value = terms%c(from + (column - 1)*rows + row)
+                        else
+                            value = merge(real(a%link_sign(link), wp), 0.0_wp, row == column)
+                        end if
                         self%lower(merge(along, across, a%is_row_later(link))) = value
                         self%upper(merge(across, along, a%is_row_later(link))) = value
                     end do

@@ -10,6 +10,7 @@ module tandem_chart_sparse_newton_matrix
     use tandem_chart_sparse_analysis, only: analysis_type
     use tandem_chart_sparse_blocks, only: read_behind
     use tandem_chart_sparse_factor, only: factor_type
+    use tandem_chart_sparse_meetings, only: n_of_place
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
     use tandem_chart_sparse_newton_factor, only: newton_factor_type, newton_terms_type
     use tandem_chart_sparse_newton_pair, only: newton_pair_type
@@ -210,15 +211,17 @@ contains
         type(analysis_type), intent(in) :: base
         type(factor_type), intent(in) :: here
         real(wp) :: change, length
-        integer :: b, k, l, to
+        integer :: b, from, k, l, n_place, to
 
         turned = 0.0_wp
         do b = 1, base%n_bodies
+            n_place = n_of_place(base%joints_of_body(b))
             do l = base%link_start(b), base%link_start(b + 1) - 1
+                from = base%link_offset(l) + base%height(base%link_node(l))*n_place + 1
                 to = base%link_offset(l) + base%height(base%link_node(l))*(base%first(b + 1) - base%first(b))
-                length = 0.0_wp
+                length = real(n_place, wp)
                 change = 0.0_wp
-                do k = base%link_offset(l) + 1, to
+                do k = from, to
                     length = length + self%terms%c(k)**2
                     change = change + (self%terms%c(k) - here%c(k))**2
                 end do

@@ -2,9 +2,11 @@
 !> Solutions with a factor by blocks, and products with C: what a step does most often. Loops are over lists that stand side by side
 !> in memory.
 submodule(tandem_chart_sparse_factor) tandem_chart_sparse_solve
-    use tandem_chart_sparse_blocks, only: add_moved, multiply_inverse, set_owned, subtract_rows, subtract_transposed
+    use tandem_chart_sparse_blocks, only: add_moved, multiply_inverse, set_owned, subtract_rows, subtract_seven_rows, &
+        subtract_transposed, subtract_transposed_sized
     use tandem_chart_sparse_meetings, only: fetch_in_plane, fetch_in_space, leave_in_plane, leave_in_space, &
-        multiply_in_plane, multiply_in_space, of_hinges, of_pins, send_in_plane, send_in_space, send_own_in_space
+        multiply_in_plane, multiply_in_space, n_of_place, of_hinges, of_others, of_pins, send_in_plane, send_in_space, &
+        send_own_in_space
     implicit none (type, external)
 
 contains
@@ -12,9 +14,9 @@ contains
     !> Bodies forward, nodes forward and back, bodies back.
     module procedure solve
         call scatter(a%n_nodes, a%node, a%is_body, g, z)
-        call send_bodies(self, a, has_force, f, g, x, z)
+        call send_bodies(self, a, size(a%link, 2), a%body, a%link, has_force, f, g, x, z)
         call solve_nodes(a%n_nodes, size(a%behind, 2), a%node, a%later_start, a%behind, self%blocks, z)
-        call fetch_bodies(self, a, x, z)
+        call fetch_bodies(self, a, size(a%link, 2), a%body, a%link, self%y, x, z)
     end procedure solve
 
     !> g by nodes, zeros for kept bodies.
@@ -58,59 +60,98 @@ contains
     end subroutine scatter
 
     !> x = W f + R g of each body that goes first, and what that takes from its nodes.
-    pure subroutine send_bodies(self, a, has_force, f, g, x, z)
+    pure subroutine send_bodies(self, a, n_links, body, link, has_force, f, g, x, z)
         class(factor_type), intent(in) :: self
         type(analysis_type), intent(in) :: a
+        integer, intent(in) :: n_links, body(5, a%n_bodies), link(6, n_links)
         logical, intent(in) :: has_force
         real(wp), intent(in) :: f(a%n), g(a%m)
         real(wp), intent(inout) :: x(a%n), z(a%n_unknowns)
-        integer :: b, i, nb
-        real(wp) :: g_own
+        integer :: b
 
         do b = 1, a%n_bodies
-            nb = a%first(b + 1) - a%first(b)
-            g_own = 0.0_wp
-            if (a%norm_row(b) > 0) g_own = g(a%norm_row(b))
-            associate (first => a%first(b))
-                if (a%joints_of_body(b) == of_hinges) then
-                    if (has_force) then
-                        call send_in_space(a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), size(self%w, 1), &
-                            self%w(1, first), f(first), self%r(first), g_own, self%c, x(first), z)
-                    else
-                        call send_own_in_space(a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%r(first), &
-                            g_own, self%sent(1, a%link_start(b)), x(first), z)
-                    end if
-                    cycle
-                else if (a%joints_of_body(b) == of_pins .and. has_force) then
-                    call send_in_plane(a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), size(self%w, 1), &
-                        self%w(1, first), f(first), self%c, x(first), z)
-                    cycle
-                else if (a%joints_of_body(b) == of_pins) then
-                    x(first:first + 2) = 0.0_wp
-                    cycle
-                end if
-                if (a%is_kept(b)) then
-                    associate (place => a%place(a%node_of_body(b)))
-                        do i = 1, nb
-                            if (has_force) z(place + i) = f(first + i - 1)
-                            if (a%norm_row(b) > 0) z(place + i) = z(place + i) + self%added(b)*self%own(first + i - 1)*g_own
-                        end do
-                    end associate
-                    cycle
-                end if
-                call set_owned(nb, self%r(first), g_own, x(first))
-                if (has_force) call add_moved(a%kind(b), nb, a%block_first(first), size(self%w, 1), self%w(1, first), f(first), &
-                    x(first))
-                if (a%link_start(b + 1) == a%link_start(b)) cycle
-                if (has_force) then
-                    call send_links(nb, a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%c, x(first), z)
-                else if (a%norm_row(b) > 0) then
-                    call send_own(a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), &
-                        self%sent(1, a%link_start(b)), g_own, z)
+            if (body(5, b) == of_others) call send_body(self, a, b, has_force, f, g, x, z)
+        end do
+        if (has_force) then
+            call send_moved(a%n_bodies, n_links, size(self%w, 1), body, link, self%w, self%r, self%c, f, g, x, z)
+        else
+            call send_all_own(a%n_bodies, n_links, body, link, self%r, self%sent, g, x, z)
+        end if
+    end subroutine send_bodies
+
+    !> The same of those that hinges or pins alone hold.
+    pure subroutine send_moved(n_bodies, n_links, ldw, body, link, w, r, c, f, g, x, z)
+        integer, intent(in) :: n_bodies, n_links, ldw, body(5, n_bodies), link(6, n_links)
+        real(wp), intent(in) :: w(ldw, *), r(*), c(*), f(*), g(*)
+        real(wp), intent(inout) :: x(*), z(*)
+        integer :: b
+
+        do b = 1, n_bodies
+            associate (first => body(1, b), from => body(2, b), count => body(3, b))
+                if (body(5, b) == of_hinges) then
+                    call send_in_space(count, link(1, from), ldw, w(1, first), f(first), r(first), g(body(4, b)), c, x(first), z)
+                else if (body(5, b) == of_pins) then
+                    call send_in_plane(count, link(1, from), ldw, w(1, first), f(first), c, x(first), z)
                 end if
             end associate
         end do
-    end subroutine send_bodies
+    end subroutine send_moved
+
+    !> What owned rows alone move of these.
+    pure subroutine send_all_own(n_bodies, n_links, body, link, r, sent, g, x, z)
+        integer, intent(in) :: n_bodies, n_links, body(5, n_bodies), link(6, n_links)
+        real(wp), intent(in) :: r(*), sent(most_rows, *), g(*)
+        real(wp), intent(inout) :: x(*), z(*)
+        integer :: b, i
+
+        do b = 1, n_bodies
+            associate (first => body(1, b), from => body(2, b))
+                if (body(5, b) == of_hinges) then
+                    call send_own_in_space(body(3, b), link(1, from), r(first), g(body(4, b)), sent(1, from), x(first), z)
+                else if (body(5, b) == of_pins) then
+                    do i = first, first + 2
+                        x(i) = 0.0_wp
+                    end do
+                end if
+            end associate
+        end do
+    end subroutine send_all_own
+
+    !> The same of one body that other rows hold too, or none.
+    pure subroutine send_body(self, a, b, has_force, f, g, x, z)
+        class(factor_type), intent(in) :: self
+        type(analysis_type), intent(in) :: a
+        integer, intent(in) :: b
+        logical, intent(in) :: has_force
+        real(wp), intent(in) :: f(a%n), g(a%m)
+        real(wp), intent(inout) :: x(a%n), z(a%n_unknowns)
+        integer :: i
+        real(wp) :: g_own
+
+        g_own = 0.0_wp
+        if (a%norm_row(b) > 0) g_own = g(a%norm_row(b))
+        associate (first => a%first(b), nb => a%first(b + 1) - a%first(b), from => a%link_start(b), &
+            n_links => a%link_start(b + 1) - a%link_start(b))
+            if (a%is_kept(b)) then
+                associate (place => a%place(a%node_of_body(b)))
+                    do i = 1, nb
+                        if (has_force) z(place + i) = f(first + i - 1)
+                        if (a%norm_row(b) > 0) z(place + i) = z(place + i) + self%added(b)*self%own(first + i - 1)*g_own
+                    end do
+                end associate
+                return
+            end if
+            call set_owned(nb, self%r(first), g_own, x(first))
+            if (has_force) call add_moved(a%kind(b), nb, a%block_first(first), size(self%w, 1), self%w(1, first), f(first), &
+                x(first))
+            if (n_links == 0) return
+            if (has_force) then
+                call send_links(nb, n_links, a%link(1, from), self%c, x(first), z)
+            else if (a%norm_row(b) > 0) then
+                call send_own(n_links, a%link(1, from), self%sent(1, from), g_own, z)
+            end if
+        end associate
+    end subroutine send_body
 
     !> z := z - C x for the links of a body.
     pure subroutine send_links(nb, n_links, link, c, x, z)
@@ -150,34 +191,46 @@ contains
     end subroutine send_own
 
     !> x := x - W C' z of each body that goes first; kept ones take theirs from z.
-    pure subroutine fetch_bodies(self, a, x, z)
+    pure subroutine fetch_bodies(self, a, n_links, body, link, y, x, z)
         class(factor_type), intent(in) :: self
         type(analysis_type), intent(in) :: a
+        integer, intent(in) :: n_links, body(5, a%n_bodies), link(6, n_links)
+        real(wp), intent(in) :: y(*), z(*)
         real(wp), intent(inout) :: x(a%n)
-        real(wp), intent(in) :: z(a%n_unknowns)
-        integer :: b, i, nb
+        integer :: b
 
         do b = 1, a%n_bodies
-            nb = a%first(b + 1) - a%first(b)
-            associate (first => a%first(b))
-                if (a%joints_of_body(b) == of_hinges) then
-                    call fetch_in_space(a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%y, z, x(first))
-                    cycle
-                else if (a%joints_of_body(b) == of_pins) then
-                    call fetch_in_plane(a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%y, z, x(first))
-                    cycle
+            associate (first => body(1, b), from => body(2, b), count => body(3, b))
+                if (body(5, b) == of_hinges) then
+                    call fetch_in_space(count, link(1, from), y, z, x(first))
+                else if (body(5, b) == of_pins) then
+                    call fetch_in_plane(count, link(1, from), y, z, x(first))
+                else
+                    call fetch_body(self, a, b, x, z)
                 end if
-                if (a%is_kept(b)) then
-                    do i = 1, nb
-                        x(first + i - 1) = z(a%place(a%node_of_body(b)) + i)
-                    end do
-                    cycle
-                end if
-                if (a%link_start(b + 1) == a%link_start(b)) cycle
-                call fetch_links(nb, a%link_start(b + 1) - a%link_start(b), a%link(1, a%link_start(b)), self%y, z, x(first))
             end associate
         end do
     end subroutine fetch_bodies
+
+    !> The same of one body that other rows hold too, or none.
+    pure subroutine fetch_body(self, a, b, x, z)
+        class(factor_type), intent(in) :: self
+        type(analysis_type), intent(in) :: a
+        integer, intent(in) :: b
+        real(wp), intent(inout) :: x(a%n)
+        real(wp), intent(in) :: z(a%n_unknowns)
+        integer :: i
+
+        associate (first => a%first(b), nb => a%first(b + 1) - a%first(b), from => a%link_start(b))
+            if (a%is_kept(b)) then
+                do i = 1, nb
+                    x(first + i - 1) = z(a%place(a%node_of_body(b)) + i)
+                end do
+            else if (a%link_start(b + 1) > from) then
+                call fetch_links(nb, a%link_start(b + 1) - from, a%link(1, from), self%y, z, x(first))
+            end if
+        end associate
+    end subroutine fetch_body
 
     !> x := x - y z for the links of a body.
     pure subroutine fetch_links(nb, n_links, link, y, z, x)
@@ -223,9 +276,11 @@ contains
         do k = 1, n_later
             if (s == 5 .and. behind(2, k) == 5) then
                 call subtract_five(blocks(behind(3, k) + 1), z(place + 1), z(behind(1, k) + 1))
-                cycle
+            else if (s == 5 .and. behind(2, k) == 7) then
+                call subtract_seven_rows(5, blocks(behind(3, k) + 1), z(place + 1), z(behind(1, k) + 1))
+            else
+                call subtract_rows(behind(2, k), s, blocks(behind(3, k) + 1), z(place + 1), z(behind(1, k) + 1))
             end if
-            call subtract_rows(behind(2, k), s, blocks(behind(3, k) + 1), z(place + 1), z(behind(1, k) + 1))
         end do
     end subroutine eliminate_node
 
@@ -259,7 +314,13 @@ contains
 
         call multiply_inverse(s, blocks(diagonal + 1), z(place + 1))
         do k = 1, n_later
-            call subtract_transposed(behind(2, k), s, blocks(behind(3, k) + 1), z(behind(1, k) + 1), z(place + 1))
+            if (s == 5 .and. behind(2, k) == 5) then
+                call subtract_transposed_sized(5, 5, blocks(behind(3, k) + 1), z(behind(1, k) + 1), z(place + 1))
+            else if (s == 5 .and. behind(2, k) == 7) then
+                call subtract_transposed_sized(7, 5, blocks(behind(3, k) + 1), z(behind(1, k) + 1), z(place + 1))
+            else
+                call subtract_transposed(behind(2, k), s, blocks(behind(3, k) + 1), z(behind(1, k) + 1), z(place + 1))
+            end if
         end do
     end subroutine find_node
 
@@ -269,9 +330,10 @@ contains
         real(wp) :: total
 
         call multiply_nodes(a%n_nodes, size(a%node_link, 2), a%node, a%is_body, &
-            self%is_difference, a%joint_of_node, a%node_start, a%node_link, self%c, x, g)
+            merge(0.0_wp, 1.0_wp, self%is_difference), a%joint_of_node, a%node_start, a%node_link, self%c, x, g)
+        call multiply_owned(a%n_bodies, a%body, self%own, x, g)
         do b = 1, a%n_bodies
-            if (a%own_row(b) == 0) cycle
+            if (a%joints_of_body(b) == of_hinges .or. a%own_row(b) == 0) cycle
             total = g(a%own_row(b))
             do j = a%first(b), a%first(b + 1) - 1
                 total = total - self%own(j)*x(j)
@@ -280,22 +342,41 @@ contains
         end do
     end procedure multiply
 
+    !> The rows of bodies that hinges alone hold: the norms of their Euler parameters.
+    pure subroutine multiply_owned(n_bodies, body, own, x, g)
+        integer, intent(in) :: n_bodies, body(5, n_bodies)
+        real(wp), intent(in) :: own(*), x(*)
+        real(wp), intent(inout) :: g(*)
+        integer :: b
+
+        do b = 1, n_bodies
+            if (body(5, b) /= of_hinges) cycle
+            associate (k => body(1, b) + 2, row => body(4, b))
+                g(row) = g(row) - ((own(k + 1)*x(k + 1) + own(k + 2)*x(k + 2)) + (own(k + 3)*x(k + 3) + own(k + 4)*x(k + 4)))
+            end associate
+        end do
+    end subroutine multiply_owned
+
     !> The rows of nodes.
-    pure subroutine multiply_nodes(n_nodes, n_links, node, is_body, is_difference, joint, node_start, node_link, c, x, g)
+    pure subroutine multiply_nodes(n_nodes, n_links, node, is_body, of_place, joint, node_start, node_link, c, x, g)
         integer, intent(in) :: n_nodes, n_links, node(4, n_nodes), joint(n_nodes), node_start(n_nodes + 1), &
             node_link(4, n_links)
-        logical, intent(in) :: is_body(n_nodes), is_difference
+        logical, intent(in) :: is_body(n_nodes)
+        !> See `multiply_in_space`.
+        real(wp), intent(in), value :: of_place
         real(wp), intent(in) :: c(*), x(*)
         real(wp), intent(inout) :: g(*)
         integer :: l, n
 
         do n = 1, n_nodes
             if (is_body(n)) cycle
-            if (joint(n) == of_hinges .and. .not. is_difference) then
-                call multiply_in_space(node_start(n + 1) - node_start(n), node_link(1, node_start(n)), c, x, g(node(4, n)))
+            if (joint(n) == of_hinges) then
+                call multiply_in_space(node_start(n + 1) - node_start(n), node_link(1, node_start(n)), of_place, c, x, &
+                    g(node(4, n)))
                 cycle
-            else if (joint(n) == of_pins .and. .not. is_difference) then
-                call multiply_in_plane(node_start(n + 1) - node_start(n), node_link(1, node_start(n)), c, x, g(node(4, n)))
+            else if (joint(n) == of_pins) then
+                call multiply_in_plane(node_start(n + 1) - node_start(n), node_link(1, node_start(n)), of_place, c, x, &
+                    g(node(4, n)))
                 cycle
             end if
             do l = node_start(n), node_start(n + 1) - 1
@@ -309,14 +390,20 @@ contains
 
     !> Body by body.
     module procedure add_reactions
-        integer :: b, j, l
+        integer :: b, i, j, l, n_place
+        real(wp) :: sign
 
         do b = 1, a%n_bodies
+            n_place = n_of_place(a%joints_of_body(b))
             associate (from => a%first(b), to => a%first(b + 1) - 1)
                 do l = a%link_start(b), a%link_start(b + 1) - 1
                     associate (s => a%link(2, l), origin => a%link(4, l))
-                        call subtract_transposed(s, to - from + 1, self%c(a%link(3, l) + 1), lambda(origin:origin + s - 1), &
-                            f(from:to))
+                        sign = merge(0.0_wp, real(a%link(6, l), wp), self%is_difference)
+                        do i = 1, n_place
+                            f(from + i - 1) = f(from + i - 1) - sign*lambda(origin + i - 1)
+                        end do
+                        call subtract_transposed(s, to - from + 1 - n_place, self%c(a%link(3, l) + s*n_place + 1), &
+                            lambda(origin:origin + s - 1), f(from + n_place:to))
                     end associate
                 end do
                 if (a%own_row(b) == 0) cycle
@@ -344,7 +431,9 @@ contains
             associate (first => a%first(b), last => a%first(b + 1) - 1, from => a%link_start(b), &
                 n_links => a%link_start(b + 1) - a%link_start(b))
                 if (a%joints_of_body(b) == of_hinges) then
-                    call leave_in_space(n_links, a%link(1, from), a%n, mass(first, 1), f(first), x(first), self%c, z, left(first))
+                    call leave_in_space(n_links, a%link(1, from), a%n, mass(first, 1), f(first), x(first), self%c, &
+                        self%own(first), z, left(first))
+                    cycle
                 else if (a%joints_of_body(b) == of_pins) then
                     call leave_in_plane(n_links, a%link(1, from), mass(first, 1), f(first), x(first), self%c, z, left(first))
                 else

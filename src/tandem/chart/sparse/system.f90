@@ -91,12 +91,10 @@ contains
         self%spare = factor_type()
         self%is_held = .false.
         self%is_put_aside = .false.
-        self%q_point = spread(0.0_wp, 1, model%n)
-        self%qd_point = self%q_point
-        self%x = self%q_point
-        self%z = spread(0.0_wp, 1, self%analysis%n_unknowns)
-        self%g = spread(0.0_wp, 1, self%m)
-        self%scales = spread(self%g, 2, 2)
+        ! Without temporaries, which would leave holes in the memory.
+        if (allocated(self%q_point)) deallocate (self%q_point, self%qd_point, self%x, self%z, self%g, self%scales)
+        allocate (self%q_point(model%n), self%qd_point(model%n), self%x(model%n), self%z(self%analysis%n_unknowns), &
+            self%g(self%m), self%scales(self%m, 2), source=0.0_wp)
         self%has_inverses = .false.
         self%base = 1
         self%here = 1
