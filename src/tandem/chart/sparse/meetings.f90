@@ -11,7 +11,7 @@ module tandem_chart_sparse_meetings
 
     public :: of_hinges, of_pins, of_others, n_in_space, n_in_plane, n_of_place
     public :: send_in_space, send_own_in_space, send_in_plane, fetch_in_space, fetch_in_plane, multiply_in_space, multiply_in_plane
-    public :: add_in_space, add_in_plane, leave_in_space, leave_in_plane
+    public :: add_in_space, add_in_plane, leave_in_space, leave_in_plane, react_in_space
 
     !> What a body, or a node, has to do with: hinges alone, pins alone, or others.
     integer, parameter :: of_others = 0, of_hinges = 1, of_pins = 2
@@ -240,6 +240,29 @@ contains
             end associate
         end do
     end subroutine multiply_in_plane
+
+    !> f := f - C' lambda of a body, but for its own row.
+    pure subroutine react_in_space(n_links, link, of_place, c, lambda, f)
+        integer, intent(in), value :: n_links
+        integer, intent(in) :: link(n_link, n_links)
+        !> See `multiply_in_space`; the multipliers by rows.
+        real(wp), intent(in), value :: of_place
+        real(wp), intent(in) :: c(*), lambda(*)
+        real(wp), intent(inout) :: f(7)
+        integer :: i, l
+
+        do l = 1, n_links
+            associate (k => link(3, l) + 10, n => link(4, l) - 1, sign => of_place*real(link(6, l), wp))
+                do i = 1, 3
+                    f(i) = f(i) - sign*lambda(n + i)
+                end do
+                do i = 1, 4
+                    f(3 + i) = f(3 + i) - (((c(k + 5*i + 1)*lambda(n + 1) + c(k + 5*i + 2)*lambda(n + 2)) + &
+                        (c(k + 5*i + 3)*lambda(n + 3) + c(k + 5*i + 4)*lambda(n + 4))) + c(k + 5*i + 5)*lambda(n + 5))
+                end do
+            end associate
+        end do
+    end subroutine react_in_space
 
     !> f - M x - C' lambda of a body; what its own row can hold of it that does.
     pure subroutine leave_in_space(n_links, link, ldm, mass, f, x, c, own, z, left)

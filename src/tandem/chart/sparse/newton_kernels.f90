@@ -69,7 +69,14 @@ contains
         real(wp), intent(in) :: a(s*s), x(s)
         real(wp), intent(out) :: y(s)
 
-        call multiply_block(s, 1, s, a, x, y)
+        select case (s)
+        case (8)
+            call multiply_eight(a, x, y)
+        case (5)
+            call multiply_five(a, x, y)
+        case default
+            call multiply_block(s, 1, s, a, x, y)
+        end select
     end subroutine multiply
 
     !> y := y - a x for a (p, s).
@@ -80,9 +87,9 @@ contains
 
         select case (16*p + s)
         case (16*8 + 8)
-            call subtract_eight(8, a, x, y)
+            call subtract_eight_by_eight(a, x, y)
         case (16*8 + 5)
-            call subtract_eight(5, a, x, y)
+            call subtract_eight_by_five(a, x, y)
         case (16*5 + 8)
             call subtract_five(8, a, x, y)
         case (16*5 + 5)
@@ -100,33 +107,55 @@ contains
         end select
     end subroutine subtract
 
-    !> Eight rows, odd and even columns by themselves: neither sum waits for the other.
-    pure subroutine subtract_eight(s, a, x, y)
-        integer, intent(in), value :: s
-        real(wp), intent(in) :: a(8, s), x(s)
+    !> y := y - a x for eight rows. Loops over rows are kept as such, so that their turns fill registers, and sums are parted, so
+    !> that what is added last does not wait for all others.
+    pure subroutine subtract_eight_by_eight(a, x, y)
+        real(wp), intent(in) :: a(8, 8), x(8)
         real(wp), intent(inout) :: y(8)
-        real(wp) :: even(8), odd(8)
-        integer :: i, k
+        integer :: i
 
+        !GCC$ UNROLL 1
         do i = 1, 8
-            odd(i) = y(i) - a(i, 1)*x(1)
-            even(i) = a(i, 2)*x(2)
+            y(i) = y(i) - (((a(i, 1)*x(1) + a(i, 2)*x(2)) + (a(i, 3)*x(3) + a(i, 4)*x(4))) + &
+                ((a(i, 5)*x(5) + a(i, 6)*x(6)) + (a(i, 7)*x(7) + a(i, 8)*x(8))))
         end do
-        do k = 3, s - 1, 2
-            do i = 1, 8
-                odd(i) = odd(i) - a(i, k)*x(k)
-                even(i) = even(i) + a(i, k + 1)*x(k + 1)
-            end do
-        end do
-        if (modulo(s, 2) == 1) then
-            do i = 1, 8
-                odd(i) = odd(i) - a(i, s)*x(s)
-            end do
-        end if
+    end subroutine subtract_eight_by_eight
+
+    pure subroutine subtract_eight_by_five(a, x, y)
+        real(wp), intent(in) :: a(8, 5), x(5)
+        real(wp), intent(inout) :: y(8)
+        integer :: i
+
+        !GCC$ UNROLL 1
         do i = 1, 8
-            y(i) = odd(i) - even(i)
+            y(i) = y(i) - (((a(i, 1)*x(1) + a(i, 2)*x(2)) + (a(i, 3)*x(3) + a(i, 4)*x(4))) + a(i, 5)*x(5))
         end do
-    end subroutine subtract_eight
+    end subroutine subtract_eight_by_five
+
+    !> y := a x, likewise.
+    pure subroutine multiply_eight(a, x, y)
+        real(wp), intent(in) :: a(8, 8), x(8)
+        real(wp), intent(out) :: y(8)
+        integer :: i
+
+        !GCC$ UNROLL 1
+        do i = 1, 8
+            y(i) = ((a(i, 1)*x(1) + a(i, 2)*x(2)) + (a(i, 3)*x(3) + a(i, 4)*x(4))) + &
+                ((a(i, 5)*x(5) + a(i, 6)*x(6)) + (a(i, 7)*x(7) + a(i, 8)*x(8)))
+        end do
+    end subroutine multiply_eight
+
+    pure subroutine multiply_five(a, x, y)
+        real(wp), intent(in) :: a(5, 5), x(5)
+        real(wp), intent(out) :: y(5)
+        integer :: i
+
+        !GCC$ UNROLL 1
+        do i = 1, 4
+            y(i) = ((a(i, 1)*x(1) + a(i, 2)*x(2)) + (a(i, 3)*x(3) + a(i, 4)*x(4))) + a(i, 5)*x(5)
+        end do
+        y(5) = ((a(5, 1)*x(1) + a(5, 2)*x(2)) + (a(5, 3)*x(3) + a(5, 4)*x(4))) + a(5, 5)*x(5)
+    end subroutine multiply_five
 
     !> Five rows, four of them as one register.
     pure subroutine subtract_five(s, a, x, y)

@@ -5,8 +5,8 @@ submodule(tandem_chart_sparse_factor) tandem_chart_sparse_solve
     use tandem_chart_sparse_blocks, only: add_moved, multiply_inverse, set_owned, subtract_rows, subtract_seven_rows, &
         subtract_transposed, subtract_transposed_sized
     use tandem_chart_sparse_meetings, only: fetch_in_plane, fetch_in_space, leave_in_plane, leave_in_space, &
-        multiply_in_plane, multiply_in_space, n_of_place, of_hinges, of_others, of_pins, send_in_plane, send_in_space, &
-        send_own_in_space
+        multiply_in_plane, multiply_in_space, n_of_place, of_hinges, of_others, of_pins, react_in_space, send_in_plane, &
+        send_in_space, send_own_in_space
     implicit none (type, external)
 
 contains
@@ -394,6 +394,14 @@ contains
         real(wp) :: sign
 
         do b = 1, a%n_bodies
+            if (a%joints_of_body(b) == of_hinges) then
+                call react_in_space(a%body(3, b), a%link(1, a%body(2, b)), merge(0.0_wp, 1.0_wp, self%is_difference), self%c, &
+                    lambda, f(a%first(b):a%first(b) + 6))
+                do j = a%first(b) + 3, a%first(b) + 6
+                    f(j) = f(j) - self%own(j)*lambda(a%own_row(b))
+                end do
+                cycle
+            end if
             n_place = n_of_place(a%joints_of_body(b))
             associate (from => a%first(b), to => a%first(b + 1) - 1)
                 do l = a%link_start(b), a%link_start(b + 1) - 1
