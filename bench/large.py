@@ -4,10 +4,12 @@
 
 Usage: bench/large.py [--repeats N] [--seconds S] [SCENE [N...]]
 
-SCENE is planar_chain, spatial_chain or star, as test/src/subjects/large_mechanisms.f90 draws them, N even; all without. Installs exudyn, mujoco, pin, numpy
-and h5py from PyPI into build/large. The program is build/tandem, or what TANDEM names: it takes rk4 with every stage on the manifold.
+SCENE is planar_chain, spatial_chain, star, four_bars or net, as test/src/subjects/large_mechanisms.f90 draws them, N even for chains; all
+without. Installs exudyn, mujoco, pin, numpy and h5py from PyPI into build/large. The program is build/tandem, or what TANDEM names: it
+takes rk4 with every stage on the manifold.
 Exudyn integrates the same bodies and joints by generalised alpha, index 3, with a sparse matrix that serves several steps; MuJoCo in
-joint coordinates by RK4; Pinocchio evaluates its articulated-body algorithm four times, without an integrator. These two need trees.
+joint coordinates by RK4; Pinocchio evaluates its articulated-body algorithm four times, without an integrator. These two need trees,
+which four-bars and the net are not.
 The time is that of a run to 0.3 s less that of one to 0.1 s, the best of the repeats, all solvers in turn, on one core. The error is that
 of the centre of the last body at 0.3 s, beside dop853 at 1e-11. A solver that would take longer than S seconds (60) is left out.
 """
@@ -26,7 +28,8 @@ TANDEM = os.environ.get("TANDEM", str(ROOT / "build" / "tandem"))
 PLACE = ROOT / "build" / "large"
 ENVIRONMENT = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 GRAVITY, STEP, ENDS = 9.81, 1e-3, (0.1, 0.3)
-SCENES = ("planar_chain", "spatial_chain", "star")
+SCENES = ("planar_chain", "spatial_chain", "star", "four_bars", "net")
+LOOPS = ("four_bars", "net")
 NUMBERS = (10, 100, 1000)
 MOST_LINKS = 300
 
@@ -58,9 +61,33 @@ def bodies_of(scene, n):
     return [(i - 1, 1.0, (i + 0.5, 0, 0), 0.0, moments, (i, 0, 0), axes[(i + 1) % 2], 0.0) for i in range(n)]
 
 
+def loops_of(scene, n):
+    """The drawing of what has loops: (name, mass, moments of inertia, centre, velocity, spin) of each body, (kind, bodies, point) of each
+    joint; -1 is the ground, and a distance is that of two centres."""
+    if scene == "four_bars":
+        bars = max(n//2, 1)
+        moments = (1/12, 1/12, 1/12)
+        bodies = [(f"u{i}", 1.0, moments, (i, 0.5, 0), (0.5, 0, 0), -1.0) for i in range(bars + 1)]
+        bodies += [(f"c{i}", 1.0, moments, (i - 0.5, 1, 0), (1, 0, 0), 0.0) for i in range(1, bars + 1)]
+        joints = [("revolute", (-1, i), (i, 0, 0)) for i in range(bars + 1)]
+        for i in range(1, bars + 1):
+            joints += [("revolute", (i - 1, bars + i), (i - 1, 1, 0)), ("revolute", (bars + i, i), (i, 1, 0))]
+        return bodies, joints
+    k, length, mass = round(math.sqrt(n)), 0.1, 0.1
+    moments = tuple(x*mass*length**2/12 for x in (1, 1, 2))
+    bodies = [(f"b{j + 1}_{i + 1}", mass, moments, ((i + 1)*length, (j + 1)*length, 0), (0, 0, 0), 0.0) for j in range(k) for i in range(k)]
+    joints = [("spherical", (i + k*(j - 1) if j else -1, i + k*j), ((i + 1)*length, (j + 0.5)*length, 0)) for j in range(k) for i in range(k)]
+    joints += [("distance", (i - 1 + k*j, i + k*j), None) for j in range(k) for i in range(1, k, 4)]
+    return bodies, joints
+
+
+def is_planar(scene):
+    return scene in ("planar_chain", "four_bars")
+
+
 def weight_of(scene):
-    """Acceleration due to gravity: chains in the plane fall along y."""
-    return (0.0, -GRAVITY, 0.0) if scene == "planar_chain" else (0.0, 0.0, -GRAVITY)
+    """Acceleration due to gravity: what moves in the plane falls along y."""
+    return (0.0, -GRAVITY, 0.0) if is_planar(scene) else (0.0, 0.0, -GRAVITY)
 
 
 # --- tandem -----------------------------------------------------------------------------------------------------------
@@ -68,10 +95,12 @@ def weight_of(scene):
 
 def text_of(scene, n):
     """The mechanism as a scene, in which what is alike is repeated."""
-    planar = scene == "planar_chain"
+    planar = is_planar(scene)
     cut = slice(0, 2 if planar else 3)
     lines = ["[scene]", 'model = "mechanism"', f"planar = {str(planar).lower()}", "[gravity]", f"vector = {list(weight_of(scene)[cut])}",
-             "[time]", "end = 1.0", "[parameters]", f"n = {n}"]
+             "[time]", "end = 1.0", "[parameters]"]
+    if scene not in LOOPS:
+        lines.append(f"n = {n}")
 
     def add(name, parent, body, centre, point, axis, heading="", more=()):
         moments = body[4]
@@ -79,6 +108,8 @@ def text_of(scene, n):
                       f"position = {list(centre)[cut]}", *more, f'[{heading}joint."j{name}"]', 'type = "revolute"',
                       f'bodies = ["{parent}", "{name}"]', f"at = {list(point)[cut]}", *(() if planar else [f"axis = {list(axis)}"])])
 
+    if scene in LOOPS:
+        return "\n".join([*lines, *loops_in_text(scene, n)]).replace("'", '"') + "\n"
     drawn = bodies_of(scene, min(n, 3))
     if scene == "star":
         add("hub", "ground", drawn[0], drawn[0][2], drawn[0][5], drawn[0][6], more=["omega = [0, 0, 1]"])
@@ -97,6 +128,27 @@ def text_of(scene, n):
     return "\n".join(lines).replace("'", '"') + "\n"
 
 
+def loops_in_text(scene, n):
+    """The bodies and joints of `loops_of`."""
+    _, mass, moments, *_ = loops_of(scene, n)[0][0]
+    if scene == "four_bars":
+        body = [f"mass = {mass!r}", f"inertia = {moments[2]}"]
+        return [f"n = {max(n//2, 1)}", "[repeat.up]", 'count = "n + 1"', "first = 0", "[repeat.up.body.'u{i}']", *body, "position = ['i', 0.5]",
+                "velocity = [0.5, 0]", "omega = -1", "[repeat.up.joint.'f{i}']", "type = 'revolute'", "bodies = ['ground', 'u{i}']",
+                "at = ['i', 0]", "[repeat.bay]", "count = 'n'", "[repeat.bay.body.'c{i}']", *body, "position = ['i - 0.5', 1]",
+                "velocity = [1, 0]", "[repeat.bay.joint.'l{i}']", "type = 'revolute'", "bodies = ['u{i - 1}', 'c{i}']",
+                "at = ['i - 1', 1]", "[repeat.bay.joint.'r{i}']", "type = 'revolute'", "bodies = ['c{i}', 'u{i}']", "at = ['i', 1]"]
+    k = round(math.sqrt(n))
+    return [f"k = {k}", "[repeat.row]", "count = 'k'", "[repeat.row.repeat.column]", "count = 'k'", "index = 'j'",
+            "[repeat.row.repeat.column.body.'b{i}_{j}']", f"mass = {mass!r}", f"inertia = {list(moments)}", "position = ['0.1*j', '0.1*i', 0]",
+            "[repeat.edge]", "count = 'k'", "[repeat.edge.joint.'g{i}']", "type = 'spherical'", "bodies = ['ground', 'b1_{i}']",
+            "at = ['0.1*i', 0.05, 0]", "[repeat.up]", "count = 'k - 1'", "first = 2", "[repeat.up.repeat.column]", "count = 'k'", "index = 'j'",
+            "[repeat.up.repeat.column.joint.'y{i}_{j}']", "type = 'spherical'", "bodies = ['b{i - 1}_{j}', 'b{i}_{j}']",
+            "at = ['0.1*j', '0.1*(i - 0.5)', 0]", "[repeat.across]", "count = 'k'", "[repeat.across.repeat.pair]", f"count = {(k + 2)//4}",
+            "index = 'j'", "[repeat.across.repeat.pair.constraint.'x{i}_{j}']", "type = 'distance'",
+            "between = ['b{i}_{4*j - 3}', 'b{i}_{4*j - 2}']"]
+
+
 def run_tandem(scene, n, folder, end, *settings):
     """Processor time of the integration, and where the last centre is."""
     import h5py
@@ -110,12 +162,12 @@ def run_tandem(scene, n, folder, end, *settings):
                           env=ENVIRONMENT, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(done.stderr.strip())
-    last = f"a{n - 1}" if scene == "star" else f"c{n//2}"
+    last = loops_of(scene, n)[0][-1][0] if scene in LOOPS else f"a{n - 1}" if scene == "star" else f"c{n//2}"
     with h5py.File(target) as file:
         q = file["trajectory/q"]
         names = [name.decode().strip() if isinstance(name, bytes) else name.strip() for name in q.attrs["names"]]
         at = names.index(f"{last}.x")
-        return float(file["report"].attrs["cpu_seconds"]), list(q[-1, at:at + (2 if scene == "planar_chain" else 3)])
+        return float(file["report"].attrs["cpu_seconds"]), list(q[-1, at:at + (2 if is_planar(scene) else 3)])
 
 
 # --- the others: each returns a function that runs to a time and gives processor time and the last centre ---------------------
@@ -128,19 +180,51 @@ def exudyn(scene, n):
     from exudyn.itemInterface import (Force, MarkerBodyPosition, NodeRigidBody2D, ObjectGround, ObjectRigidBody2D, RevoluteJoint2D)
     from exudyn.utilities import RigidBodyInertia
 
+    def add_planar(mbs, mass, moment, centre, velocity=(0, 0, 0), spin=0.0):
+        node = mbs.AddNode(NodeRigidBody2D(referenceCoordinates=[*centre[:2], 0], initialVelocities=[*velocity[:2], spin]))
+        body = mbs.AddObject(ObjectRigidBody2D(mass=mass, inertia=moment, nodeNumber=node))
+        mbs.AddLoad(Force(markerNumber=mbs.AddMarker(MarkerBodyPosition(bodyNumber=body)), loadVector=[0, -GRAVITY*mass, 0]))
+        return node, body
+
+    def add_pin(mbs, bodies, places):
+        markers = [mbs.AddMarker(MarkerBodyPosition(bodyNumber=which, localPosition=list(place))) for which, place in zip(bodies, places)]
+        mbs.AddObject(RevoluteJoint2D(markerNumbers=markers))
+
+    def build_loops():
+        mbs = exu.SystemContainer().AddSystem()
+        ground, numbers = mbs.AddObject(ObjectGround()), []
+        bodies, joints = loops_of(scene, n)
+        for _, mass, moments, centre, velocity, spin in bodies:
+            if is_planar(scene):
+                node, body = add_planar(mbs, mass, moments[2], centre, velocity, spin)
+            else:
+                made = mbs.CreateRigidBody(inertia=RigidBodyInertia(mass=mass, inertiaTensor=np.diag(moments)), referencePosition=list(centre),
+                                           gravity=[0, 0, -GRAVITY], returnDict=True)
+                node, body = made["nodeNumber"], made["bodyNumber"]
+            numbers.append(body)
+        for kind, pair, point in joints:
+            which = [numbers[i] if i >= 0 else ground for i in pair]
+            if kind == "distance":
+                mbs.CreateDistanceConstraint(itemNumbers=which, localPosition0=[0, 0, 0], localPosition1=[0, 0, 0], distance=None, show=False)
+                continue
+            places = [np.subtract(point, bodies[i][3] if i >= 0 else (0, 0, 0)).tolist() for i in pair]
+            if is_planar(scene):
+                add_pin(mbs, which, places)
+            else:
+                mbs.CreateSphericalJoint(itemNumbers=which, position=list(point), show=False)
+        mbs.Assemble()
+        return mbs, node
+
     def build():
+        if scene in LOOPS:
+            return build_loops()
         mbs = exu.SystemContainer().AddSystem()
         ground, numbers = mbs.AddObject(ObjectGround()), []
         for parent, mass, centre, angle, moments, point, axis, _ in bodies_of(scene, n):
             other = ground if parent < 0 else numbers[parent]
             if scene == "planar_chain":
-                node = mbs.AddNode(NodeRigidBody2D(referenceCoordinates=[*centre[:2], 0]))
-                body = mbs.AddObject(ObjectRigidBody2D(mass=mass, inertia=moments[2], nodeNumber=node))
-                mbs.AddLoad(Force(markerNumber=mbs.AddMarker(MarkerBodyPosition(bodyNumber=body)), loadVector=[0, -GRAVITY*mass, 0]))
-                places = [[0.5, 0, 0] if parent >= 0 else list(point), [-0.5, 0, 0]]
-                markers = [mbs.AddMarker(MarkerBodyPosition(bodyNumber=which, localPosition=place))
-                           for which, place in zip((other, body), places)]
-                mbs.AddObject(RevoluteJoint2D(markerNumbers=markers))
+                node, body = add_planar(mbs, mass, moments[2], centre)
+                add_pin(mbs, (other, body), [[0.5, 0, 0] if parent >= 0 else list(point), [-0.5, 0, 0]])
             else:
                 c, s = math.cos(angle), math.sin(angle)
                 spin = 1.0 if scene == "star" else 0.0
@@ -240,13 +324,14 @@ def pinocchio(scene, n):
 
 def compare(scene, n, repeats, seconds):
     """A line of the table."""
+    bodies = len(loops_of(scene, n)[0]) if scene in LOOPS else n
     with tempfile.TemporaryDirectory() as folder:
         settings = ('solver.stepper="rk4"', f"solver.step={STEP}")
         _, exact = run_tandem(scene, n, folder, ENDS[1], 'solver.stepper="dop853"', "solver.rtol=1e-11", "solver.atol=1e-11")
         solvers = {"tandem": lambda end: run_tandem(scene, n, folder, end, *settings)}
         for make in (exudyn, mujoco, pinocchio):
-            # Pinocchio's data hold 48 N^3 bytes.
-            if make is pinocchio and n > MOST_LINKS:
+            # These need trees, and Pinocchio's data hold 48 N^3 bytes.
+            if make is not exudyn and scene in LOOPS or make is pinocchio and n > MOST_LINKS:
                 continue
             # Ten steps say how long the runs would take.
             solver = make(scene, n)
@@ -257,10 +342,10 @@ def compare(scene, n, repeats, seconds):
             for name, solver in solvers.items():
                 spent = [solver(end) for end in ENDS]
                 steps = round((ENDS[1] - ENDS[0])/STEP)
-                cost = (spent[1][0] - spent[0][0])/steps/n*1e6
+                cost = (spent[1][0] - spent[0][0])/steps/bodies*1e6
                 best[name] = min(best.get(name, math.inf), cost)
                 errors[name] = max(abs(a - b) for a, b in zip(spent[1][1], exact))
-    print(f"| {scene} | {n} | " + " | ".join(
+    print(f"| {scene} | {bodies} | " + " | ".join(
         f"{best[name]:.2f}" + ("" if math.isnan(errors[name]) else f" ({errors[name]:.0e})") if name in best else "-"
         for name in ("tandem", "exudyn", "mujoco", "pinocchio")) + " | " + " | ".join(
         f"{best['tandem']/best[name]:.2f}" if name in best else "-" for name in ("exudyn", "mujoco", "pinocchio")) + " |", flush=True)

@@ -9,9 +9,12 @@ module test_sparse_kernels
     use tandem, only: failure_type => error_type, mechanism_type, wp
     use tandem_chart_sparse_blocks, only: keep_rows, most_coordinates, multiply_right, read_behind, subtract_transposed, &
         subtract_update
+    use tandem_chart_sparse_errors, only: judge_rows, judge_velocity
+    use tandem_chart_sparse_factor, only: factor_type
     use tandem_chart_sparse_inverses, only: invert, invert_fives, side_by_side
     use tandem_chart_sparse_masses, only: invert_rigid
     use tandem_chart_sparse_meetings, only: of_hinges, of_pins
+    use tandem_chart_sparse_newton_kernels, only: multiply, subtract
     use tandem_chart_sparse_system, only: system_type
     use tandem_model_counts, only: counts_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_mass, need_phi, terms_type
@@ -34,8 +37,10 @@ contains
             new_unittest('masses-of-rigid-bodies', test_masses), &
             new_unittest('dependent-rows-of-a-block', test_dependent), &
             new_unittest('products', test_products), &
+            new_unittest('products-of-newton-matrices', test_newton_products), &
             new_unittest('hinges', test_hinges), &
-            new_unittest('joints-that-make-points-meet', test_meetings)]
+            new_unittest('joints-that-make-points-meet', test_meetings), &
+            new_unittest('rows-of-joints-that-make-points-meet', test_rows)]
     end subroutine collect_sparse_kernels
 
     !> A symmetric matrix that is definite.
@@ -247,6 +252,27 @@ contains
         end do
     end subroutine test_products
 
+    !> y - A x and A x of every size.
+    subroutine test_newton_products(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp) :: a(13*13), x(13), y(13)
+        integer :: p, s
+
+        do s = 1, 13
+            x(:s) = scattered(s, 1)
+            do p = 1, 13
+                a(:p*s) = scattered(p*s, 2)
+                y(:p) = scattered(p, 3)
+                call subtract(p, s, a, x, y)
+                call check_close(error, y(:p), scattered(p, 3) - matmul(reshape(a(:p*s), [p, s]), x(:s)), 1.0e-14_wp, 'y - A x')
+            end do
+            a(:s*s) = scattered(s*s, 4)
+            call multiply(s, a, x, y)
+            call check_close(error, y(:s), matmul(reshape(a(:s*s), [s, s]), x(:s)), 1.0e-14_wp, 'A x')
+            if (allocated(error)) return
+        end do
+    end subroutine test_newton_products
+
     !> Rows of a chain of hinges at any coordinates, beside the constraints too: Phi by rotations, C and gamma by differences.
     subroutine test_hinges(error)
         type(error_type), allocatable, intent(out) :: error
@@ -364,4 +390,97 @@ contains
             end do
         end associate
     end subroutine check_meetings
+
+    !> Rows whose columns of places are not kept, beside full matrices: forces, lengths, errors, and the difference of two C.
+    subroutine test_rows(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), parameter :: names(6) = [character(len=14) :: 'spatial_chain', 'star', 'planar_chain', 'four_bars', &
+            'net', 'trailers']
+        integer :: k
+
+        do k = 1, size(names)
+            if (.not. allocated(error)) call check_rows(trim(names(k)), error)
+        end do
+    end subroutine test_rows
+
+    !> Those of one mechanism.
+    subroutine check_rows(name, error)
+        character(len=*), intent(in) :: name
+        type(error_type), allocatable, intent(inout) :: error
+        type(mechanism_type), target :: mechanism
+        type(failure_type), allocatable :: failure
+        type(system_type) :: system(2)
+        type(factor_type) :: turn
+        type(counts_type) :: counts
+        type(terms_type) :: terms(2)
+        real(wp), allocatable, dimension(:) :: f, lambda, left, q, qd, qdd, scale, squares, weight
+        real(wp), allocatable :: scales(:, :), x(:, :)
+        real(wp) :: errors(3)
+        integer :: i, m, rows(3), stat
+
+        call make_large(name, 12, mechanism, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        allocate (q(mechanism%n), qd(mechanism%n))
+        call mechanism%start(q, qd)
+        m = mechanism%n_constraints()
+        qd = scattered(mechanism%n, 2)
+        qdd = scattered(mechanism%n, 3)
+        scale = abs(scattered(mechanism%n, 4))
+        lambda = scattered(m, 5)
+        do i = 1, 2
+            call system(i)%initialize(mechanism, .false.)
+            call system(i)%visit(0.0_wp, q + 0.1_wp*scattered(mechanism%n, i), counts, stat)
+            if (stat == 0) call system(i)%load()
+            call check_count(error, stat, 0, 'the status of an evaluation, '//name)
+            call terms(i)%allocate(mechanism%n, mechanism%n_holonomic, m - mechanism%n_holonomic)
+            call mechanism%evaluate(need_phi + need_jacobian + need_gamma, 0.0_wp, q + 0.1_wp*scattered(mechanism%n, i), qd, &
+                terms(i), stat)
+        end do
+        if (allocated(error)) return
+        associate (a => system(1)%analysis, one => system(1)%factor(system(1)%here), two => system(2)%factor(system(2)%here), &
+            c => terms(1)%jacobian, change => terms(1)%jacobian - terms(2)%jacobian)
+            f = scattered(mechanism%n, 6)
+            call one%add_reactions(a, lambda, f)
+            call check_close(error, f, scattered(mechanism%n, 6) - matmul(lambda, c), 1.0e-13_wp, 'f - C'' lambda, '//name)
+            squares = spread(0.0_wp, 1, m)
+            call one%add_squares(a, scale, squares)
+            call check_close(error, squares, matmul(c**2, scale**2), 1.0e-13_wp, 'squared rows, '//name)
+            squares = 0.0_wp
+            call one%add_squares(a, scale, squares, two)
+            call check_close(error, squares, matmul(change**2, scale**2), 1.0e-13_wp, 'squared changes of rows, '//name)
+            ! What natural scales add up to.
+            x = spread(scale, 2, 3)
+            x(:, 1) = max(abs(q), scale)
+            x(:, 2) = max(abs(qd), scale)
+            x(:, 3) = max(abs(qdd), scale)
+            x = matmul(abs(c), x)
+            x(:, 2) = x(:, 2) + abs(terms(1)%nu)
+            x(:, 3) = x(:, 3) + abs(terms(1)%gamma)
+            scales = x(:, :2)
+            call judge_rows(a, one, terms(1), mechanism%n_holonomic, q, qd, qdd, scale, errors, rows, scales)
+            call check_close(error, scales(:mechanism%n_holonomic, 1), x(:mechanism%n_holonomic, 1), 1.0e-13_wp, &
+                'scales of positions, '//name)
+            call check_close(error, scales(:, 2), x(:, 2), 1.0e-13_wp, 'scales of velocities, '//name)
+            call check_close(error, errors, [maxval(abs(terms(1)%phi)/x(:mechanism%n_holonomic, 1)), &
+                maxval(abs(matmul(c, qd) - terms(1)%nu)/x(:, 2)), maxval(abs(matmul(c, qdd) + terms(1)%gamma)/x(:, 3))], &
+                1.0e-13_wp, 'errors, '//name)
+            call check_count(error, rows(2), maxloc(abs(matmul(c, qd) - terms(1)%nu)/x(:, 2), 1), 'the worst row, '//name)
+            left = spread(0.0_wp, 1, m)
+            weight = left
+            call judge_velocity(a, one, terms(1)%nu, qd, scale, left, weight)
+            call check_close(error, left, terms(1)%nu - matmul(c, qd), 1.0e-13_wp, 'what a velocity leaves, '//name)
+            call check_close(error, 1.0_wp/weight, x(:, 2), 1.0e-13_wp, 'its weights, '//name)
+            ! C as what two of them differ by.
+            turn%is_difference = .true.
+            turn%c = one%c - two%c
+            turn%own = one%own - two%own
+            f = scattered(mechanism%n, 6)
+            call turn%add_reactions(a, lambda, f)
+            call check_close(error, f, scattered(mechanism%n, 6) - matmul(lambda, change), 1.0e-13_wp, 'forces of a change, '//name)
+            left = scattered(m, 7)
+            call turn%multiply(a, qd, left)
+            call check_close(error, left, scattered(m, 7) - matmul(change, qd), 1.0e-13_wp, 'rates of a change, '//name)
+        end associate
+    end subroutine check_rows
 end module test_sparse_kernels

@@ -556,6 +556,7 @@ contains
         end if
     end subroutine subtract_transposed
 
+    !> The same, for a caller whose sizes are constants.
     pure subroutine subtract_transposed_sized(s, nb, c, l, f)
         integer, intent(in), value :: s, nb
         real(wp), intent(in) :: c(s, nb), l(s)
