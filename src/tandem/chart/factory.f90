@@ -11,8 +11,9 @@ module tandem_chart_factory
 
     public :: is_sparse_chart, keeps_dependent_rows, new_chart, wants_sparse
 
-    !> From so many coordinates on no scene was slower with a sparse chart and explicit steps: doc/sparse.md has the tables.
-    integer, parameter :: crossover = 36
+    !> From so many coordinates on no scene was slower with a sparse chart and explicit steps, of fixed length and under error control:
+    !> doc/sparse.md has the tables.
+    integer, parameter :: crossover = 27, crossover_of_control = 40
     !> With implicit ones some are slower up to here: dense charts follow what is stiff. And from here on redundant rows are left to
     !> sparse charts, which give them no multipliers.
     integer, parameter :: many = 60
@@ -27,11 +28,14 @@ contains
         !> Whether the stepper is implicit.
         logical, intent(in) :: implicit
 
+        integer :: least
+
         if (options%chart_kind == chart_kinds(1)) then
+            least = crossover
+            if (options%is_adaptive()) least = crossover_of_control
+            if (implicit .or. options%stepper == 'auto') least = many
             wants_sparse = .false.
-            if (model%n >= merge(many, crossover, implicit .or. options%stepper == 'auto')) then
-                wants_sparse = find_obstacle(model, options, implicit) == ''
-            end if
+            if (model%n >= least) wants_sparse = find_obstacle(model, options, implicit) == ''
         else
             wants_sparse = options%chart_kind == 'sparse'
         end if

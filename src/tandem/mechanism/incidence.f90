@@ -10,8 +10,10 @@ module tandem_mechanism_incidence
 contains
 
     !> Pairs of a row and a body, 0 for the ground; the rows have their final numbers.
-    subroutine list_incidence(drawing, rows, bodies)
+    subroutine list_incidence(drawing, n_more, rows, bodies)
         class(drawing_type), intent(in) :: drawing
+        !> So many entries behind these are left to be set: longer copies would leave holes in the memory.
+        integer, intent(in) :: n_more
         !> As many of one as of the other.
         integer, allocatable, intent(out) :: rows(:), bodies(:)
         integer :: i, k, n, pass, n_meeting
@@ -63,7 +65,7 @@ contains
                     call add(drawing%rate_rows(i)%row, drawing%rate_rows(i)%velocities(k)%of, 0)
                 end do
             end do
-            if (pass == 1) allocate (rows(n), bodies(n))
+            if (pass == 1) allocate (rows(n + n_more), bodies(n + n_more))
         end do
 
     contains

@@ -270,14 +270,16 @@ contains
         call set_columns(self, .false.)
         ! A slack is a coordinate of no body.
         if (any(self%couplings%can_be_freed)) return
-        call list_incidence(self, rows, bodies)
+        call list_incidence(self, size(self%turning), rows, bodies)
         allocate (owner(self%n_constraints()), source=0)
         do i = 1, size(self%turning)
             owner(self%before_norms + i) = self%turning(i)
+            rows(size(rows) - size(self%turning) + i) = self%before_norms + i
+            bodies(size(rows) - size(self%turning) + i) = self%turning(i)
         end do
         allocate (self%pattern)
-        call self%pattern%build(self%first, self%mass_blocks, size(owner), &
-            [rows, (self%before_norms + i, i=1, size(self%turning))], [bodies, self%turning], owner)
+        call self%pattern%build(self%first, self%mass_blocks, size(owner), rows, bodies, owner)
+        deallocate (rows, bodies, owner)
         do i = 1, size(self%hinge_groups)
             associate (group => self%hinge_groups(i))
                 do l = 1, group%n

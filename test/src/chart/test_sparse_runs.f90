@@ -124,11 +124,11 @@ contains
             mechanism = mechanism_type()
             select case (i)
             case (1, 2)
-                call begin('planar_chain', 10 + i, options_type(), mechanism, simulation, error)
+                call begin('planar_chain', 7 + i, options_type(), mechanism, simulation, error)
             case (3, 4)
                 call begin('planar_chain', 16 + i, options_type(stepper='sdirk54'), mechanism, simulation, error)
             case (7, 8)
-                call begin('planar_chain', 4 + i, controlled(1.0e-6_wp, 'automatic'), mechanism, simulation, error)
+                call begin('planar_chain', 6 + i, controlled(1.0e-6_wp, 'automatic'), mechanism, simulation, error)
             case default
                 call draw_parallelograms(i - 3, mechanism, error)
                 if (.not. allocated(error)) call start(mechanism, options_type(), simulation, error)
