@@ -11,8 +11,8 @@ module tandem_chart_factory
 
     public :: is_sparse_chart, keeps_dependent_rows, new_chart, wants_sparse
 
-    !> From so many coordinates on no scene was slower with a sparse chart and explicit steps, of fixed length and under error control:
-    !> doc/sparse.md has the tables.
+    !> From so many coordinates on no scene was slower with a sparse chart and explicit steps, of fixed length and under error
+    !> control: doc/sparse.md has the tables.
     integer, parameter :: crossover = 27, crossover_of_control = 40
     !> With implicit ones some are slower up to here: dense charts follow what is stiff. And from here on redundant rows are left to
     !> sparse charts, which give them no multipliers.
