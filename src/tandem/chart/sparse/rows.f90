@@ -1,0 +1,143 @@
+! SPDX-License-Identifier: MIT
+!> C as a factor holds it: by links, where models set its rows in blocks, and else taken from a compressed C.
+submodule(tandem_chart_sparse_factor) tandem_chart_sparse_rows
+    use tandem_chart_sparse_meetings, only: n_of_place
+    implicit none (type, external)
+
+contains
+
+    !> The unit matrix with the sign of the joint.
+    module procedure put_places
+        integer :: b, i, l
+
+        do b = 1, a%n_bodies
+            if (n_of_place(a%joints_of_body(b)) > 0) cycle
+            do l = a%link_start(b), a%link_start(b + 1) - 1
+                do i = 0, n_of_place(a%joint_of_node(a%link_node(l))) - 1
+                    c(a%link(3, l) + i*(a%link(2, l) + 1) + 1) = real(a%link(6, l), wp)
+                end do
+            end do
+        end do
+    end procedure put_places
+
+    !> Owned rows by coordinates too.
+    module procedure load_rows
+        integer :: b, j, start
+
+        call move_alloc(blocks, self%c)
+        if (.not. pattern%all_in_blocks) call take_rows(a%n_bodies, a%n, a%m, size(a%link, 2), size(jacobian, 2), a%first, &
+            a%joints_of_body, a%link_start, a%link, pattern%column, jacobian, self%c, pattern%in_blocks)
+        ! At once where the model sets all of them so, but for those of kept bodies.
+        if (pattern%all_in_blocks) call take_owned(a%n, self%c(a%n_entries + read_behind + 1), self%own)
+        if (.not. pattern%all_in_blocks .or. size(self%added) > 0) then
+            do b = 1, a%n_bodies
+                if (a%norm_row(b) == 0 .or. (pattern%all_in_blocks .and. .not. a%is_kept(b))) cycle
+                start = -1
+                if (allocated(pattern%in_blocks)) then
+                    if (pattern%in_blocks(a%norm_row(b))) start = pattern%block_start(pattern%row_start(a%norm_row(b)))
+                end if
+                if (start >= 0) then
+                    do j = a%first(b), a%first(b + 1) - 1
+                        self%own(j) = self%c(start + 1 + j - a%first(b))
+                    end do
+                else
+                    do j = a%first(b), a%first(b + 1) - 1
+                        self%own(j) = jacobian(a%norm_row(b), pattern%column(j))
+                    end do
+                end if
+            end do
+        end if
+        self%has_rows = .true.
+        self%is_factored = .false.
+    end procedure load_rows
+
+    pure subroutine take_owned(n, rows, own)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: rows(n)
+        real(wp), intent(out) :: own(n)
+
+        own(:) = rows
+    end subroutine take_owned
+
+    !> The rows of the nodes by links, but for those that are there.
+    pure subroutine take_rows(n_bodies, n, m, n_links, width, first, joints, link_start, link, column, jacobian, c, in_blocks)
+        integer, intent(in) :: n_bodies, n, m, n_links, width, first(n_bodies + 1), joints(n_bodies), link_start(n_bodies + 1), &
+            link(6, n_links), column(n)
+        real(wp), intent(in) :: jacobian(m, width)
+        real(wp), intent(inout) :: c(*)
+        logical, intent(in), optional :: in_blocks(m)
+        integer :: b, from, i, j, k, l, row
+
+        do b = 1, n_bodies
+            from = first(b) + n_of_place(joints(b))
+            do l = link_start(b), link_start(b + 1) - 1
+                k = link(3, l) + link(2, l)*n_of_place(joints(b))
+                row = link(4, l)
+                if (present(in_blocks)) then
+                    if (in_blocks(row)) cycle
+                end if
+                ! A copy of variable length would be a call.
+                select case (link(2, l))
+                case (5)
+                    do j = from, first(b + 1) - 1
+                        do i = 0, 4
+                            c(k + 1 + i) = jacobian(row + i, column(j))
+                        end do
+                        k = k + 5
+                    end do
+                case (3)
+                    do j = from, first(b + 1) - 1
+                        do i = 0, 2
+                            c(k + 1 + i) = jacobian(row + i, column(j))
+                        end do
+                        k = k + 3
+                    end do
+                case (2)
+                    do j = from, first(b + 1) - 1
+                        c(k + 1) = jacobian(row, column(j))
+                        c(k + 2) = jacobian(row + 1, column(j))
+                        k = k + 2
+                    end do
+                case default
+                    do j = from, first(b + 1) - 1
+                        do i = 1, link(2, l)
+                            c(k + i) = jacobian(row + i - 1, column(j))
+                        end do
+                        k = k + link(2, l)
+                    end do
+                end select
+            end do
+        end do
+    end subroutine take_rows
+
+    !> Those of places are one, and do not change.
+    module procedure add_squares
+        real(wp) :: entry
+        integer :: b, i, j, k, l, n_place
+
+        do b = 1, a%n_bodies
+            n_place = n_of_place(a%joints_of_body(b))
+            do j = a%first(b), a%first(b + 1) - 1
+                do l = a%link_start(b), a%link_start(b + 1) - 1
+                    associate (s => a%height(a%link_node(l)), origin => a%origin(a%link_node(l)))
+                        i = j - a%first(b)
+                        if (i < n_place) then
+                            if (.not. present(other)) squares(origin + i) = squares(origin + i) + scale(j)**2
+                            cycle
+                        end if
+                        k = a%link_offset(l) + (j - a%first(b))*s
+                        do i = 1, s
+                            entry = self%c(k + i)
+                            if (present(other)) entry = entry - other%c(k + i)
+                            squares(origin + i - 1) = squares(origin + i - 1) + (entry*scale(j))**2
+                        end do
+                    end associate
+                end do
+                if (a%own_row(b) == 0) cycle
+                entry = self%own(j)
+                if (present(other)) entry = entry - other%own(j)
+                squares(a%own_row(b)) = squares(a%own_row(b)) + (entry*scale(j))**2
+            end do
+        end do
+    end procedure add_squares
+end submodule tandem_chart_sparse_rows
