@@ -5,7 +5,7 @@ module tandem_chart_sparse_errors
     use tandem_chart_sparse_analysis, only: analysis_type, most_rows
     use tandem_chart_sparse_blocks, only: most_coordinates
     use tandem_chart_sparse_factor, only: factor_type
-    use tandem_chart_sparse_meetings, only: of_hinges
+    use tandem_chart_sparse_meetings, only: n_of_place, of_hinges
     use tandem_kinds, only: wp
     use tandem_model_terms, only: terms_type
     implicit none (type, external)
@@ -46,7 +46,7 @@ contains
         do n = 1, a%n_nodes
             if (a%is_body(n)) cycle
             associate (s => a%node(2, n), origin => a%node(4, n), links => a%node_start(n + 1) - a%node_start(n), &
-                from => a%node_start(n))
+                from => a%node_start(n), n_place => n_of_place(a%joint_of_node(n)))
                 if (a%joint_of_node(n) == of_hinges) then
                     call add_hinge(links, a%node_link(1, from), factor%c, q, qd, qdd, scale, terms%nu(origin:origin + 4), &
                         terms%gamma(origin:origin + 4), sums)
@@ -55,14 +55,14 @@ contains
                 end if
                 select case (s)
                 case (5)
-                    call add_node(5, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, terms%nu(origin:origin + s - 1), &
-                        terms%gamma(origin:origin + s - 1), sums)
+                    call add_node(5, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, &
+                        terms%nu(origin:origin + s - 1), terms%gamma(origin:origin + s - 1), sums)
                 case (2)
-                    call add_node(2, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, terms%nu(origin:origin + s - 1), &
-                        terms%gamma(origin:origin + s - 1), sums)
+                    call add_node(2, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, &
+                        terms%nu(origin:origin + s - 1), terms%gamma(origin:origin + s - 1), sums)
                 case default
-                    call add_node(s, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, terms%nu(origin:origin + s - 1), &
-                        terms%gamma(origin:origin + s - 1), sums)
+                    call add_node(s, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, &
+                        terms%nu(origin:origin + s - 1), terms%gamma(origin:origin + s - 1), sums)
                 end select
                 call take(origin, s)
             end associate
@@ -96,7 +96,8 @@ contains
             do i = first, min(first + count - 1, nh)
                 is_better = is_better .and. abs(terms%phi(i)) <= errors(1)*sums%scale(i - first + 1, 1)
             end do
-            if (is_better .and. all(rows > 0)) return
+            ! A row at velocity level alone waits for no error of a position.
+            if (is_better .and. all(rows(2:) > 0) .and. (rows(1) > 0 .or. first > nh)) return
             do i = 1, count
                 if (first + i - 1 <= nh) call compare(terms%phi(first + i - 1), sums%scale(i, 1), first + i - 1, errors(1), rows(1))
                 call compare(sums%residual(i, 1), sums%scale(i, 2), first + i - 1, errors(2), rows(2))
@@ -149,7 +150,7 @@ contains
         do n = 1, a%n_nodes
             if (a%is_body(n)) cycle
             associate (s => a%node(2, n), origin => a%node(4, n), links => a%node_start(n + 1) - a%node_start(n), &
-                from => a%node_start(n))
+                from => a%node_start(n), n_place => n_of_place(a%joint_of_node(n)))
                 if (a%joint_of_node(n) == of_hinges) then
                     call add_velocity_of_hinge(links, a%node_link(1, from), factor%c, qd, scale, &
                         left(origin:origin + 4), weight(origin:origin + 4))
@@ -157,13 +158,13 @@ contains
                 end if
                 select case (s)
                 case (5)
-                    call add_velocity(5, links, a%node_link(1, from), factor%c, qd, scale, &
+                    call add_velocity(5, n_place, links, a%node_link(1, from), factor%c, qd, scale, &
                         left(origin:origin + s - 1), weight(origin:origin + s - 1))
                 case (2)
-                    call add_velocity(2, links, a%node_link(1, from), factor%c, qd, scale, &
+                    call add_velocity(2, n_place, links, a%node_link(1, from), factor%c, qd, scale, &
                         left(origin:origin + s - 1), weight(origin:origin + s - 1))
                 case default
-                    call add_velocity(s, links, a%node_link(1, from), factor%c, qd, scale, &
+                    call add_velocity(s, n_place, links, a%node_link(1, from), factor%c, qd, scale, &
                         left(origin:origin + s - 1), weight(origin:origin + s - 1))
                 end select
             end associate
@@ -183,23 +184,15 @@ contains
         end do
     end subroutine judge_velocity
 
-    !> How many coordinates of a body's place enter rows of a joint that makes points meet, with a sign alone
-    !> (`tandem_chart_sparse_meetings`).
-    pure integer function n_of_place(s, sign)
-        integer, intent(in), value :: s, sign
-
-        n_of_place = 0
-        if (sign /= 0) n_of_place = merge(3, 2, s == 5)
-    end function n_of_place
-
     !> The rows of a node: residuals, and what their terms add up to.
-    pure subroutine add_velocity(s, n_links, node_link, c, qd, scale, left, total)
-        integer, intent(in), value :: s, n_links
+    pure subroutine add_velocity(s, n_place, n_links, node_link, c, qd, scale, left, total)
+        !> How many columns of a place are the unit matrix with a sign (`tandem_chart_sparse_meetings`).
+        integer, intent(in), value :: s, n_place, n_links
         integer, intent(in) :: node_link(4, n_links)
         real(wp), intent(in) :: c(*), qd(*), scale(*)
         real(wp), intent(inout) :: left(s), total(s)
         real(wp) :: residual(most), terms(most), x
-        integer :: i, j, k, l, n_place
+        integer :: i, j, k, l
 
         do i = 1, s
             residual(i) = left(i)
@@ -207,7 +200,6 @@ contains
         end do
         do l = 1, n_links
             k = node_link(3, l)
-            n_place = n_of_place(s, node_link(4, l))
             do i = 1, n_place
                 j = node_link(1, l) + i - 1
                 residual(i) = residual(i) - node_link(4, l)*qd(j)
@@ -296,14 +288,14 @@ contains
     end subroutine compare
 
     !> What the rows of a node add up to.
-    pure subroutine add_node(s, n_links, node_link, c, q, qd, qdd, scale, nu, gamma, sums)
-        integer, intent(in), value :: s, n_links
+    pure subroutine add_node(s, n_place, n_links, node_link, c, q, qd, qdd, scale, nu, gamma, sums)
+        integer, intent(in), value :: s, n_place, n_links
         integer, intent(in) :: node_link(4, n_links)
         real(wp), intent(in) :: c(*), q(*), qd(*), qdd(*), scale(*), nu(s), gamma(s)
         type(sums_type), intent(inout) :: sums
         real(wp) :: entry, x(3)
         real(wp), dimension(most) :: velocity, acceleration, of_q, of_qd, of_qdd
-        integer :: i, j, k, l, n_place
+        integer :: i, j, k, l
 
         do i = 1, s
             velocity(i) = -nu(i)
@@ -314,7 +306,6 @@ contains
         end do
         do l = 1, n_links
             k = node_link(3, l)
-            n_place = n_of_place(s, node_link(4, l))
             do i = 1, n_place
                 j = node_link(1, l) + i - 1
                 velocity(i) = velocity(i) + node_link(4, l)*qd(j)
