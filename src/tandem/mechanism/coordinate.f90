@@ -9,7 +9,7 @@ module tandem_mechanism_coordinate
     use tandem_kinds, only: wp
     use tandem_mechanism_dot, only: dot_curve, dot_gradient, dot_second, dot_type
     use tandem_mechanism_pair, only: add_outer, n_local, turn_1, turn_2
-    use tandem_mechanism_pose, only: gradient_of, pose_type, turned
+    use tandem_mechanism_pose, only: pose_type, turned
     use tandem_mechanism_span, only: span_gradient, span_second, span_type, span_way
     implicit none (type, external)
     private
@@ -104,7 +104,7 @@ contains
         !> x and its rate.
         real(wp), intent(out) :: x(0:1)
         real(wp), intent(out) :: gradient(n_local)
-        real(wp) :: a_c(3), a_s(3), d_c(3), d_s(3), its(0:2), gradients(n_local, 0:2), c, s, over
+        real(wp) :: a_c(3), a_s(3), d_c(3), d_s(3), torque(3), its(0:2), gradients(n_local, 0:2), c, s, over
         logical :: is_plain
 
         is_plain = self%kind == is_angle
@@ -132,16 +132,39 @@ contains
             c = c*over
             s = s*over
             gradient = 0.0_wp
+            ! What turns the second body turns the first one back: x_q pd is the product of this with the turn, 2 E pd/(p'p).
+            torque = c*cross(d_s, a_s) - s*cross(d_c, a_c)
             if (first%n_turn > 0) then
-                gradient(turn_1 + 1:turn_1 + 4) = gradient_of(first, 0, other%a, c*d_s) - gradient_of(first, 0, one%a, s*d_c)
+                gradient(turn_1 + 1:turn_1 + 4) = turn_gradient(first%p(:, 0), -torque)
                 x(1) = sum(gradient(turn_1 + 1:turn_1 + 4)*first%p(:, 1))
             end if
             if (second%n_turn > 0) then
-                gradient(turn_2 + 1:turn_2 + 4) = gradient_of(second, 0, other%b, c*a_s) - gradient_of(second, 0, one%b, s*a_c)
+                gradient(turn_2 + 1:turn_2 + 4) = turn_gradient(second%p(:, 0), torque)
                 x(1) = x(1) + sum(gradient(turn_2 + 1:turn_2 + 4)*second%p(:, 1))
             end if
         end associate
     end subroutine find_slope
+
+    !> 2 E(p)' n/(p'p) for a vector n in the world: n by the angular velocity of a turn, as a gradient.
+    pure function turn_gradient(p, n) result(row)
+        real(wp), intent(in) :: p(4), n(3)
+        real(wp) :: row(4), f
+
+        f = 2/(p(1)**2 + p(2)**2 + p(3)**2 + p(4)**2)
+        row(1) = -f*(p(2)*n(1) + p(3)*n(2) + p(4)*n(3))
+        row(2) = f*(p(1)*n(1) + p(4)*n(2) - p(3)*n(3))
+        row(3) = f*(p(1)*n(2) + p(2)*n(3) - p(4)*n(1))
+        row(4) = f*(p(1)*n(3) + p(3)*n(1) - p(2)*n(2))
+    end function turn_gradient
+
+    pure function cross(x, y) result(z)
+        real(wp), intent(in) :: x(3), y(3)
+        real(wp) :: z(3)
+
+        z(1) = x(2)*y(3) - x(3)*y(2)
+        z(2) = x(3)*y(1) - x(1)*y(3)
+        z(3) = x(1)*y(2) - x(2)*y(1)
+    end function cross
 
     !> Whether an angle is the difference of two.
     pure logical function is_planar(self, pose)
@@ -252,7 +275,8 @@ contains
         real(wp), intent(out), optional :: second(n_local, n_local)
         real(wp) :: local(3, 0:2), a(3, 0:2), d(3, 0:2), c_q(n_local, 0:2), s_q(n_local, 0:2), c(0:2), s(0:2)
         real(wp) :: c_qq(n_local, n_local), s_qq(n_local, n_local)
-        complex(wp) :: over, rate, curve, z_q(n_local)
+        real(wp) :: re(n_local), im(n_local)
+        complex(wp) :: over, rate, curve, factor
         integer :: k, n, j
 
         n = max(last, gradients)
@@ -276,14 +300,20 @@ contains
         curve = cmplx(c(2), s(2), wp)*over
         x(1) = aimag(rate)
         x(2) = aimag(curve - rate**2)
-        z_q = cmplx(c_q(:, 0), s_q(:, 0), wp)*over
-        gradient(:, 0) = aimag(z_q)
-        if (gradients > 0) gradient(:, 1) = aimag(cmplx(c_q(:, 1), s_q(:, 1), wp)*over - z_q*rate)
-        if (gradients > 1) gradient(:, 2) = aimag(cmplx(c_q(:, 2), s_q(:, 2), wp)*over - &
-            2*cmplx(c_q(:, 1), s_q(:, 1), wp)*over*rate + z_q*(2*rate**2 - curve))
+        ! z_q/z. Products are written out, as complex ones of the language call a procedure that asks for infinities.
+        re = real(over)*c_q(:, 0) - aimag(over)*s_q(:, 0)
+        im = aimag(over)*c_q(:, 0) + real(over)*s_q(:, 0)
+        gradient(:, 0) = im
+        if (gradients > 0) gradient(:, 1) = (aimag(over)*c_q(:, 1) + real(over)*s_q(:, 1)) - (aimag(rate)*re + real(rate)*im)
+        if (gradients > 1) then
+            factor = 2*over*rate
+            gradient(:, 2) = (aimag(over)*c_q(:, 2) + real(over)*s_q(:, 2)) - (aimag(factor)*c_q(:, 1) + real(factor)*s_q(:, 1))
+            factor = 2*rate**2 - curve
+            gradient(:, 2) = gradient(:, 2) + (aimag(factor)*re + real(factor)*im)
+        end if
         if (.not. present(second)) return
         do j = 1, n_local
-            second(:, j) = aimag(cmplx(c_qq(:, j), s_qq(:, j), wp)*over - z_q*z_q(j))
+            second(:, j) = (aimag(over)*c_qq(:, j) + real(over)*s_qq(:, j)) - (re*im(j) + im*re(j))
         end do
     end subroutine differentiate_angle
 

@@ -7,7 +7,7 @@ module tandem_mechanism_force
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, find_slope, measure
     use tandem_mechanism_law, only: law_item_type
-    use tandem_mechanism_pair, only: add_block, add_outer, columns, n_local, put_force
+    use tandem_mechanism_pair, only: add_block, add_outer, columns, n_local, place_1, place_2, put_force
     use tandem_mechanism_pose, only: gradient_of, pose_type
     use tandem_mechanism_press, only: normal_force, press_type
     use tandem_mechanism_span, only: span_gradient, span_second, span_type, span_way
@@ -201,13 +201,30 @@ contains
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in) :: f, gradient(n_local)
         real(wp), intent(inout) :: force(:)
-        integer :: k, c(n_local)
 
-        c = columns(pose(coordinate%first), pose(coordinate%second))
-        do k = 1, n_local
-            if (c(k) > 0) force(c(k)) = force(c(k)) - f*gradient(k)
-        end do
+        call take_from(pose(coordinate%first), f, gradient(place_1 + 1:place_2), force)
+        call take_from(pose(coordinate%second), f, gradient(place_2 + 1:), force)
     end subroutine take_off
+
+    !> The same at one of the bodies.
+    pure subroutine take_from(pose, f, gradient, force)
+        type(pose_type), intent(in) :: pose
+        !> By the places of a body, then by its turn.
+        real(wp), intent(in) :: f, gradient(7)
+        real(wp), intent(inout) :: force(:)
+        integer :: k
+
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do k = 1, pose%n_place
+            force(pose%place + k - 1) = force(pose%place + k - 1) - f*gradient(k)
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do k = 1, pose%n_turn
+            force(pose%turn + k - 1) = force(pose%turn + k - 1) - f*gradient(3 + k)
+        end do
+    end subroutine take_from
 
     !> Their part of the gradient blocks that are asked for.
     pure subroutine differentiate_torsions(torsions, need, t, pose, f, laws, lambda, derivatives)

@@ -93,12 +93,20 @@ contains
         integer, intent(in) :: c(n_local)
         real(wp), intent(in) :: weight, block(n_local, n_local)
         real(wp), intent(inout) :: matrix(:, :)
-        integer :: i, j
+        integer :: at(n_local), i, j, k, n
 
-        do j = 1, n_local
-            if (c(j) == 0) cycle
-            do i = 1, n_local
-                if (c(i) > 0) matrix(c(i), c(j)) = matrix(c(i), c(j)) + weight*block(i, j)
+        ! The entries that go somewhere.
+        n = 0
+        do i = 1, n_local
+            if (c(i) == 0) cycle
+            n = n + 1
+            at(n) = i
+        end do
+        do k = 1, n
+            j = at(k)
+            !GCC$ UNROLL 2
+            do i = 1, n
+                matrix(c(at(i)), c(j)) = matrix(c(at(i)), c(j)) + weight*block(at(i), j)
             end do
         end do
     end subroutine add_block

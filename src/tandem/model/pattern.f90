@@ -314,16 +314,17 @@ contains
     pure subroutine multiply_mass(self, mass, x, y)
         class(pattern_type), intent(in) :: self
         !> Compressed M (n, mass_width), x (n).
-        real(wp), intent(in) :: mass(:, :), x(:)
+        real(wp), intent(in), contiguous :: mass(:, :), x(:)
         !> (n)
-        real(wp), intent(out) :: y(:)
-        integer :: first, i, j, last
+        real(wp), intent(out), contiguous :: y(:)
+        integer :: first, i, j, last, n
 
+        n = size(x)
         last = 0
-        do while (last < size(x))
+        do while (last < n)
             first = last + 1
             last = first
-            do while (last < size(x))
+            do while (last < n)
                 if (self%mass_column(last + 1) == 1) exit
                 last = last + 1
             end do
@@ -331,7 +332,8 @@ contains
                 y(first) = mass(first, 1)*x(first)
             else if (last == first + 3) then
                 ! Euler parameters: a loop of known length.
-                do i = first, last
+                !GCC$ UNROLL 1
+                do i = first, first + 3
                     y(i) = (mass(i, 1)*x(first) + mass(i, 2)*x(first + 1)) + &
                         (mass(i, 3)*x(first + 2) + mass(i, 4)*x(first + 3))
                 end do

@@ -5,7 +5,8 @@ module tandem_chart_sparse_newton_factor
     use tandem_chart_sparse_analysis, only: most_coordinates, most_rows
     use tandem_chart_sparse_meetings, only: n_of_place
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
-    use tandem_chart_sparse_newton_kernels, only: invert_pivoted, multiply, multiply_block, subtract, subtract_product
+    use tandem_chart_sparse_newton_kernels, only: copy, invert_pivoted, multiply, multiply_block, subtract, &
+        subtract_product
     use tandem_kinds, only: wp
     use tandem_model_stiffness, only: stiffness_type
     use tandem_pack, only: pack_type
@@ -199,7 +200,7 @@ contains
         real(wp), intent(in) :: lower(*), upper(*)
         real(wp), intent(inout) :: z(*)
         real(wp) :: y(most)
-        integer :: i, k, n, place, s
+        integer :: k, n, place, s
 
         do n = 1, n_nodes
             place = node(1, n)
@@ -211,9 +212,7 @@ contains
         do n = n_nodes, 1, -1
             place = node(1, n)
             s = node(2, n)
-            do i = 1, s
-                y(i) = z(place + i)
-            end do
+            call copy(s, z(place + 1), y)
             do k = later_start(n), later_start(n + 1) - 1
                 call subtract(s, behind(2, k), upper(behind(3, k) + 1), z(behind(1, k) + 1), y)
             end do

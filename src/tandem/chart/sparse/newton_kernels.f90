@@ -6,7 +6,7 @@ module tandem_chart_sparse_newton_kernels
     implicit none (type, external)
     private
 
-    public :: invert_pivoted, multiply, multiply_block, subtract, subtract_product
+    public :: copy, invert_pivoted, multiply, multiply_block, subtract, subtract_product
 
     !> The most unknowns of a node: a body's coordinates and the row that it owns. Work space of a fixed size stays in registers.
     integer, parameter :: most = 13
@@ -63,6 +63,24 @@ contains
         end do
     end subroutine invert_pivoted
 
+    !> y := x: of the lengths of bodies in space and of hinges without a call.
+    pure subroutine copy(n, x, y)
+        integer, intent(in), value :: n
+        real(wp), intent(in) :: x(n)
+        real(wp), intent(inout) :: y(n)
+
+        select case (n)
+        case (8)
+            y(1:8) = x(1:8)
+        case (7)
+            y(1:7) = x(1:7)
+        case (5)
+            y(1:5) = x(1:5)
+        case default
+            y(:) = x
+        end select
+    end subroutine copy
+
     !> y := a x for a (s, s).
     pure subroutine multiply(s, a, x, y)
         integer, intent(in), value :: s
@@ -103,7 +121,8 @@ contains
         case (16*2 + 2)
             call subtract_product_sized(2, 1, 2, a, x, y)
         case default
-            call subtract_product_sized(p, 1, s, a, x, y)
+            ! Elsewhere, as loops of any length here would have the registers of all others saved.
+            call subtract_product(p, 1, s, a, x, y)
         end select
     end subroutine subtract
 

@@ -13,6 +13,7 @@ module tandem_chart_sparse_newton_matrix
     use tandem_chart_sparse_meetings, only: n_of_place
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
     use tandem_chart_sparse_newton_factor, only: newton_factor_type, newton_terms_type
+    use tandem_chart_sparse_newton_kernels, only: copy
     use tandem_chart_sparse_newton_pair, only: newton_pair_type
     use tandem_kinds, only: wp
     use tandem_model_stiffness, only: stiffness_type
@@ -160,9 +161,7 @@ contains
             end do
             do b = 1, a%n_bodies
                 associate (place => a%place(a%node_of_body(b)), nb => a%first(b + 1) - a%first(b))
-                    do i = 1, nb
-                        z(place + i) = f(a%first(b) + i - 1)
-                    end do
+                    call copy(nb, f(a%first(b):), z(place + 1:))
                     if (a%norm_row(b) > 0) z(place + nb + 1) = g(a%norm_row(b))
                 end associate
             end do
@@ -174,20 +173,16 @@ contains
         class(newton_matrix_type), intent(in) :: self
         real(wp), intent(in), contiguous :: z(:)
         real(wp), intent(out), contiguous :: x(:), mu(:)
-        integer :: b, i, n
+        integer :: b, n
 
         associate (a => self%analysis)
             do n = 1, a%n_nodes
                 if (a%is_body(n)) cycle
-                do i = 1, a%height(n)
-                    mu(a%origin(n) + i - 1) = z(a%place(n) + i)
-                end do
+                call copy(a%height(n), z(a%place(n) + 1:), mu(a%origin(n):))
             end do
             do b = 1, a%n_bodies
                 associate (place => a%place(a%node_of_body(b)), nb => a%first(b + 1) - a%first(b))
-                    do i = 1, nb
-                        x(a%first(b) + i - 1) = z(place + i)
-                    end do
+                    call copy(nb, z(place + 1:), x(a%first(b):))
                     if (a%norm_row(b) > 0) mu(a%norm_row(b)) = z(place + nb + 1)
                 end associate
             end do
