@@ -279,8 +279,9 @@ contains
     !> The same of what the evaluator holds, at an acceleration (n).
     subroutine add_forces(self, lambda, acceleration, residual)
         class(sparse_point_type), intent(in) :: self
-        real(wp), intent(in) :: lambda(:), acceleration(:)
-        real(wp), intent(out) :: residual(:)
+        real(wp), intent(in) :: lambda(:)
+        real(wp), intent(in), contiguous :: acceleration(:)
+        real(wp), intent(out), contiguous :: residual(:)
 
         residual = 0.0_wp
         if (self%frame%moves) call self%pattern%multiply_mass(self%evaluator%terms%mass, acceleration, residual)

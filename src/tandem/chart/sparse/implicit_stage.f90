@@ -353,7 +353,8 @@ contains
     !> force := force + sign M part.
     subroutine add_mass(self, sign, mass)
         class(sparse_implicit_type), intent(inout) :: self
-        real(wp), intent(in) :: sign, mass(:, :)
+        real(wp), intent(in) :: sign
+        real(wp), intent(in), contiguous :: mass(:, :)
 
         call self%system%pattern%multiply_mass(mass, self%part, self%system%x)
         self%force(:) = self%force + sign*self%system%x
