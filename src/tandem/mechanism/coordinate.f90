@@ -11,6 +11,8 @@ module tandem_mechanism_coordinate
     use tandem_mechanism_pair, only: add_outer, n_local, turn_1, turn_2
     use tandem_mechanism_pose, only: pose_type, turned
     use tandem_mechanism_span, only: span_gradient, span_second, span_type, span_way
+    use tandem_mechanism_vector, only: cross
+    use tandem_rigid_euler_parameters, only: e_transposed_product
     implicit none (type, external)
     private
 
@@ -148,23 +150,10 @@ contains
     !> 2 E(p)' n/(p'p) for a vector n in the world: n by the angular velocity of a turn, as a gradient.
     pure function turn_gradient(p, n) result(row)
         real(wp), intent(in) :: p(4), n(3)
-        real(wp) :: row(4), f
+        real(wp) :: row(4)
 
-        f = 2/(p(1)**2 + p(2)**2 + p(3)**2 + p(4)**2)
-        row(1) = -f*(p(2)*n(1) + p(3)*n(2) + p(4)*n(3))
-        row(2) = f*(p(1)*n(1) + p(4)*n(2) - p(3)*n(3))
-        row(3) = f*(p(1)*n(2) + p(2)*n(3) - p(4)*n(1))
-        row(4) = f*(p(1)*n(3) + p(3)*n(1) - p(2)*n(2))
+        row = 2/(p(1)**2 + p(2)**2 + p(3)**2 + p(4)**2)*e_transposed_product(p, n)
     end function turn_gradient
-
-    pure function cross(x, y) result(z)
-        real(wp), intent(in) :: x(3), y(3)
-        real(wp) :: z(3)
-
-        z(1) = x(2)*y(3) - x(3)*y(2)
-        z(2) = x(3)*y(1) - x(1)*y(3)
-        z(3) = x(1)*y(2) - x(2)*y(1)
-    end function cross
 
     !> Whether an angle is the difference of two.
     pure logical function is_planar(self, pose)
