@@ -76,13 +76,9 @@ contains
         end if
         if (present(has_jacobian)) width = merge(width, 0, has_jacobian)
         m = n_holonomic + n_nonholonomic
-        self%phi = spread(0.0_wp, 1, n_holonomic)
-        self%nu = spread(0.0_wp, 1, m)
-        self%gamma = spread(0.0_wp, 1, m)
-        self%force = spread(0.0_wp, 1, n)
-        if (allocated(self%jacobian)) deallocate (self%jacobian)
-        allocate (self%jacobian(m, width), source=0.0_wp)
-        if (allocated(self%mass)) deallocate (self%mass)
+        ! Without temporaries, which would leave holes in the memory.
+        if (allocated(self%phi)) deallocate (self%phi, self%nu, self%gamma, self%force, self%jacobian, self%mass)
+        allocate (self%phi(n_holonomic), self%nu(m), self%gamma(m), self%force(n), self%jacobian(m, width), source=0.0_wp)
         allocate (self%mass(n, mass_width))
         if (present(fills_mass)) then
             if (.not. fills_mass) return

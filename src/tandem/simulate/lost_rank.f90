@@ -29,7 +29,7 @@ module tandem_simulate_lost_rank
         real(wp), private :: until = -huge(1.0_wp)
     contains
         procedure :: forget_ahead, is_ahead, was_met, is_near, longest_step, look_ahead, look_within
-        procedure, nopass :: find_near
+        procedure, nopass :: find_near, find_close
         procedure :: check
         procedure, nopass :: find_behind
         procedure :: remember, check_branch, pack_state
@@ -124,6 +124,22 @@ contains
         loss = chart%loss_ahead(state%t, state%q, state%qd, near*span)
         if (loss == status_ok .and. chart%loosened < least_independence) loss = status_singular_mass
     end subroutine find_near
+
+    !> The constraints cannot be held. Where something is lost within a way of a ten-thousandth of the coordinates' scale, that is
+    !> why: accelerations, and so their rounding, grow without bound towards it, the more the more loops share it.
+    subroutine find_close(chart, state, scale, loss)
+        class(chart_type), intent(inout) :: chart
+        type(state_type), intent(in) :: state
+        !> Of the coordinates (n).
+        real(wp), intent(in) :: scale(:)
+        integer, intent(out) :: loss
+        real(wp), parameter :: close = 1.0e-4_wp
+        real(wp) :: rate
+
+        loss = status_ok
+        rate = maxval(abs(state%qd)/scale)
+        if (rate > 0.0_wp) loss = chart%loss_ahead(state%t, state%q, state%qd, close/rate)
+    end subroutine find_close
 
     !> Whether C has lost rank between a state and the next: behind such a step the motion is not determined.
     subroutine check(self, chart, state, next, stat)

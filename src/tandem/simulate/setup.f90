@@ -6,8 +6,6 @@ submodule(tandem_simulation) tandem_simulate_setup
 contains
 
     module procedure initialize
-        real(wp) :: start_q(model%n), start_qd(model%n)
-
         self%is_ready = .false.
         call check_input(model, options, t, q, qd, error)
         if (allocated(error)) return
@@ -38,20 +36,18 @@ contains
         end if
         model%segment = 1
         if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
-        start_q = q
-        start_qd = qd
-        call model%arrive(start_q, .true.)
+        ! Where the run keeps them: copies would leave holes in the memory.
+        call self%state%begin(t, q, qd)
+        call model%arrive(self%state%q, .true.)
         ! Before the chart has taken its memory.
-        if (present(assembly)) call assemble(model, assembly, t, start_q, start_qd, error)
+        if (present(assembly)) call assemble(model, assembly, t, self%state%q, self%state%qd, error)
         if (allocated(error)) return
-        call model%arrive(start_q, .false.)
+        call model%arrive(self%state%q, .false.)
         call self%allocate_chart()
         if (.not. self%has_surplus_rows()) call self%chart%initialize(model, options, self%method%implicit, error)
         if (allocated(error)) return
-        call allocate_work(self)
-        self%state%t = t
-        self%state%q = start_q
-        self%state%qd = start_qd
+        call allocate_work(self, model%scales())
+        call self%next%allocate(model%n)
         call self%accept_start(error)
         self%is_ready = .not. allocated(error)
         if (.not. present(assembly)) return
@@ -153,13 +149,12 @@ contains
     end subroutine forget_run
 
     !> States, and what estimates, controls and steps need.
-    subroutine allocate_work(self)
+    subroutine allocate_work(self, scale)
         class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: scale(:)
         class(stepper_type), allocatable :: partner
         type(properties_type) :: of_partner
-        real(wp) :: scale(self%model%n)
 
-        scale = self%model%scales()
         call self%control%initialize(self%options, scale, self%method)
         call self%local_error%initialize(scale, self%options%is_adaptive() .or. self%method%order > 5)
         ! The gap of implicit steps also holds what Newton's iterations leave, for which shorter steps are no cure.
@@ -173,8 +168,6 @@ contains
         end if
         call self%switching%begin(self%method%partner /= '', scale, self%t_start, of_partner%estimate_order)
         call self%stepper%initialize(scale, self%options%newton_tolerance())
-        call self%state%allocate(self%model%n)
-        call self%next%allocate(self%model%n)
         self%start = state_type()
         self%end_is_apart = .false.
         call self%dense%initialize()

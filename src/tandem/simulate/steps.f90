@@ -101,7 +101,11 @@ contains
             call take_back(self, before)
             ! Of redundant rows, those in use may have come near dependence since the chart was made: one made here does better, and
             ! else a shorter step.
-            if (self%chart%n_dropped == 0 .or. error%stat /= status_constraints_not_held) return
+            if (error%stat /= status_constraints_not_held) return
+            if (self%chart%n_dropped == 0) then
+                call name_loss_ahead(self, error)
+                return
+            end if
             if (self%chart_is_current) then
                 if (.not. self%options%is_adaptive()) return
                 call self%control%fail(self%next%t - self%state%t)
@@ -494,6 +498,18 @@ contains
         call self%lost_rank%find_near(self%chart, self%state, self%state%t - self%t_start, loss)
         if (loss /= status_ok) call self%fail(loss, 'right behind t = '//to_text(self%state%t), error)
     end subroutine name_near_loss
+
+    !> Constraints are not held: a loss of rank close ahead may be why.
+    subroutine name_loss_ahead(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(inout) :: error
+        integer :: loss
+
+        call self%lost_rank%find_close(self%chart, self%state, self%model%scales(), loss)
+        if (loss == status_ok) return
+        deallocate (error)
+        call self%fail(loss, 'close behind t = '//to_text(self%state%t)//', too close for the constraints to be held', error)
+    end subroutine name_loss_ahead
 
     !> The error of a step that would no longer change the time.
     subroutine underflow(self, reason, h, error)

@@ -17,7 +17,7 @@ module tandem_stepper_state
         !> Position and velocity increments since the chart's origin (n), in the chart's own coordinates.
         real(wp), allocatable :: dq(:), dqd(:)
     contains
-        procedure :: allocate => allocate_state, pack_state, copy, take
+        procedure :: allocate => allocate_state, begin, pack_state, copy, take
     end type state_type
 
 contains
@@ -28,12 +28,28 @@ contains
         !> Number of coordinates.
         integer, intent(in) :: n
 
-        self%q = spread(0.0_wp, 1, n)
-        self%qd = self%q
-        self%qdd = self%q
-        self%dq = self%q
-        self%dqd = self%q
+        ! Without temporaries, which would leave holes in the memory.
+        if (allocated(self%q)) deallocate (self%q, self%qd, self%qdd, self%dq, self%dqd)
+        allocate (self%q(n), self%qd(n), self%qdd(n), self%dq(n), self%dqd(n), source=0.0_wp)
     end subroutine allocate_state
+
+    !> Become a start: all else is zero. What has the size stays where it is, as q and qd may be its own.
+    pure subroutine begin(self, t, q, qd)
+        class(state_type), intent(inout) :: self
+        !> Time, coordinates and velocities (n).
+        real(wp), intent(in) :: t, q(:), qd(:)
+        logical :: fits
+
+        fits = allocated(self%q)
+        if (fits) fits = size(self%q) == size(q)
+        if (.not. fits) call self%allocate(size(q))
+        self%t = t
+        self%q(:) = q
+        self%qd(:) = qd
+        self%qdd(:) = 0.0_wp
+        self%dq(:) = 0.0_wp
+        self%dqd(:) = 0.0_wp
+    end subroutine begin
 
     !> All of it.
     subroutine pack_state(self, pack)

@@ -30,6 +30,7 @@ contains
             new_unittest('forty-four-bars', test_forty), &
             new_unittest('four-hundred-four-bars', test_four_hundred), &
             new_unittest('singular-four-bars', test_singular), &
+            new_unittest('thousand-four-bars-close-to-flat', test_close_to_flat), &
             new_unittest('energy-of-a-chain', test_energy), &
             new_unittest('constraint-errors', test_constraint_errors), &
             new_unittest('work-of-a-step', test_work), &
@@ -282,6 +283,40 @@ contains
             end do
         end do
     end subroutine test_singular
+
+    !> Among a thousand loops rounding grows so close to the flat position that the constraints can no longer be held before steps
+    !> shrink: what is told is the loss of rank that is the reason, and not that a tolerance is missed. Accelerations are 23 m/s^2
+    !> on the way there, and 300 where rounding has taken over.
+    subroutine test_close_to_flat(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: n = 1000
+        real(wp), parameter :: before = 0.02_wp, right = acos(0.0_wp), c = 9.81_wp*(1.5_wp*n + 0.5_wp)/(4.0_wp*n/3 + 1/3.0_wp)
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: angle, rate, q(3*(2*n + 1)), qd(3*(2*n + 1))
+        integer :: i
+
+        call begin('four_bars', 2*n + 1, controlled(1.0e-8_wp, 'sparse'), mechanism, simulation, error)
+        if (allocated(error)) return
+        ! theta'^2 = 1 + 2 c (1 - cos(theta)): where the uprights are so long before they lie, but for 1e-5 s, and how fast.
+        rate = sqrt(1 + 2*c)
+        angle = right - before*(rate - 0.5_wp*before*c)
+        rate = sqrt(1 + 2*c*(1 - cos(angle)))
+        do i = 0, 2*n
+            associate (place => merge(i + 0.5_wp*sin(angle), i - n - 0.5_wp + sin(angle), i <= n), &
+                    part => merge(0.5_wp, 1.0_wp, i <= n), turns => merge(1.0_wp, 0.0_wp, i <= n))
+                q(3*i + 1:3*i + 3) = [place, part*cos(angle), -turns*angle]
+                qd(3*i + 1:3*i + 3) = rate*[part*cos(angle), -part*sin(angle), -turns]
+            end associate
+        end do
+        call simulation%initialize(mechanism, controlled(1.0e-8_wp, 'sparse'), 0.0_wp, q, qd, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call simulation%integrate(2*before, failure)
+        call check_failure(error, failure, 'rank_deficient', 'depend')
+        call check_close(error, [simulation%state%t], [before], 2.0e-5_wp, 'end')
+    end subroutine test_close_to_flat
 
     !> A free-swinging chain in space from the horizontal at rest: what potential energy is lost is kinetic. Within 1e-6 of m g l
     !> summed over the bodies, with fixed steps of 1 ms.
