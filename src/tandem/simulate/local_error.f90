@@ -62,7 +62,7 @@ contains
         if (has_estimates) then
             allocate (self%weight_q, self%weight_qd, mold=scale)
         else
-            allocate (self%error_q, self%error_qd, source=0.0_wp*scale)
+            allocate (self%error_q(self%n), self%error_qd(self%n), source=0.0_wp)
         end if
     end subroutine initialize
 

@@ -125,20 +125,27 @@ contains
         if (loss == status_ok .and. chart%loosened < least_independence) loss = status_singular_mass
     end subroutine find_near
 
-    !> The constraints cannot be held. Where something is lost within a way of a ten-thousandth of the coordinates' scale, that is
-    !> why: accelerations, and so their rounding, grow without bound towards it, the more the more loops share it.
-    subroutine find_close(chart, state, scale, loss)
+    !> What is lost within a way of a ten-thousandth of the coordinates' scale, ok where it is nothing: accelerations, and so their
+    !> rounding, grow without bound towards it, the more the more loops share it, until constraints cannot be held or steps creep.
+    subroutine find_close(chart, state, scale, loss, reach)
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         !> Of the coordinates (n).
         real(wp), intent(in) :: scale(:)
         integer, intent(out) :: loss
+        !> How far steps get, where they creep: where that is further nothing is looked for.
+        real(wp), intent(in), optional :: reach
         real(wp), parameter :: close = 1.0e-4_wp
-        real(wp) :: rate
+        real(wp) :: ahead, rate
 
         loss = status_ok
         rate = maxval(abs(state%qd)/scale)
-        if (rate > 0.0_wp) loss = chart%loss_ahead(state%t, state%q, state%qd, close/rate)
+        if (.not. rate > 0.0_wp) return
+        ahead = close/rate
+        if (present(reach)) then
+            if (reach > ahead) return
+        end if
+        loss = chart%loss_ahead(state%t, state%q, state%qd, ahead)
     end subroutine find_close
 
     !> Whether C has lost rank between a state and the next: behind such a step the motion is not determined.

@@ -103,7 +103,7 @@ contains
             ! else a shorter step.
             if (error%stat /= status_constraints_not_held) return
             if (self%chart%n_dropped == 0) then
-                call name_loss_ahead(self, error)
+                call name_loss_ahead(self, 'too close for the constraints to be held', error)
                 return
             end if
             if (self%chart_is_current) then
@@ -468,12 +468,13 @@ contains
         type(error_type), allocatable, intent(out) :: error
         !> So many tries, and such a part of the way that is left: a run that gets no further with them takes years. One whose
         !> model contradicts itself is not worth more than so many times as many.
-        integer, parameter :: many = 100000
+        integer, parameter :: few = 1000, many = 100000
         real(wp), parameter :: hopeless = 1.0e-7_wp, pointless = 0.1_wp
         real(wp) :: hopeful
 
         self%tries = self%tries + 1
-        if (self%tries < many) return
+        if (modulo(self%tries, few) == 0) call name_loss_ahead(self, 'which steps do not reach', error, few*self%last_step)
+        if (allocated(error) .or. self%tries < many) return
         hopeful = merge(hopeless, pointless, self%tally%contradiction == '')
         associate (t => self%state%t, from => self%tries_from)
             if (.not. t - from > hopeful*(t_limit - t)) then
@@ -499,16 +500,19 @@ contains
         if (loss /= status_ok) call self%fail(loss, 'right behind t = '//to_text(self%state%t), error)
     end subroutine name_near_loss
 
-    !> Constraints are not held: a loss of rank close ahead may be why.
-    subroutine name_loss_ahead(self, error)
+    !> A loss of rank close ahead may be why steps creep, or why constraints are not held.
+    subroutine name_loss_ahead(self, trouble, error, reach)
         class(simulation_type), intent(inout) :: self
+        character(len=*), intent(in) :: trouble
         type(error_type), allocatable, intent(inout) :: error
+        !> Of steps that creep.
+        real(wp), intent(in), optional :: reach
         integer :: loss
 
-        call self%lost_rank%find_close(self%chart, self%state, self%model%scales(), loss)
+        call self%lost_rank%find_close(self%chart, self%state, self%model%scales(), loss, reach)
         if (loss == status_ok) return
-        deallocate (error)
-        call self%fail(loss, 'close behind t = '//to_text(self%state%t)//', too close for the constraints to be held', error)
+        if (allocated(error)) deallocate (error)
+        call self%fail(loss, 'close behind t = '//to_text(self%state%t)//', '//trouble, error)
     end subroutine name_loss_ahead
 
     !> The error of a step that would no longer change the time.
