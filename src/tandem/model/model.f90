@@ -184,7 +184,7 @@ module tandem_model
         procedure(list_motions_interface), pointer :: list_motions => null()
     contains
         procedure :: n_constraints, row_name, coordinate_label, unit_of_coordinate, unit_of_multiplier, has_units, composed
-        procedure :: scales, note_blocks, pack_state, arrive
+        procedure :: scales, largest_on_scales, note_blocks, pack_state, arrive
     end type model_type
 
     abstract interface
@@ -480,6 +480,23 @@ contains
         scales = 1.0_wp
         if (allocated(self%coordinate_scale)) scales = self%coordinate_scale
     end function scales
+
+    !> The largest entry of a vector on these scales. Nothing is allocated.
+    pure real(wp) function largest_on_scales(self, x)
+        class(model_type), intent(in) :: self
+        !> Increments of coordinates or rates (n).
+        real(wp), intent(in) :: x(:)
+        integer :: i
+
+        largest_on_scales = 0.0_wp
+        do i = 1, self%n
+            if (allocated(self%coordinate_scale)) then
+                largest_on_scales = max(largest_on_scales, abs(x(i))/self%coordinate_scale(i))
+            else
+                largest_on_scales = max(largest_on_scales, abs(x(i)))
+            end if
+        end do
+    end function largest_on_scales
 
     !> The name of a coordinate with blanks behind.
     pure function padded_label(self, i) result(name)

@@ -127,19 +127,18 @@ contains
 
     !> What is lost within a way of a ten-thousandth of the coordinates' scale, ok where it is nothing: accelerations, and so their
     !> rounding, grow without bound towards it, the more the more loops share it, until constraints cannot be held or steps creep.
-    subroutine find_close(chart, state, scale, loss, reach)
+    subroutine find_close(chart, state, rate, loss, reach)
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
-        !> Of the coordinates (n).
-        real(wp), intent(in) :: scale(:)
+        !> The largest velocity on the coordinates' scales.
+        real(wp), intent(in) :: rate
         integer, intent(out) :: loss
         !> How far steps get, where they creep: where that is further nothing is looked for.
         real(wp), intent(in), optional :: reach
         real(wp), parameter :: close = 1.0e-4_wp
-        real(wp) :: ahead, rate
+        real(wp) :: ahead
 
         loss = status_ok
-        rate = maxval(abs(state%qd)/scale)
         if (.not. rate > 0.0_wp) return
         ahead = close/rate
         if (present(reach)) then

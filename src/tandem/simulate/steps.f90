@@ -509,7 +509,7 @@ contains
         real(wp), intent(in), optional :: reach
         integer :: loss
 
-        call self%lost_rank%find_close(self%chart, self%state, self%model%scales(), loss, reach)
+        call self%lost_rank%find_close(self%chart, self%state, self%model%largest_on_scales(self%state%qd), loss, reach)
         if (loss == status_ok) return
         if (allocated(error)) deallocate (error)
         call self%fail(loss, 'close behind t = '//to_text(self%state%t)//', '//trouble, error)
