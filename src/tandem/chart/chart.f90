@@ -442,7 +442,7 @@ module tandem_chart
         end subroutine rank_interface
 
         !> What C loses on the straight way from a state within the time h, as in `measure_rank`, or ok: for a step that cannot be
-        !> taken.
+        !> taken, or kept, and for steps that creep.
         integer function ahead_interface(self, t, q, qd, h)
             import :: chart_type, wp
             implicit none (type, external)

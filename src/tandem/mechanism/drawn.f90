@@ -312,9 +312,10 @@ contains
             self%rollers = self%rollers(:n%rollers)
             self%massless_wheels = self%massless_wheels(:n%massless_wheels)
             self%sensors = self%sensors(:n%sensors)
-            self%names = self%names(:self%n_names)
-            self%types = self%types(:self%n_names)
-            self%numbers = self%numbers(:self%n_names)
+            ! `keep_name` makes twice as much of what there is.
+            self%names = self%names(:max(1, self%n_names))
+            self%types = self%types(:max(1, self%n_names))
+            self%numbers = self%numbers(:max(1, self%n_names))
             call resize_motions(self, n%motions)
             call resize_laws(self, n%laws)
             call resize_formulas(self, n%formulas)

@@ -486,16 +486,9 @@ contains
         class(model_type), intent(in) :: self
         !> Increments of coordinates or rates (n).
         real(wp), intent(in) :: x(:)
-        integer :: i
 
-        largest_on_scales = 0.0_wp
-        do i = 1, self%n
-            if (allocated(self%coordinate_scale)) then
-                largest_on_scales = max(largest_on_scales, abs(x(i))/self%coordinate_scale(i))
-            else
-                largest_on_scales = max(largest_on_scales, abs(x(i)))
-            end if
-        end do
+        largest_on_scales = maxval(abs(x))
+        if (allocated(self%coordinate_scale)) largest_on_scales = maxval(abs(x)/self%coordinate_scale)
     end function largest_on_scales
 
     !> The name of a coordinate with blanks behind.

@@ -196,7 +196,7 @@ contains
         call pack%item(self%hindrance)
         call pack%item(self%is_interrupted, self%try_has_failed)
         call pack%item(self%tries)
-        call pack%item(self%tries_from)
+        call pack%item(self%tries_from, self%creeps_from)
         call self%stepper%pack_state(pack)
         call self%control%pack_state(pack)
         call self%work%pack_state(pack)

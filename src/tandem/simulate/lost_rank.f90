@@ -125,26 +125,23 @@ contains
         if (loss == status_ok .and. chart%loosened < least_independence) loss = status_singular_mass
     end subroutine find_near
 
-    !> What is lost within a way of a ten-thousandth of the coordinates' scale, ok where it is nothing: accelerations, and so their
-    !> rounding, grow without bound towards it, the more the more loops share it, until constraints cannot be held or steps creep.
-    subroutine find_close(chart, state, rate, loss, reach)
+    !> What is lost close ahead, ok where it is nothing: accelerations, and so their rounding, grow without bound towards it, the
+    !> more the more loops share it, until constraints cannot be held or steps creep. Looked at is no more than a ten-thousandth of
+    !> the coordinates' scale, and a thousand times the way of such steps.
+    subroutine find_close(chart, state, rate, reach, room, loss)
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
-        !> The largest velocity on the coordinates' scales.
-        real(wp), intent(in) :: rate
+        !> The largest velocity on the coordinates' scales, how far steps get, and until when C is as it is here.
+        real(wp), intent(in) :: rate, reach, room
         integer, intent(out) :: loss
-        !> How far steps get, where they creep: where that is further nothing is looked for.
-        real(wp), intent(in), optional :: reach
-        real(wp), parameter :: close = 1.0e-4_wp
+        real(wp), parameter :: close = 1.0e-4_wp, far = 1.0e3_wp
         real(wp) :: ahead
 
         loss = status_ok
-        if (.not. rate > 0.0_wp) return
-        ahead = close/rate
-        if (present(reach)) then
-            if (reach > ahead) return
-        end if
-        loss = chart%loss_ahead(state%t, state%q, state%qd, ahead)
+        if (.not. rate*reach <= close) return
+        ahead = min(far*reach, room)
+        if (rate*ahead > close) ahead = close/rate
+        if (ahead > 0.0_wp) loss = chart%loss_ahead(state%t, state%q, state%qd, ahead)
     end subroutine find_close
 
     !> Whether C has lost rank between a state and the next: behind such a step the motion is not determined.

@@ -14,6 +14,7 @@ contains
         self%options = options
         self%t_start = t
         self%tries_from = t
+        self%creeps_from = t
         call self%work%set(options%max_evaluations, options%max_seconds)
         if (present(stepper)) allocate (self%own_stepper, source=stepper)
         call self%allocate_stepper(is_partner=.false.)

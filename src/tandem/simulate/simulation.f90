@@ -102,9 +102,9 @@ module tandem_simulation
         integer, private :: hindrance = status_ok
         !> Whether a limit on the work has ended the tries of a controlled step, and whether one of those had failed.
         logical, private :: is_interrupted = .false., try_has_failed = .false.
-        !> Tries of controlled steps since a time.
+        !> Tries of controlled steps since a time; the time of the last look whether steps creep.
         integer, private :: tries = 0
-        real(wp), private :: tries_from = 0.0_wp
+        real(wp), private :: tries_from = 0.0_wp, creeps_from = 0.0_wp
         type(statistics_type), private :: tally
         class(step_control_type), allocatable, private :: control
         type(work_limit_type), private :: work
@@ -372,6 +372,37 @@ module tandem_simulation
             class(simulation_type), intent(inout) :: self
         end subroutine part_end
 
+        !> The error of steps that do go on, but would never reach the end.
+        module subroutine check_progress(self, t_limit, stop_at, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> The end of the run, and where steps must stop before it.
+            real(wp), intent(in) :: t_limit, stop_at
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine check_progress
+
+        !> A loss of rank close ahead may be why steps creep, or why constraints are not held.
+        module subroutine name_loss_ahead(self, reach, stop_at, trouble, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> How far steps get, and where they must stop.
+            real(wp), intent(in) :: reach, stop_at
+            !> What it is the reason of.
+            character(len=*), intent(in) :: trouble
+            !> Replaced where it is the reason.
+            type(error_type), allocatable, intent(inout) :: error
+        end subroutine name_loss_ahead
+
+        !> The error of a step that would no longer change the time.
+        module subroutine underflow(self, reason, h, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> Why the last try, in this step or in the one before, could not be completed; ok where it missed the tolerance.
+            integer, intent(in) :: reason
+            real(wp), intent(in) :: h
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine underflow
+
         !> Turn a status of the chart or the stepper into an error that says where it happened and which row is to blame.
         module subroutine fail(self, stat, where_, error)
             implicit none (type, external)
@@ -445,6 +476,7 @@ contains
         ! A caller who takes single steps sees how far they get, and need not mean to reach the limit.
         self%tries = 0
         self%tries_from = self%state%t
+        self%creeps_from = self%state%t
         call self%advance(t_limit, error)
         if (allocated(error)) call self%explain(error)
         if (.not. allocated(error) .and. self%watch%has_to_act) call self%act_on_events(error)

@@ -87,6 +87,7 @@ contains
         type(before_type), intent(in) :: before
         logical, intent(out) :: ends_at_breakpoint
         type(error_type), allocatable, intent(out) :: error
+        real(wp) :: stop_at
 
         do
             if (self%options%is_adaptive()) then
@@ -103,7 +104,8 @@ contains
             ! else a shorter step.
             if (error%stat /= status_constraints_not_held) return
             if (self%chart%n_dropped == 0) then
-                call name_loss_ahead(self, 'too close for the constraints to be held', error)
+                call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
+                call name_loss_ahead(self, self%next%t - self%state%t, stop_at, 'too close for the constraints to be held', error)
                 return
             end if
             if (self%chart_is_current) then
@@ -264,7 +266,7 @@ contains
         self%is_interrupted = .false.
         reason = self%hindrance
         do
-            call check_progress(self, t_limit, error)
+            call check_progress(self, t_limit, stop_at, error)
             if (allocated(error)) return
             call propose_step(self, stop_at, h, is_cut, is_short)
             ! What is left before the stop may be as short as it likes: it is one step.
@@ -460,89 +462,6 @@ contains
                 trim(self%work%describe(evaluations))//', t = '//to_text(self%state%t))
         end associate
     end subroutine check_work
-
-    !> The error of steps that do go on, but would never reach the end.
-    subroutine check_progress(self, t_limit, error)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(in) :: t_limit
-        type(error_type), allocatable, intent(out) :: error
-        !> So many tries, and such a part of the way that is left: a run that gets no further with them takes years. One whose
-        !> model contradicts itself is not worth more than so many times as many.
-        integer, parameter :: few = 1000, many = 100000
-        real(wp), parameter :: hopeless = 1.0e-7_wp, pointless = 0.1_wp
-        real(wp) :: hopeful
-
-        self%tries = self%tries + 1
-        if (modulo(self%tries, few) == 0) call name_loss_ahead(self, 'which steps do not reach', error, few*self%last_step)
-        if (allocated(error) .or. self%tries < many) return
-        hopeful = merge(hopeless, pointless, self%tally%contradiction == '')
-        associate (t => self%state%t, from => self%tries_from)
-            if (.not. t - from > hopeful*(t_limit - t)) then
-                call name_near_loss(self, error)
-                if (.not. allocated(error)) call set_error(error, status_step_underflow, 'the last '// &
-                    to_text(many)//' tries of steps got from t = '//to_text(from)//' to t = '//to_text(t)//', '// &
-                    to_text(t - from)//' further', &
-                    'see what makes steps fail or errors large there: a singularity, or a procedure that is wrong '// &
-                    '(tandem check, verify_model)')
-            end if
-            from = t
-        end associate
-        self%tries = 0
-    end subroutine check_progress
-
-    !> Steps have become hopelessly short: a loss of rank may be why.
-    subroutine name_near_loss(self, error)
-        class(simulation_type), intent(inout) :: self
-        type(error_type), allocatable, intent(out) :: error
-        integer :: loss
-
-        call self%lost_rank%find_near(self%chart, self%state, self%state%t - self%t_start, loss)
-        if (loss /= status_ok) call self%fail(loss, 'right behind t = '//to_text(self%state%t), error)
-    end subroutine name_near_loss
-
-    !> A loss of rank close ahead may be why steps creep, or why constraints are not held.
-    subroutine name_loss_ahead(self, trouble, error, reach)
-        class(simulation_type), intent(inout) :: self
-        character(len=*), intent(in) :: trouble
-        type(error_type), allocatable, intent(inout) :: error
-        !> Of steps that creep.
-        real(wp), intent(in), optional :: reach
-        integer :: loss
-
-        call self%lost_rank%find_close(self%chart, self%state, self%model%largest_on_scales(self%state%qd), loss, reach)
-        if (loss == status_ok) return
-        if (allocated(error)) deallocate (error)
-        call self%fail(loss, 'close behind t = '//to_text(self%state%t)//', '//trouble, error)
-    end subroutine name_loss_ahead
-
-    !> The error of a step that would no longer change the time.
-    subroutine underflow(self, reason, h, error)
-        class(simulation_type), intent(inout) :: self
-        !> Why the last try, in this step or in the one before, could not be completed; ok where it missed the tolerance.
-        integer, intent(in) :: reason
-        real(wp), intent(in) :: h
-        type(error_type), allocatable, intent(out) :: error
-
-        call name_near_loss(self, error)
-        if (.not. allocated(error)) call name_failure()
-        ! A caller who goes on after that has removed its cause.
-        call self%control%begin()
-        self%hindrance = status_ok
-    contains
-        !> The failure of the last try, or that it was too inaccurate.
-        subroutine name_failure()
-            integer :: why
-
-            why = self%lost_rank%was_met(self%state%t)
-            if (why == status_ok) why = reason
-            if (why /= status_ok) then
-                call self%fail(why, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error)
-            else
-                call set_error(error, status_step_underflow, 'h = '//to_text(h)//' at t = '//to_text(self%state%t)// &
-                    ' still misses the tolerance', 'loosen rtol and atol, or look for a singularity there')
-            end if
-        end subroutine name_failure
-    end subroutine underflow
 
     !> A first step from the size of the rates and of their change (Hairer, Norsett, Wanner I, section II.4).
     subroutine choose_first_step(self, span)

@@ -199,6 +199,8 @@ contains
         if (keeps_until(far)) return
         if (.not. change_from(self, here) <= largest_change) return
         loss_ahead = loss
+        ! It names a coordinate.
+        if (loss == status_singular_mass) self%failed_row = 0
         if (loss == status_rank_deficient) call self%blame_dependent(0)
 
     contains

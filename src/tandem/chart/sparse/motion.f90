@@ -5,7 +5,6 @@
 !> origin, so that the factor with which the acceleration there was found serves all corrections of the step. Neither a basis nor a
 !> projector is formed. Corrections for Phi move no row of E, which is one complement of the tangent space as good as others.
 module tandem_chart_sparse_motion
-    use tandem_chart_sparse_errors, only: judge_velocity
     use tandem_chart_sparse_partners, only: find_partners_of => find_partners
     use tandem_chart_sparse_progress, only: is_rounding, is_trusted, largest, learn, progress_type, unknown
     use tandem_chart_sparse_rank, only: rank_type
@@ -68,7 +67,29 @@ module tandem_chart_sparse_motion
         procedure :: restore_position, restore_velocity, solve_dynamics, restore_motion
         procedure, non_overridable :: fail_here
         procedure, private, non_overridable :: meet_velocity
+        procedure, private, nopass, non_overridable :: recall
     end type sparse_motion_type
+
+    interface
+        !> qd = qd0 + eta - Y0 x with C qd = nu.
+        module subroutine restore_velocity(self, t, q, increment, qd, stat)
+            implicit none (type, external)
+            class(sparse_motion_type), intent(inout) :: self
+            real(wp), intent(in) :: t, q(self%n), increment(self%n)
+            real(wp), intent(out) :: qd(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore_velocity
+
+        !> Corrections of qd at the last point.
+        module subroutine meet_velocity(self, age, qd, stat)
+            implicit none (type, external)
+            class(sparse_motion_type), intent(inout) :: self
+            !> Time since the origin.
+            real(wp), intent(in) :: age
+            real(wp), intent(inout) :: qd(self%n)
+            integer, intent(out) :: stat
+        end subroutine meet_velocity
+    end interface
 
 contains
 
@@ -356,7 +377,7 @@ contains
         age = abs(t - self%t0)
         if (self%iterate_defect < huge(1.0_wp)) then
             is_near = self%position%ageing*age <= near
-            call begin_stage(self%system, self%system%nh, self%iterate_defect, is_near, self%defect_of_delta, self%has_curve, &
+            call self%recall(self%system, self%system%nh, self%iterate_defect, is_near, self%defect_of_delta, self%has_curve, &
                 self%is_curve_old, self%delta, self%curve)
             if (self%has_curve .and. is_near) self%delta(:) = self%iterate_defect*self%curve
         else if (self%defect < huge(1.0_wp) .and. self%has_curve) then
@@ -393,7 +414,7 @@ contains
                     s%g(:s%nh) = -s%model%terms%phi
                     s%g(s%nh + 1:) = 0.0_wp
                     call s%factor(s%base)%solve(s%analysis, .false., q, s%g, s%x, s%z)
-                    if (self%secants%is_used) call mend(self%secants, k, error, last_error, self%n, s%x, has_left)
+                    if (self%secants%is_used) call self%secants%mend(k, error, last_error, self%n, s%x, has_left)
                 end if
                 if (has_left) then
                     stat = status_position_diverged
@@ -414,7 +435,7 @@ contains
 
     !> An implicit stage begins: what the last one has come to, over its defect; at the first one of a step what the step before
     !> has, as far as the complement here holds it, since all else would move the point along the tangent space.
-    subroutine begin_stage(system, n_rows, defect, is_near, defect_of_last, is_known, is_old, last, unit)
+    subroutine recall(system, n_rows, defect, is_near, defect_of_last, is_known, is_old, last, unit)
         type(system_type), intent(inout) :: system
         integer, intent(in) :: n_rows
         real(wp), intent(in) :: defect
@@ -436,143 +457,7 @@ contains
             is_old = .false.
         end if
         defect_of_last = defect
-    end subroutine begin_stage
-
-    !> Mend a correction by those before it, once one has left much.
-    pure subroutine mend(secants, k, error, last_error, n, s, has_left)
-        type(secants_type), intent(inout) :: secants
-        !> Corrections so far, the error now, and before the last one.
-        integer, intent(in) :: k
-        real(wp), intent(in) :: error, last_error
-        !> The correction.
-        integer, intent(in) :: n
-        real(wp), intent(inout) :: s(n)
-        !> Whether C has turned so far since the origin that its complement there is none here.
-        logical, intent(out) :: has_left
-        !> What corrects less than the first shows little but rounding, less than the second nothing of angles. An error that grows
-        !> so much shows that the moves are wrong.
-        real(wp), parameter :: rounding = 1.0e-11_wp, small = 1.0e-8_wp, growth = 2.0_wp
-
-        has_left = .false.
-        if (k == 0 .or. (k > 1 .and. error > growth*last_error)) then
-            call secants%begin(n, s)
-        else
-            call secants%improve(n, last_error > rounding, s)
-            has_left = k == 1 .and. last_error > small .and. secants%left > 1.0_wp
-        end if
-    end subroutine mend
-
-    !> qd = qd0 + eta - Y0 x with C qd = nu.
-    subroutine restore_velocity(self, t, q, increment, qd, stat)
-        class(sparse_motion_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(self%n), increment(self%n)
-        real(wp), intent(out) :: qd(self%n)
-        integer, intent(out) :: stat
-
-        self%failed_row = 0
-        call self%system%visit(t, q, self%counts, stat)
-        if (stat /= status_ok) then
-            self%failed_term = trim(self%system%model%failed_term)
-            return
-        end if
-        qd = self%qd0 + increment
-        if (self%system%m == 0) return
-        call self%system%load()
-        call self%meet_velocity(abs(t - self%t0), qd, stat)
-    end subroutine restore_velocity
-
-    !> Corrections of qd at the last point. C is linear: each leaves the part by which C has changed since the origin. The ends of
-    !> steps are judged by the scales there, which a body that turns may have left a tenth of what they were: where the Euler
-    !> parameters of a wheel point along one axis, the row of their norm has the rates of the others in no term.
-    subroutine meet_velocity(self, age, qd, stat)
-        class(sparse_motion_type), intent(inout) :: self
-        real(wp), intent(in) :: age
-        real(wp), intent(inout) :: qd(self%n)
-        integer, intent(out) :: stat
-        integer, parameter :: limit = 60
-        real(wp) :: error, error_before, first_error, last_error, wanted
-        integer :: k
-        logical :: carries, has_left, is_loose, is_near, predicts
-
-        stat = status_ok
-        is_loose = self%is_stage .or. self%is_iterate
-        wanted = merge(self%stage_velocity_tolerance, self%velocity_tolerance, self%is_stage)
-        predicts = self%is_stage .and. self%defect < huge(1.0_wp)
-        ! A stage that is iterated for has nearly the same x each time.
-        carries = .not. (self%is_stage .or. self%defect < huge(1.0_wp))
-        if (self%iterate_defect < huge(1.0_wp)) then
-            if (.not. self%has_delta_rate) self%defect_of_rate = 0.0_wp
-            is_near = self%velocity%ageing*age <= near
-            call begin_stage(self%system, self%system%m, self%iterate_defect, is_near, self%defect_of_rate, self%has_bend, &
-                self%is_bend_old, self%delta_rate, self%bend)
-            if (self%has_bend .and. is_near) self%delta_rate(:) = self%iterate_defect*self%bend
-            self%has_delta_rate = self%has_delta_rate .or. (self%has_bend .and. is_near)
-        end if
-        first_error = 0.0_wp
-        error_before = 0.0_wp
-        last_error = unknown
-        associate (s => self%system, base => self%system%factor(self%system%base), &
-            here => self%system%factor(self%system%here), end_weight => self%system%scales(:, 2))
-            if (predicts .and. self%has_delta_rate) qd = qd + self%defect*self%delta_rate
-            if (predicts .and. .not. self%has_delta_rate) self%delta_rate = qd
-            if (carries) then
-                if (.not. self%has_delta_rate) self%delta_rate = 0.0_wp
-                self%has_delta_rate = .false.
-                qd = qd + self%delta_rate
-                self%delta_rate = self%delta_rate - qd
-            end if
-            do k = 0, limit
-                if (k > 0 .and. is_loose) then
-                    if (is_trusted(self%velocity, age, last_error, wanted)) exit
-                end if
-                if (k == 0 .and. .not. is_loose) then
-                    ! The scales at the end take their place when its errors are found.
-                    s%has_scales = .false.
-                    call judge_velocity(s%analysis, here, s%model%terms%nu, qd, self%scale, s%g, end_weight)
-                else
-                    s%g(:) = s%model%terms%nu
-                    call here%multiply(s%analysis, qd, s%g)
-                end if
-                if (is_loose) then
-                    error = largest(s%m, s%g, self%velocity_weight)
-                else
-                    error = largest(s%m, s%g, end_weight)
-                end if
-                if (.not. error <= huge(1.0_wp)) then
-                    stat = status_not_finite
-                    call s%name_infinite(stat)
-                    self%failed_term = trim(s%model%failed_term)
-                    return
-                end if
-                if (k == 1) call learn(self%velocity, age, error, last_error)
-                if (error <= wanted) exit
-                if (error <= self%allowed .and. is_rounding(error, last_error, error_before)) exit
-                if (k == 0) first_error = error
-                has_left = k == limit .or. .not. error <= 1.0e3_wp*max(first_error, wanted)
-                if (.not. has_left) then
-                    call base%solve(s%analysis, .false., qd, s%g, s%x, s%z)
-                    if (self%secants%is_used) call mend(self%secants, k, error, last_error, self%n, s%x, has_left)
-                end if
-                if (has_left) then
-                    stat = status_chart_left
-                    self%failed_row = maxloc(abs(s%g)*merge(self%velocity_weight, end_weight, is_loose), dim=1)
-                    self%failed_value = error
-                    return
-                end if
-                qd = qd + s%x
-                if (k > 0) error_before = last_error
-                last_error = error
-            end do
-            if (carries) then
-                self%delta_rate = self%delta_rate + qd
-                self%has_delta_rate = .true.
-            end if
-            if (.not. predicts) return
-            if (self%has_delta_rate .or. .not. abs(self%defect) > 0.0_wp) return
-            self%delta_rate = (qd - self%delta_rate)/self%defect
-            self%has_delta_rate = .true.
-        end associate
-    end subroutine meet_velocity
+    end subroutine recall
 
     !> The acceleration at (t, q, qd).
     subroutine solve_dynamics(self, t, q, qd, qdd, stat)

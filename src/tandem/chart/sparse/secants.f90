@@ -29,7 +29,8 @@ module tandem_chart_sparse_secants
         !> Whether there is space for any.
         logical, public :: is_used = .false.
     contains
-        procedure :: allocate => allocate_secants, begin, improve
+        procedure :: allocate => allocate_secants, mend
+        procedure, private :: begin, improve
     end type secants_type
 
 contains
@@ -44,6 +45,30 @@ contains
         allocate (self%weight(n), source=1.0_wp)
         self%is_used = .true.
     end subroutine allocate_secants
+
+    !> Mend a correction by those before it, once one has left much.
+    pure subroutine mend(self, k, error, last_error, n, s, has_left)
+        class(secants_type), intent(inout) :: self
+        !> Corrections so far, the error now, and before the last one.
+        integer, intent(in) :: k
+        real(wp), intent(in) :: error, last_error
+        !> The correction.
+        integer, intent(in) :: n
+        real(wp), intent(inout) :: s(n)
+        !> Whether C has turned so far since the origin that its complement there is none here.
+        logical, intent(out) :: has_left
+        !> What corrects less than the first shows little but rounding, less than the second nothing of angles. An error that grows
+        !> so much shows that the moves are wrong.
+        real(wp), parameter :: rounding = 1.0e-11_wp, small = 1.0e-8_wp, growth = 2.0_wp
+
+        has_left = .false.
+        if (k == 0 .or. (k > 1 .and. error > growth*last_error)) then
+            call self%begin(n, s)
+        else
+            call self%improve(n, last_error > rounding, s)
+            has_left = k == 1 .and. last_error > small .and. self%left > 1.0_wp
+        end if
+    end subroutine mend
 
     !> Remember the first correction: of other rows than before.
     pure subroutine begin(self, n, s)

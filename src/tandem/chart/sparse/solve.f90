@@ -2,11 +2,12 @@
 !> Solutions with a factor by blocks, and products with C: what a step does most often. Loops are over lists that stand side by side
 !> in memory.
 submodule(tandem_chart_sparse_factor) tandem_chart_sparse_solve
-    use tandem_chart_sparse_blocks, only: add_moved, multiply_inverse, set_owned, subtract_rows, subtract_seven_rows, &
+    use tandem_chart_sparse_blocks, only: multiply_inverse, set_owned, subtract_rows, subtract_seven_rows, &
         subtract_transposed, subtract_transposed_sized
     use tandem_chart_sparse_meetings, only: fetch_in_plane, fetch_in_space, leave_in_plane, leave_in_space, &
         multiply_in_plane, multiply_in_space, n_of_place, of_hinges, of_others, of_pins, react_in_space, send_in_plane, &
         send_in_space, send_own_in_space
+    use tandem_chart_sparse_moved, only: add_moved
     implicit none (type, external)
 
 contains

@@ -355,6 +355,7 @@ contains
         call pack%item(self%defect_of_delta, self%defect_of_rate)
         call pack%item(self%phi_weight, self%velocity_weight)
         call pack%item(self%position%ageing, self%velocity%ageing)
+        call pack%item(self%secants%weight)
         call self%pack_newton(pack)
         call self%pack_coupled(pack)
     end subroutine pack_state
