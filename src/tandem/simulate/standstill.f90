@@ -20,8 +20,9 @@ contains
             way = self%state%t - self%creeps_from
             self%creeps_from = self%state%t
             tries = real(self%tally%steps + self%tally%rejected + self%tally%failed, wp)
-            if (way*tries < collapsed*few*(self%state%t - self%t_start)) &
+            if (way*tries < collapsed*few*(self%state%t - self%t_start)) then
                 call name_loss_ahead(self, way, stop_at, 'which steps do not reach', error)
+            end if
             if (allocated(error)) return
         end if
         if (self%tries < many) return
