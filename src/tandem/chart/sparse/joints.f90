@@ -53,7 +53,8 @@ contains
                     self%n_moved = self%n_moved + n_in_space
                 else if (joint == of_pins) then
                     self%n_moved = self%n_moved + n_in_plane
-                else
+                else if (.not. self%is_kept(b)) then
+                    ! Kept bodies go with their nodes: what forces move of them alone is not asked for.
                     self%n_moved = self%n_moved + self%height(n)*(self%first(b + 1) - self%first(b))
                 end if
                 if (self%joint_of_node(n) /= of_others) then
