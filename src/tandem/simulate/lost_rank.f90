@@ -127,19 +127,19 @@ contains
 
     !> What is lost close ahead, ok where it is nothing: accelerations, and so their rounding, grow without bound towards it, the
     !> more the more loops share it, until constraints cannot be held or steps creep. Looked at is no more than a ten-thousandth of
-    !> the coordinates' scale, and a thousand times the way of such steps.
+    !> the coordinates' scale.
     subroutine find_close(chart, state, rate, reach, room, loss)
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
-        !> The largest velocity on the coordinates' scales, how far steps get, and until when C is as it is here.
+        !> The largest velocity on the coordinates' scales, how far steps get, and for how long it may be looked ahead.
         real(wp), intent(in) :: rate, reach, room
         integer, intent(out) :: loss
-        real(wp), parameter :: close = 1.0e-4_wp, far = 1.0e3_wp
+        real(wp), parameter :: close = 1.0e-4_wp
         real(wp) :: ahead
 
         loss = status_ok
         if (.not. rate*reach <= close) return
-        ahead = min(far*reach, room)
+        ahead = room
         if (rate*ahead > close) ahead = close/rate
         if (ahead > 0.0_wp) loss = chart%loss_ahead(state%t, state%q, state%qd, ahead)
     end subroutine find_close

@@ -52,10 +52,14 @@ contains
     end subroutine name_near_loss
 
     module procedure name_loss_ahead
+        !> So many steps of the usual size in the run it is looked ahead.
+        real(wp), parameter :: far = 10.0_wp
+        real(wp) :: tries
         integer :: loss
 
+        tries = real(self%tally%steps + self%tally%rejected + self%tally%failed, wp)
         call self%lost_rank%find_close(self%chart, self%state, self%model%largest_on_scales(self%state%qd), reach, &
-            stop_at - self%state%t, loss)
+            min(stop_at - self%state%t, far*(self%state%t - self%t_start)/max(tries, 1.0_wp)), loss)
         if (loss == status_ok) return
         call self%fail(loss, 'close behind t = '//to_text(self%state%t)//', '//trouble, error)
     end procedure name_loss_ahead
