@@ -309,7 +309,7 @@ contains
         real(wp), intent(in) :: rtol
         type(error_type), allocatable, intent(inout) :: error
         real(wp), parameter :: before = 0.02_wp, right = acos(0.0_wp)
-        integer, parameter :: most_steps = 2000
+        integer, parameter :: most_steps = 4000
         type(mechanism_type), target :: mechanism
         type(simulation_type) :: simulation
         type(statistics_type) :: statistics

@@ -211,6 +211,14 @@ contains
 
         call mechanism%define(failure)
         call expect('has no body')
+        ! A point is none, and after that refusal a body can still be added.
+        call mechanism%add_point('ground', 'hook', [0.0_wp, 0.0_wp, 0.0_wp], failure)
+        if (.not. allocated(failure)) call mechanism%define(failure)
+        call expect('has no body')
+        call mechanism%add_body('late', 1.0_wp, [0.0_wp, 0.0_wp, 0.0_wp], failure, inertia=[1.0_wp, 1.0_wp, 1.0_wp])
+        if (.not. allocated(failure)) call mechanism%define(failure)
+        call check_no_failure(error, failure)
+        mechanism = mechanism_type()
         call draw(mechanism, .false.)
         call mechanism%add_body('first', 1.0_wp, at, failure)
         call expect('there is another "first" already, a body')
