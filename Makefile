@@ -4,15 +4,16 @@
 # What to run: a scene, and further arguments for tandem.
 SCENE ?= rolling_disk
 ARGS  ?=
-# Flags for the machine at hand, on top of fpm's own for a release (without --profile, --flag would replace those) and of those
-# that all tools share: fpm's have -fPIC, with which gfortran inlines no public procedure that another library might replace,
-# and ours are not to be replaced; small procedures are worth inlining from one file into another (-flto), with objects that
-# any linker takes.
+# Flags of the two builds, on top of those for the machine at hand. Both allow gfortran to inline public procedures of
+# position-independent code (-fno-semantic-interposition). The fast build compiles in a third of the time. The optimised one
+# also inlines across files, by link-time optimisation; its objects suit any linker.
 ARCH  ?= -march=native
-RELEASE = --profile release --flag "$(shell cat tools/release_flags) $(ARCH)"
+FAST      = --flag "$(shell cat tools/flags/fast) $(ARCH)"
+OPTIMISED = --flag "$(shell cat tools/flags/optimised) $(ARCH)"
 FPM     = .venv/bin/fpm
-# fpm may keep modules that a changed one has made stale; a build that fails is then tried once more from the start.
-INSTALL_BINARY = $(FPM) run tandem $(RELEASE) --runner install -- build/tandem
+# fpm may keep modules that a changed one has made stale; a build that fails is then repeated from the start.
+BUILD_FAST      = $(FPM) run tandem $(FAST) --runner install -- build/tandem
+BUILD_OPTIMISED = $(FPM) run tandem $(OPTIMISED) --runner install -- -D build/optimised/tandem
 # Where `make install` puts the program and the libraries; DESTDIR stands before it, for packagers.
 PREFIX  ?= /usr/local
 DESTDIR ?=
@@ -21,7 +22,7 @@ PARTS ?=
 INSTALLED = $(or $(PARTS),library program command-line)
 REMOVED = $(or $(PARTS),library program command-line mpi)
 INSTALL_NEEDS = $(filter mpi,$(INSTALLED)) \
-	$(if $(filter program,$(INSTALLED)),build,$(if $(filter command-line,$(INSTALLED)),setup))
+	$(if $(filter program,$(INSTALLED)),optimised,$(if $(filter command-line,$(INSTALLED)),setup))
 
 export ARCH
 # The systems are small: threads inside BLAS cost more than they bring.
@@ -29,16 +30,22 @@ export OPENBLAS_NUM_THREADS ?= 1
 # A git hook exports these; fpm's calls of git would follow them into another repository.
 unexport GIT_DIR GIT_WORK_TREE GIT_INDEX_FILE GIT_PREFIX GIT_COMMON_DIR GIT_OBJECT_DIRECTORY
 
-.PHONY: help setup build mpi run test sanitize coverage docs python plots bench bench-count install uninstall clean
+.PHONY: help setup build optimised mpi run test test-all sanitize coverage docs python plots bench bench-count install uninstall clean
 .DEFAULT_GOAL := help
 
 run: build ## run a scene anew, e.g. make run SCENE=articulated_vehicle ARGS='--set time.end=5'
 	@build/tandem run $(SCENE) --force $(ARGS)
+	@echo 'Next: make python && build/tandem view $(notdir $(basename $(SCENE))).h5    (the motion in a browser); make help lists the rest'
 
 test: ## all that verifies the project; the last line is "N passed, N failed" (PARTS='lint python' for some)
 	@tools/setup.sh test
 	@tools/setup.sh docs
 	@python3 tools/verify.py $(PARTS)
+
+test-all: ## make test, and what takes long: the suites of the optimised build, pages in a browser, OpenMPI
+	@tools/setup.sh test
+	@tools/setup.sh docs
+	@python3 tools/verify.py --all
 
 sanitize: ## look for wrong use of memory and undefined behaviour, by sanitizers and valgrind; takes its time
 	@tools/setup.sh test
@@ -48,11 +55,11 @@ coverage: ## which lines of src/ the tests run, as a table; those that they do n
 	@tools/setup.sh test
 	@tools/coverage.py
 
-plots: build ## measure what README and doc/ show, and make their figures and tables anew (some minutes)
+plots: optimised ## measure what README and doc/ show, and make their figures and tables anew (some minutes)
 	@tools/setup.sh plot
 	@tools/plots.sh
 
-bench: build ## measure tandem beside other solvers, for doc/performance.md (some minutes; CORE=1 for another core)
+bench: optimised ## measure tandem beside other solvers, for doc/performance.md (some minutes; CORE=1 for another core)
 	@tools/setup.sh plot
 	@tools/setup.sh bench
 	@tools/bench.sh
@@ -61,12 +68,15 @@ bench-count: setup ## compare the instructions of short runs with those on recor
 	@tools/setup.sh bench
 	@tools/bench.sh count
 
-build: setup ## the release binary, left at build/tandem
-	@$(INSTALL_BINARY) || { echo 'build: once more, from the start'; rm -rf build/gfortran_*; $(INSTALL_BINARY); }
+build: setup ## the program, compiled in a minute or two: build/tandem
+	@$(BUILD_FAST) || { echo 'build: once more, from the start'; rm -rf build/gfortran_*; $(BUILD_FAST); }
+
+optimised: setup ## the program with link-time optimisation, for measurements and installation: build/optimised/tandem
+	@$(BUILD_OPTIMISED) || { echo 'build: once more, from the start'; rm -rf build/gfortran_*; $(BUILD_OPTIMISED); }
 
 mpi: build ## build/tandem-mpi: sweeps over several machines, with Debian's OpenMPI (doc/sweep.md)
 	@tools/setup.sh mpi
-	@cd mpi && ../$(FPM) run tandem-mpi --profile release --flag "$$(cat ../tools/release_flags) $(ARCH)" --runner install -- \
+	@cd mpi && ../$(FPM) run tandem-mpi --flag "$$(cat ../tools/flags/optimised) $(ARCH)" --runner install -- \
 		../build/tandem-mpi
 
 setup: ## bring compiler, libraries, fpm and dependencies, as far as they are missing

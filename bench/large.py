@@ -5,7 +5,7 @@
 Usage: bench/large.py [--repeats N] [--seconds S] [SCENE [N...]]
 
 SCENE is planar_chain, spatial_chain, star, four_bars or net, as test/src/subjects/large_mechanisms.f90 draws them, N even for chains; all
-without. Installs exudyn, mujoco, pin, numpy and h5py from PyPI into build/large. The program is build/tandem, or what TANDEM names: it
+without. Installs exudyn, mujoco, pin, numpy and h5py from PyPI into build/large. The program is build/optimised/tandem, or what TANDEM names: it
 takes rk4 with every stage on the manifold.
 Exudyn integrates the same bodies and joints by generalised alpha, index 3, with a sparse matrix that serves several steps; MuJoCo in
 joint coordinates by RK4; Pinocchio evaluates its articulated-body algorithm four times, without an integrator. These two need trees,
@@ -24,7 +24,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-TANDEM = os.environ.get("TANDEM", str(ROOT / "build" / "tandem"))
+TANDEM = os.environ.get("TANDEM", str(ROOT / "build" / "optimised" / "tandem"))
 PLACE = ROOT / "build" / "large"
 ENVIRONMENT = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 GRAVITY, STEP, ENDS = 9.81, 1e-3, (0.1, 0.3)

@@ -2,7 +2,8 @@
 """What pyproject.toml cannot say: the version is that of the checkout, and the package holds the shared library, three.js for the
 pages of `tandem view`, and the program where `make build` has left it.
 
-The library is compiled by gfortran for any machine of this kind; ARCH=-march=native makes one for the machine at hand. three.js comes
+The library is compiled by gfortran for any machine of this kind, or for the machine at hand with ARCH=-march=native; its objects are
+those of `make install` with the same flags. three.js comes
 through npm's client, in the version and with the checksum that are pinned here.
 """
 
@@ -51,7 +52,7 @@ def build_library(target):
         spec.loader.exec_module(library)
         say("building the library")
         flags = ["-O3", "-funroll-loops", *os.environ.get("ARCH", "").split()]
-        built = library.build_libraries(ROOT / "build" / "python-library", flags) / "libtandem.so"
+        built = library.build_libraries(ROOT / "build" / "library", flags) / "libtandem.so"
     shutil.copyfile(built, target / "libtandem.so")
 
 

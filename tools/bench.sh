@@ -19,7 +19,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 export OPENBLAS_NUM_THREADS=1
 out=build/bench python=.venv/bin/python
-release="$(cat tools/release_flags) ${ARCH:--march=native}"
+optimised="$(cat tools/flags/optimised) ${ARCH:--march=native}"
 
 # --- 1. the measurements --------------------------------------------------------------------------------------------
 
@@ -27,14 +27,14 @@ build() { # PROGRAM FLAGS: leaves build/bench/PROGRAM
     local flags=$2
     mkdir -p "$out" bench/build/dependencies
     ln -sfn ../../../build/dependencies/toml-f bench/build/dependencies/toml-f
-    (cd bench && ../.venv/bin/fpm run "$1" --profile release --flag "$flags" --runner install -- "../$out/$1") \
+    (cd bench && ../.venv/bin/fpm run "$1" --flag "$flags" --runner install -- "../$out/$1") \
         >"$out/build.log" 2>&1 || { tail -n 20 "$out/build.log" >&2; exit 1; }
 }
 
 measure() {
     local program
     for program in bench chain; do
-        build $program "$release"
+        build $program "$optimised"
         taskset -c "${CORE:-0}" "$out/$program" "$out"
     done
     profiles
@@ -44,7 +44,7 @@ measure() {
 profile() { # NAME SCENE [SETTING...]: leaves build/bench/profile_NAME.h5
     local name=$1
     shift
-    taskset -c "${CORE:-0}" build/tandem run "$@" --profile --no-error --quiet --force --output "$out/profile_$name.h5"
+    taskset -c "${CORE:-0}" build/optimised/tandem run "$@" --profile --no-error --quiet --force --output "$out/profile_$name.h5"
 }
 
 profiles() {
@@ -56,7 +56,7 @@ profiles() {
 case ${1:-} in
 figures) ;;
 large)
-    build large "$release"
+    build large "$optimised"
     taskset -c "${CORE:-0}" "$out/large" "${@:2}"
     exit
     ;;
@@ -67,25 +67,25 @@ profiles)
 count | record)
     # Without AVX-512, which valgrind does not know, and file by file, since the counts begin at a procedure that must be found;
     # a base line is for one set of flags.
-    build count "-fno-semantic-interposition -march=x86-64-v3"
+    build count "-O3 -funroll-loops -fPIC -fno-semantic-interposition -march=x86-64-v3"
     [ "$1" = count ] && exec python3 tools/bench_count.py "$out/count"
     exec python3 tools/bench_count.py "$out/count" record
     ;;
 mechanisms)
-    build motion "$release"
+    build motion "$optimised"
     shift
     taskset -c "${CORE:-0}" bench/mechanisms.py "$@" | tee "$out/mechanisms.txt"
     [ $# -gt 0 ] || bench/mechanisms.py --from "$out/mechanisms.txt" --figure doc/figures/mechanisms.png --table "$out/mechanisms.md"
     exit
     ;;
 output)
-    build output "$release"
+    build output "$optimised"
     shift
     exec taskset -c "${CORE:-0}" "$out/output" "$@"
     ;;
 sweep)
     shift
-    build disks "$release"
+    build disks "$optimised"
     exec $python tools/sweep_speed.py "$@"
     ;;
 *) measure ;;

@@ -249,7 +249,7 @@ check sanitizers-find-nothing-in-the-python-example sanitized_python
 
 unset TANDEM_SCENES
 export PKG_CONFIG_PATH=$prefix/lib/pkgconfig
-check program-installs-beside-the-library tools/library.py install --prefix "$prefix" --parts program command-line
+check program-installs-beside-the-library tools/library.py install --prefix "$prefix" --parts program command-line --program build/tandem
 in_empty() ( cd "$tmp/empty" && "$@" )
 same_scenes() { # those of the checkout, from the place where they are installed, also through a link
     ln -sf "$prefix/bin/tandem" "$tmp/link" && in_empty "$tmp/link" list >"$tmp/list" || return 1
@@ -286,7 +286,7 @@ check program-uninstalls-alone eval 'tools/library.py uninstall --prefix "$prefi
     [ ! -e "$prefix/share/tandem/scenes" ]'
 needs_no_fpm() { ! make -n install PARTS=library PREFIX="$tmp" | grep -E 'setup|fpm'; }
 check library-alone-needs-no-fpm needs_no_fpm
-builds_first() { env -u MAKEFLAGS -u PARTS make -n install PREFIX="$tmp" | grep -- '--runner install -- build/tandem' >/dev/null; }
+builds_first() { env -u MAKEFLAGS -u PARTS make -n install PREFIX="$tmp" | grep -- '--runner install -- -D build/optimised/tandem' >/dev/null; }
 check everything-is-built-before-it-is-installed builds_first
 
 # --- 8. and away ---------------------------------------------------------------------------------------------------

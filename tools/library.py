@@ -3,12 +3,12 @@
 """Builds the libraries for programs that are not built with fpm, and installs them and the program `tandem`.
 
 Usage: tools/library.py build     [--build DIR] [--flags FLAGS]
-       tools/library.py install   [--build DIR] [--flags FLAGS] [--prefix DIR] [--destdir DIR] [--parts PART...]
+       tools/library.py install   [--build DIR] [--flags FLAGS] [--prefix DIR] [--destdir DIR] [--program FILE] [--parts PART...]
        tools/library.py uninstall [--prefix DIR] [--destdir DIR] [--parts PART...]
 
 The parts, all of them but the last unless --parts names some:
   library       the solver, static and shared. Needs gfortran, LAPACK and BLAS, and nothing else.
-  program       build/tandem, which `make build` leaves there, and the shipped scenes.
+  program       build/optimised/tandem, which `make optimised` leaves there, or --program FILE, and the shipped scenes.
   command-line  the command line as a static library, for models of one's own. Needs HDF5 and toml-f (tools/setup.sh) too.
   mpi           build/tandem-mpi, which `make mpi` leaves there; its scenes are those of the program.
 
@@ -247,11 +247,10 @@ def library_part(build, prefix):
     return files, contents(prefix), {f"lib/libtandem.so.{major}": real, "lib/libtandem.so": f"libtandem.so.{major}"}
 
 
-def program_part():
+def program_part(program):
     """The program with its scenes, which it finds beside its folder (io/src/tandem_io/scene/shipped.f90)."""
-    program = ROOT / "build" / "tandem"
     if not program.exists():
-        raise SystemExit("library: build/tandem is missing: make build")
+        raise SystemExit(f"library: {program} is missing: make optimised")
     files = {"bin/tandem": program, "share/tandem/licences/program-toml-f.txt": TOML_F / "LICENSE-MIT"}
     return files | {f"share/tandem/scenes/{scene.name}": scene for scene in sorted((ROOT / "scenes").glob("*.toml"))}, {}, {}
 
@@ -287,7 +286,7 @@ Cflags: -I${{includedir}}/tandem/command_line
     return files, {"lib/pkgconfig/tandem-command-line.pc": pkgconfig}, {}
 
 
-def install(build, flags, prefix, destdir, parts):
+def install(build, flags, prefix, destdir, parts, program):
     """Put the parts below the prefix, and a list of each, for `uninstall`."""
     found = {}
     if "library" in parts or "command-line" in parts:
@@ -295,7 +294,7 @@ def install(build, flags, prefix, destdir, parts):
     if "library" in parts:
         found["library"] = library_part(build, prefix)
     if "program" in parts:
-        found["program"] = program_part()
+        found["program"] = program_part(program)
     if "mpi" in parts:
         found["mpi"] = mpi_part()
     if "command-line" in parts:
@@ -350,6 +349,7 @@ def main():
     parser.add_argument("--flags", default="-O3 -funroll-loops " + os.environ.get("ARCH", ""))
     parser.add_argument("--prefix", default="/usr/local")
     parser.add_argument("--destdir", default="")
+    parser.add_argument("--program", type=Path, default=ROOT / "build" / "optimised" / "tandem")
     parser.add_argument("--parts", nargs="+", choices=PARTS + OPTIONAL)
     given = parser.parse_args()
     prefix = os.path.abspath(given.prefix)
@@ -358,7 +358,7 @@ def main():
     if given.action == "build":
         build_libraries(given.build, given.flags.split())
     elif given.action == "install":
-        install(given.build, given.flags.split(), prefix, given.destdir, given.parts)
+        install(given.build, given.flags.split(), prefix, given.destdir, given.parts, given.program)
     elif not remove(prefix, given.destdir, given.parts):
         raise SystemExit(f"library: no installation below {below(prefix, given.destdir)}")
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Measures what README.md, doc/results.md, doc/precision.md and doc/stability.md show, with build/tandem, and makes their figures and tables
+# Measures what README.md, doc/results.md, doc/precision.md and doc/stability.md show, with build/optimised/tandem, and makes their figures and tables
 # anew. `make plots` calls it after its set-up; it takes about ten minutes. What it measures is left in build/plots;
 # `tools/plots.sh figures` makes figures and tables of what is there.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export OPENBLAS_NUM_THREADS=1
-out=build/plots figures=doc/figures python=.venv/bin/python tandem=build/tandem
+out=build/plots figures=doc/figures python=.venv/bin/python tandem=build/optimised/tandem
 scenes=(rolling_disk articulated_vehicle motorcycle motorcycle_chopper)
 all='output.fields=["q","position_error","velocity_error","acceleration_error","kinetic_energy","potential_energy","step","chart"]'
 

@@ -16,7 +16,8 @@
 # 2. .venv/                  fpm and, for the tests, some Python packages: from PyPI
 # 3. .deps/                  the sources of the git dependencies: by git, or else out of a source package on PyPI;
 #    build/dependencies/     copies of them where fpm looks: it fetches nothing that is there already
-# 4. io/include/hdf5         a link to the module files of the serial HDF5; mpi/include/mpi, one to those of OpenMPI
+# 4. io/include/hdf5         the link to the module files of the serial HDF5, where they are not in Debian's usual place;
+#    mpi/include/mpi         a link to those of OpenMPI
 # 5. .deps/site/             for the reference: the packages that hold its scripts and styles, from PyPI
 #
 # Exit codes: 0 all is there, 1 something could not be fetched or made, 2 something is for you to install or to change.

@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: MIT
 """Runs everything that verifies the project, part by part, and closes with the line "N passed, N failed".
 
-Usage: tools/verify.py [PART...]        without a name, all parts but `page`; `make test` does that after its set-up
-       tools/verify.py --list
+Usage: tools/verify.py [PART...]        without a name, the parts of `make test`
+       tools/verify.py --all            all parts, as `make test-all`
+       tools/verify.py --list           their names, with the minutes that each takes on two idle cores
 
 Each part is a command and a reader that counts the tests in its output. A part that fails does not keep the later ones
-from running. Part mpi, which takes OpenMPI, is run where it is named only. A part whose command fails, hangs, or runs no test
-counts as a failure. What a part printed is in build/verify/PART.log. The exit code is 1 if anything failed.
+from running. A part whose command fails, hangs, or runs no test counts as a failure. The limits of parts are limits of
+processor time, so that a busy machine does not turn them red; a part that uses no processor for a quarter of its limit is
+stopped too. The output of a part is in build/verify/PART.log. The exit code is 1 if anything failed.
 """
 
 import contextlib
@@ -31,8 +33,12 @@ FORTITUDE = str(ROOT / ".venv" / "bin" / "fortitude")
 
 SOURCES = ["src", "io/src", "cli/src", "app", "test", "example"]
 STRICT_FLAGS = "-std=f2018 -Wall -Wextra -pedantic -Wno-unused-dummy-argument -Wtrampolines -Werror=trampolines"
-FLAGS = (ROOT / "tools" / "release_flags").read_text().strip()
-RELEASE = ["--profile", "release", "--flag", f"{FLAGS} {os.environ.get('ARCH', '-march=native')}"]
+ARCH = os.environ.get("ARCH", "-march=native")
+
+
+def flags(name):
+    """The arguments of fpm for the fast or the optimised build, as the Makefile has them."""
+    return ["--flag", f"{(ROOT / 'tools' / 'flags' / name).read_text().strip()} {ARCH}"]
 
 
 @dataclass
@@ -230,11 +236,14 @@ class Part:
     reader: callable
     prepare: callable = None
     folder: Path = ROOT
-    minutes: float = 20
+    # The limit of its processor time.
+    minutes: float = 40
+    # The minutes that it takes on two idle cores.
+    expected: float = 0.2
     # Another part that must come before, also where it was not asked for.
     needs: str = ""
-    # Whether it is run only where it is asked for by name.
-    by_name: bool = False
+    # Left out of `make test`, since it takes long or needs large packages.
+    long: bool = False
 
 
 PARTS = [
@@ -247,20 +256,21 @@ PARTS = [
     ),
     Part("bench", ["tools/check_bench.py", str(STRICT), STRICT_FLAGS], ok_lines, needs="strict"),
     Part("build", ["make", "--no-print-directory", "build"], one_test),
-    Part("release", [FPM, "test", *RELEASE], test_drive),
+    Part("fast", [FPM, "test", *flags("fast")], test_drive),
     Part("debug", [FPM, "test", "--profile", "debug"], test_drive_checked),
     Part(
         "fuzz",
         [FPM, "test", "tandem-fuzz", "--profile", "debug", "--runner", "test/fuzz/fuzz.py"],
         ok_lines,
-        minutes=5,
+        minutes=10,
     ),
     Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES, "bench", "mpi"], linter),
     Part("lengths", ["tools/check_lengths.py"], ok_lines),
     Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text, needs="build"),
-    Part("mpi", ["tools/check_mpi.sh"], unittest_text, minutes=40, by_name=True),
+    Part("optimised", [FPM, "test", *flags("optimised")], test_drive, long=True),
+    Part("mpi", ["tools/check_mpi.sh"], unittest_text, long=True),
     Part("package", ["tools/check_package.sh"], unittest_text, needs="build"),
-    Part("page", ["tools/check_package.sh", "page"], unittest_text, needs="build", by_name=True),
+    Part("page", ["tools/check_package.sh", "page"], unittest_text, needs="build", long=True),
     Part("examples", ["tools/check_examples.sh"], ok_lines),
     Part("install", ["tools/check_install.sh"], ok_lines, needs="build"),
     Part("docs", ["python3", "tools/docs.py"], ok_lines),
@@ -281,11 +291,22 @@ def environment():
     return {"OPENBLAS_NUM_THREADS": "1"} | own | {"LC_ALL": "C.UTF-8"}
 
 
+def processor_time(session):
+    """Seconds of processor time of the processes of a session and of their children that have ended."""
+    total = 0
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError, IndexError, ValueError):
+            fields = status.read_text().rpartition(")")[2].split()
+            if int(fields[3]) == session:
+                total += sum(map(int, fields[11:15]))
+    return total / os.sysconf("SC_CLK_TCK")
+
+
 def run(part):
     """Run one part: its Count, after the rules that hold for all of them."""
     LOGS.mkdir(parents=True, exist_ok=True)
     last = []
-    hung = threading.Event()
+    hung, ended = threading.Event(), threading.Event()
     try:
         if part.prepare:
             part.prepare()
@@ -317,8 +338,17 @@ def run(part):
                 del last[:-20]
                 yield line
 
-    timer = threading.Timer(60 * part.minutes, stop)
-    timer.start()
+    def watch():
+        """Stop the part where its limit is reached."""
+        used, since = 0.0, time.monotonic()
+        while not ended.wait(min(5, 6 * part.minutes)):
+            now = processor_time(process.pid)
+            if now > used + 0.1:
+                used, since = now, time.monotonic()
+            if now > 60 * part.minutes or time.monotonic() - since > 15 * part.minutes:
+                stop()
+
+    threading.Thread(target=watch, daemon=True).start()
     try:
         count = part.reader(lines())
         code = process.wait()
@@ -326,10 +356,12 @@ def run(part):
         stop()
         raise
     finally:
-        timer.cancel()
+        ended.set()
     if hung.is_set():
         count.failed += 1
-        count.notes.append(f"stopped after {part.minutes:g} minutes; its last lines:")
+        count.notes.append(
+            f"stopped: {part.minutes:g} minutes of processor time are used, or none in a quarter of that; its last lines:"
+        )
         count.notes += last
     elif code != 0 and count.failed == 0:
         # The exit code knows of a failure that no test was counted for.
@@ -347,18 +379,21 @@ def run(part):
 def main(names):
     known = [part.name for part in PARTS]
     if names == ["--list"]:
-        print("\n".join(known))
+        for part in PARTS:
+            print(f"{part.name:10}{part.expected:5.1f}" + ("   make test-all" if part.long else ""))
         return 0
+    everything = names == ["--all"]
+    names = [] if everything else names
     unknown = [name for name in names if name not in known]
     if unknown:
         print(f"verify: no part {', '.join(unknown)}; there are {', '.join(known)}", file=sys.stderr)
         return 2
     total = Count()
     chosen = {*names, *(part.needs for part in PARTS if part.name in names)}
-    for part in PARTS:
-        if part.name not in chosen if names else part.by_name:
-            continue
-        print(f"{part.name:10}", end="", flush=True)
+    parts = [part for part in PARTS if (part.name in chosen if names else everything or not part.long)]
+    print(f"{len(parts)} parts; about {sum(part.expected for part in parts):.0f} minutes on two idle cores", flush=True)
+    for number, part in enumerate(parts, 1):
+        print(f"{number:2}/{len(parts)} {part.name:10}", end="", flush=True)
         start = time.monotonic()
         count = run(part)
         skipped = f", {count.skipped} skipped" if count.skipped else ""

@@ -23,7 +23,7 @@ module tandem_command_line
     use tandem_cli_study_tables, only: study_tables
     use tandem_cli_sweep, only: sweep
     use tandem_cli_verify, only: verify_file
-    use tandem_io, only: anything, not_negative, positive, reader_type, scene_model_type, shipped_models, tandem_version
+    use tandem_io, only: anything, build_text, not_negative, positive, reader_type, scene_model_type, shipped_models, tandem_version
     implicit none (type, external)
     private
 
@@ -113,6 +113,7 @@ contains
             call completion(arguments, code)
         case ('version')
             call say('tandem '//tandem_version)
+            call say(trim(build_text()))
             code = done
         case default
             call help(arguments, code)

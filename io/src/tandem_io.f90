@@ -35,7 +35,7 @@ module tandem_io
     use tandem_io_sweep_schedule, only: distribute, watcher_type
     use tandem_io_sweep_summary, only: bins, column_summary_type, index_type, read_column, sensitivities, summarise
     use tandem_io_sweep_table, only: csv_path, indices_path, output_path, write_table
-    use tandem_io_version, only: format_version, tandem_version
+    use tandem_io_version, only: build_text, format_version, tandem_version
     implicit none (type, external)
     private
 
@@ -57,5 +57,5 @@ module tandem_io
     public :: plan_type, read_sweep, settings_of, case_runner_type, record_type, name_of_status, sweep_journal_type, &
         processes_type, cores, distribute, watcher_type, write_table, csv_path, indices_path, output_path, bins, &
         column_summary_type, index_type, read_column, sensitivities, summarise, words_of_record
-    public :: tandem_version, format_version
+    public :: tandem_version, format_version, build_text
 end module tandem_io

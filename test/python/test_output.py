@@ -1074,7 +1074,7 @@ class CommandLine(Case):
         self.refused("completion", "fish", says="bash and zsh")
 
     def test_version(self):
-        self.assertRegex(self.tandem("--version").stdout, r"^tandem \d+\.\d+\.\d+\n$")
+        self.assertRegex(self.tandem("--version").stdout, r"^tandem \d+\.\d+\.\d+\n(fast|optimised|debug) build,.*, GCC version \d+.*\n$")
 
     def test_list(self):
         lines = self.tandem("list").stdout.splitlines()

@@ -102,8 +102,15 @@ class Runs(unittest.TestCase):
         self.assertEqual(self.count("echo nothing"), (0, 1))
 
     def test_hang(self):
-        # Three seconds: a busy machine may need one of them for the first line.
-        self.assertEqual(self.count("echo ok one; sleep 60", minutes=0.05), (1, 1))
+        # Idle for three seconds: a busy machine may need one of them for the first line.
+        self.assertEqual(self.count("echo ok one; sleep 60", minutes=0.2), (1, 1))
+
+    def test_endless_loop(self):
+        self.assertEqual(self.count("echo ok one; while true; do true; done", minutes=0.02), (1, 1))
+
+    def test_processor_time_of_children_counts(self):
+        script = "echo ok one; while true; do timeout 0.2 sh -c 'while true; do true; done'; done"
+        self.assertEqual(self.count(script, minutes=0.02), (1, 1))
 
     def test_the_callers_language_and_hooks_do_not_matter(self):
         own = {"LC_ALL": "de_DE.ISO-8859-1", "LANGUAGE": "de", "GIT_DIR": "/nonexistent", "OPENBLAS_NUM_THREADS": "7"}
