@@ -57,6 +57,7 @@ program main
     use test_models, only: collect_models
     use test_motorcycle, only: collect_motorcycle
     use test_name_index, only: collect_name_index
+    use test_number_text, only: collect_number_text
     use test_options, only: collect_options
     use test_order, only: collect_order
     use test_own_parts, only: collect_own_parts
@@ -102,6 +103,7 @@ program main
     suites = [ &
         new_testsuite('reference', collect_reference), &
         new_testsuite('lists', collect_lists), &
+        new_testsuite('number_text', collect_number_text), &
         new_testsuite('linalg_basis', collect_linalg_basis), &
         new_testsuite('linalg_solvers', collect_linalg_solvers), &
         new_testsuite('linalg_elimination', collect_linalg_elimination), &

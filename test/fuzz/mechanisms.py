@@ -158,9 +158,9 @@ def a_repetition(random, planar):
             f"at = {at}", "" if planar else "axis = [0, 0, 1]"]
 
 
-def mechanical(random, texts):
-    """A mechanism of a few elements, in any order; half of them wild."""
-    random.wild = random.random() < 0.5
+def mechanical(random, texts, wild=None):
+    """A mechanism of a few elements, in any order; half of them wild where that is left open."""
+    random.wild = random.random() < 0.5 if wild is None else wild
     random.planar = planar = random.random() < 0.5
     parts = [["[parameters]", f"a = {a_number(random)}", f"c = {a_number(random)}",
               "b = " + random.choice(['"2*a"', a_number(random)])],
@@ -195,7 +195,9 @@ def mechanical(random, texts):
     random.shuffle(parts)
     if random.random() < 0.2:
         watch = mostly(random, ['"rod.x"', '"bob.y"'], ['"one/angle"', '"pin"', '"t"'], 0.5)
+        number = random.choice(["2*100", "1e3", "sqrt(2)", "-pi", "2*", ",", "/", "1,2", "1e3 x", "1/0", "a", ""])
         parts.append(["[[event]]", 'name = "e"', f"watch = {watch}", f"value = {a_number(random)}",
-                      *some(random, [("action", 0.5, random.choice(['"stop"', '"record"', '"lock"', '"change"']))])])
+                      *some(random, [("action", 0.5, random.choice(['"stop"', '"record"', '"lock"', '"change"'])),
+                                     ("change", 0.3, f'"force.coil.stiffness = {number}"')])])
     head = ["[scene]", 'model = "mechanism"', *(["planar = true"] if planar else [])]
     return "\n\n".join("\n".join(part) for part in [head, *parts]) + "\n"

@@ -216,6 +216,18 @@ def lines_changed(random, texts):
     return "\n".join(lines)
 
 
+def keys_missing(random, texts):
+    """One key of a scene is missing, or one table with all of its keys."""
+    lines = (mechanisms.mechanical(random, texts, wild=False) if random.random() < 0.6 else random.choice(texts)).split("\n")
+    if random.random() < 0.8:
+        del lines[random.choice(pairs(lines))]
+    else:
+        places = heads(lines)
+        at = random.choice(places)
+        del lines[at : min([place for place in places if place > at], default=len(lines))]
+    return "\n".join(lines)
+
+
 def keys_changed(random, texts):
     lines = random.choice(texts).split("\n")
     at = random.choice(pairs(lines))
@@ -548,6 +560,7 @@ KINDS = [
     ("spliced", 5, spliced),
     ("lines", 9, lines_changed),
     ("keys", 6, keys_changed),
+    ("keys missing", 8, keys_missing),
     ("values", 12, values_changed),
     ("numbers", 14, numbers_changed),
     ("keys added", 6, keys_added),

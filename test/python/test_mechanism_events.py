@@ -68,6 +68,11 @@ class Watching(Mechanism):
                 self.refused("check", self.scene(STRING + text), says=says)
         text = SPRING + event("e", "mass.x", 0.0, change="force.coil.colour = 3")
         self.refused("check", self.scene(text), says=["colour", "stiffness, damping or length"])
+        # A list-directed read takes each of these for a number, or for none without an error.
+        for number in ("2*", ",", "/", "1,2", "1e3 xyz", "", "1 2", "1-5x", "1/0", "k"):
+            with self.subTest(number):
+                text = SPRING + event("e", "mass.x", 0.0, change=f"force.coil.stiffness = {number}")
+                self.refused("check", self.scene(text), says=["sets no number", "force.NAME.KEY = NUMBER"])
         self.refused("check", "rolling_disk", "--set", 'event=[{name="e", watch="phi", change="lock it"}]', says=["event"])
 
 

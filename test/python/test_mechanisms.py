@@ -478,7 +478,11 @@ WRONG = [
     ("[body.bob]", "[body.pivot]", ["pivot"]),
     ("[body.bob]", '[body."b o b"]', ["is no name", "without dots and blanks"]),
     ("[body.bob]", '[body."b.b"]', ['"b.b" is no name']),
-    ("[body.bob]", "[body.a_name_that_is_too_long]", ["is no name", "1 to 20 characters"]),
+    ("[body.bob]", f"[body.{'n'*65}]", ["is longer than 64 characters", "shorten it"]),
+    ("[body.bob]", f"[body.{'n'*300}]", ["is longer than 64 characters", "shorten it"]),
+    ("type = \"spring\"", f'type = "{"n"*300}"', ["force.coil.type"]),
+    ("points = { tip = [\"l/2\", 0] }", f"points = {{ {'n'*65} = [0, 0] }}", ["is longer than 64 characters"]),
+    ("[sensor.tip]", f"[sensor.{'n'*65}]", ["is longer than 64 characters"]),
     ("[body.bob]", "[bdy.bob]", ["bdy"]),
     ("[body.bob]", "[body]", ["body.mass is no value but has keys below it", "body.NAME.KEY"]),
     ("points = { tip", "points = { top", ["the body rod has no point tip"]),
@@ -578,6 +582,36 @@ class Wrong(Case):
 
     def test_wrong_files_in_space(self):
         self.judge(SPACE, WRONG_IN_SPACE)
+
+    def test_missing_keys(self):
+        """Laws, motions and other functions that name a table, in elements of which each key in turn is missing."""
+        table = '[function.table]\nat = [0, 1, 2, 3]\nvalues = [0, 0, 0, 0]\n\n'
+        elements = {
+            "force.f": ['type = "spring"', 'between = ["rod.tip", "bob"]', 'law = "table"', 'pull = "table"'],
+            "force.g": ['type = "torsion"', 'joint = "pivot"', 'law = "table"', 'torque = "table"'],
+            "force.h": ['type = "load"', 'on = "rod"', "force = [1, 0]", 'factor = "table"'],
+            "force.r": ['type = "friction"', 'joint = "pivot"', "normal = 1", "dynamic = 0.1", "speed = 0.1"],
+            "force.b": ['type = "bushing"', 'between = ["ground", "rod"]', "stiffness = [1, 1, 1]", "at = [0, 0]"],
+            "constraint.d": ['type = "distance"', 'between = ["ground", "bob"]', "length = 1.4142135623730951"],
+            "constraint.s": ['type = "coupling"', 'joints = ["pivot"]', "factors = [1]", 'motion = "table"'],
+            "constraint.v": ['type = "velocity"', 'velocities = ["bob.vx"]', "coefficients = [1]", 'value = "table"'],
+            "wheel.w": ['type = "knife_edge"', 'at = "rod"', "across = [0, 1]", 'steer = "table"'],
+        }
+        required = {"type", "between", "joint", "on", "dynamic", "speed", "joints", "factors", "velocities", "coefficients", "at",
+                    "across"}
+        for head, keys in elements.items():
+            for k, line in enumerate(keys):
+                key = line.split(" ")[0]
+                text = BASE + table + f"[{head}]\n" + "\n".join(keys[:k] + keys[k + 1:]) + "\n"
+                with self.subTest(head=head, key=key):
+                    if key in required and (head, key) != ("force.b", "at"):
+                        self.refused("check", self.scene(text), says=f"{head}: the key {key} is missing; give it")
+                    elif (head, key) == ("force.h", "force"):
+                        self.refused("check", self.scene(text), says=f"{head}: neither a force nor a torque")
+                    else:
+                        self.tandem("check", self.scene(text))
+        for key in ("at = [0, 1, 2, 3]\n", "values = [0, 0, 0, 0]\n"):
+            self.refused("check", self.scene(BASE + table.replace(key, "")), says=f"the key {key.split()[0]} is missing")
 
     def test_lines(self):
         """The line is that of the key."""

@@ -4,6 +4,7 @@ module tandem_cli_arguments
     use tandem, only: error_type, to_text, wp
     use tandem_cli_commands, only: command_type, commands, find_command, find_option, options, takes_option
     use tandem_io, only: nearest_name, scene_model_type
+    use tandem_number_text, only: read_number
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
     private
@@ -211,13 +212,12 @@ contains
         real(wp), intent(inout) :: value
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: text
-        integer :: stat
+        logical :: is_read
 
         text = self%value_of(name, '')
         if (text == '') return
-        stat = 1
-        if (verify(text, '0123456789.eE+-') == 0) read (text, *, iostat=stat) value
-        if (stat == 0 .and. value >= least .and. value <= huge(1)) return
+        call read_number(text, value, is_read)
+        if (is_read .and. value >= least .and. value <= huge(1)) return
         call set_usage_error(error, self%command, 'needs a number from '//to_text(least)//' to '//to_text(huge(1))//' after '// &
             name//', not "'//text//'"')
     end subroutine number_of
@@ -232,13 +232,12 @@ contains
         integer, intent(inout) :: value
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: text
-        integer :: stat
+        logical :: is_read
 
         text = self%value_of(name, '')
         if (text == '') return
-        stat = 1
-        if (verify(text, '0123456789') == 0) read (text, *, iostat=stat) value
-        if (stat == 0 .and. value >= 1 .and. value <= most) return
+        call read_number(text, value, is_read)
+        if (is_read .and. value >= 1 .and. value <= most) return
         call set_usage_error(error, self%command, 'needs a whole number from 1 to '//to_text(most)//' after '//name// &
             ', not "'//text//'"')
     end subroutine count_of

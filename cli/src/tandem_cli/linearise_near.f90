@@ -6,6 +6,7 @@ module tandem_cli_linearise_near
     use tandem_cli_linearisation_table, only: eigenvalue_text, print_body_motions, shape_text
     use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
     use tandem_io, only: brief, json_type, scene_type, write_nearest
+    use tandem_number_text, only: read_number
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
     private
@@ -65,20 +66,15 @@ contains
         complex(wp), intent(out) :: shift
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: parts(2)
-        integer :: comma, stat
+        logical :: is_read
+        integer :: comma
 
         parts = 0.0_wp
         comma = index(text//',', ',')
-        stat = 1
-        if (verify(text, '0123456789.eE+-,') == 0 .and. comma > 1) then
-            read (text(:comma - 1), *, iostat=stat) parts(1)
-            if (stat == 0 .and. comma <= len(text)) then
-                stat = 1
-                if (index(text(comma + 1:), ',') == 0) read (text(comma + 1:), *, iostat=stat) parts(2)
-            end if
-        end if
+        call read_number(text(:comma - 1), parts(1), is_read)
+        if (is_read .and. comma <= len(text)) call read_number(text(comma + 1:), parts(2), is_read)
         shift = cmplx(parts(1), parts(2), wp)
-        if (stat == 0 .and. all(abs(parts) <= huge(1.0_wp))) return
+        if (is_read) return
         call set_error(error, status_invalid_option, 'tandem linearise needs a shift after --near, RE or RE,IM such as '// &
             '0 or 0,30, not "'//text//'"')
     end subroutine read_shift

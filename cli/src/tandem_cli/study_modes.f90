@@ -5,8 +5,8 @@ module tandem_cli_study_modes
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
     use tandem_io, only: at_meeting, at_pair, brief, crossing_name, find_scene, json_type, locus_point_type, modes_type
+    use tandem_number_text, only: read_number
     use tandem_status, only: status_invalid_option
-    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
 
@@ -77,21 +77,22 @@ contains
         real(wp), intent(out) :: ends(2)
         integer, intent(out) :: n
         type(error_type), allocatable, intent(out) :: error
-        integer :: equals, first, last, stat
+        integer :: equals, first, last
+        logical :: is_read
 
         ends = 0.0_wp
         n = 0
-        stat = 1
+        is_read = .false.
         equals = index(text, '=')
         first = index(text, ':')
         last = index(text, ':', back=.true.)
         key = text(:max(equals - 1, 0))
         if (equals > 1 .and. first > equals .and. last > first) then
-            read (text(equals + 1:first - 1), *, iostat=stat) ends(1)
-            if (stat == 0) read (text(first + 1:last - 1), *, iostat=stat) ends(2)
-            if (stat == 0 .and. verify(text(last + 1:), '0123456789') == 0) read (text(last + 1:), *, iostat=stat) n
+            call read_number(text(equals + 1:first - 1), ends(1), is_read)
+            if (is_read) call read_number(text(first + 1:last - 1), ends(2), is_read)
+            if (is_read) call read_number(text(last + 1:), n, is_read)
         end if
-        if (stat == 0 .and. n >= 2 .and. n <= most_samples .and. all(ieee_is_finite(ends)) .and. ends(2) > ends(1)) return
+        if (is_read .and. n >= 2 .and. n <= most_samples .and. ends(2) > ends(1)) return
         call set_error(error, status_invalid_option, 'tandem study modes needs --over KEY=a:b:n, such as '// &
             'parameters.speed=0:10:41, not "'//text//'"', 'a is less than b, and n from 2 to '//to_text(most_samples))
     end subroutine read_over

@@ -9,6 +9,7 @@ module tandem_cli_sweep
     use tandem_cli_sweep_summary, only: print_summary, print_summary_json
     use tandem_io, only: case_runner_type, cores, csv_path, distribute, is_same_file, plan_type, processes_type, read_sweep, &
         settings_of, sweep_journal_type, write_table
+    use tandem_number_text, only: read_number
     use tandem_status, only: status_interrupted
     implicit none (type, external)
     private
@@ -144,22 +145,20 @@ contains
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: text
         integer(long) :: range(2)
-        integer :: colon, stat
+        integer :: colon
+        logical :: is_good
 
         text = arguments%value_of('--cases', '')
         if (text == '') return
         setup%is_whole = .false.
         colon = index(text, ':')
-        stat = 1
-        if (colon > 1 .and. verify(text, ':0123456789') == 0 .and. index(text, ':', back=.true.) == colon) then
-            text(colon:colon) = ' '
-            read (text, *, iostat=stat) range
-            text(colon:colon) = ':'
+        is_good = .false.
+        if (colon > 0) then
+            call read_number(text(:colon - 1), range(1), is_good)
+            if (is_good) call read_number(text(colon + 1:), range(2), is_good)
+            is_good = is_good .and. range(1) >= 1 .and. range(1) <= range(2)
         end if
-        if (stat == 0) then
-            if (range(1) < 1 .or. range(1) > range(2)) stat = 1
-        end if
-        if (stat /= 0) then
+        if (.not. is_good) then
             call refuse('tandem sweep needs first:last after --cases, as in --cases 1:250, not "'//text//'"', error)
         else if (arguments%merges) then
             call refuse('tandem sweep takes --cases or --merge, not both', error)

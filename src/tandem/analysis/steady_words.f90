@@ -7,8 +7,8 @@ module tandem_analysis_steady_words
     use tandem_kinds, only: wp
     use tandem_model, only: model_type
     use tandem_model_affine_motion, only: motion_name_length
+    use tandem_number_text, only: read_number
     use tandem_status, only: status_invalid_option
-    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
 
@@ -30,7 +30,8 @@ contains
         type(error_type), allocatable, intent(out) :: error
         character(len=motion_name_length) :: names(size(words)), held(count(index(words, '=') > 0))
         real(wp) :: held_at(count(index(words, '=') > 0))
-        integer :: i, k, last, stat
+        integer :: i, k, last
+        logical :: is_read
 
         k = 0
         do i = 1, size(words)
@@ -40,14 +41,8 @@ contains
             if (last > len(words)) cycle
             k = k + 1
             held(k) = names(i)
-            ! A list-directed read would take a blank, a comma or a slash for the end of nothing.
-            stat = 1
-            if (len_trim(words(i)(last + 1:)) > 0 .and. scan(trim(adjustl(words(i)(last + 1:))), ' ,;/*"''') == 0) then
-                read (words(i)(last + 1:), *, iostat=stat) held_at(k)
-            end if
-            if (stat == 0) then
-                if (ieee_is_finite(held_at(k))) cycle
-            end if
+            call read_number(words(i)(last + 1:), held_at(k), is_read)
+            if (is_read) cycle
             call set_error(error, status_invalid_option, 'the rate in "'//trim(words(i))//'" is no number', &
                 'write NAME=RATE with a rate in 1/s, or in m/s')
             return

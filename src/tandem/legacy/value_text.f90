@@ -3,7 +3,7 @@
 module tandem_legacy_value_text
     use tandem_kinds, only: wp
     use tandem_mechanism_entries, only: atom_type, is_text, is_truth, value_type
-    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    use tandem_number_text, only: read_number
     implicit none (type, external)
     private
 
@@ -72,7 +72,7 @@ contains
         integer, intent(inout) :: at
         type(atom_type), intent(out) :: atom
         logical, intent(out) :: is_good
-        integer :: first, stat
+        integer :: first
 
         if (next(text, at) == '"') then
             call read_text(text, at, atom, is_good)
@@ -89,12 +89,7 @@ contains
                 atom%truth = word == 'true'
                 is_good = .true.
             case default
-                ! What else Fortran takes for a number, a list of them or a repetition, is none here.
-                is_good = len(word) > 0 .and. verify(word, '0123456789+-.eE') == 0 .and. scan(word, '0123456789') > 0
-                if (.not. is_good) return
-                read (word, *, iostat=stat) atom%number
-                is_good = stat == 0
-                if (is_good) is_good = ieee_is_finite(atom%number)
+                call read_number(word, atom%number, is_good)
             end select
         end associate
     end subroutine read_atom

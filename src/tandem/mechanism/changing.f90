@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> What events may change of a mechanism: `lock NAME` and `free NAME` of a coupling that can be freed, and
-!> `force.NAME.KEY = NUMBER` of springs and torsions.
+!> `force.NAME.KEY = NUMBER` of springs and torsions, where the number may be an expression of constants.
 submodule(tandem_mechanism) tandem_mechanism_changing
     use tandem_mechanism_coupling, only: lock_coupling
+    use tandem_mechanism_expression, only: expression_type, parse_expression
     use tandem_mechanism_sensor, only: of_spring, of_torsion
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
@@ -71,17 +72,19 @@ contains
         character(len=*), intent(out) :: problem
         character(len=*), parameter :: head = 'force.'
         character(len=len(text)) :: name, key
+        type(expression_type) :: expression
+        type(error_type), allocatable :: error
         real(wp) :: number
-        integer :: dot, equal, type_of, i, stat
+        integer :: dot, equal, type_of, i
 
         equal = index(text, '=')
         dot = index(text(:equal - 1), '.', back=.true.)
-        read (text(equal + 1:), *, iostat=stat) number
-        if (stat == 0) then
-            if (.not. ieee_is_finite(number)) stat = 1
-        end if
-        if (dot <= len(head) .or. stat /= 0) then
+        call parse_expression(expression, trim(adjustl(text(equal + 1:))), [character(len=1) ::], error)
+        number = 0.0_wp
+        if (.not. allocated(error)) number = expression%value([real(wp) ::])
+        if (dot <= len(head) .or. allocated(error) .or. .not. ieee_is_finite(number)) then
             problem = '"'//trim(text)//'" sets no number: write "force.NAME.KEY = NUMBER"'
+            if (allocated(error)) problem = trim(problem)//'; '//error%message(index(error%message, ': ') + 2:)
             return
         end if
         name = text(len(head) + 1:dot - 1)

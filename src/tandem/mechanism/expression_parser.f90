@@ -11,6 +11,7 @@ module tandem_mechanism_expression_parser
     use tandem_mechanism_operations, only: find_function, function_type, functions, op_add, op_divide, op_multiply, op_negate, &
         op_power, op_power_constant, op_smooth_step, op_subtract, pi
     use tandem_names, only: question
+    use tandem_number_text, only: read_number
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
@@ -324,7 +325,8 @@ contains
     subroutine parse_number(self, value)
         class(parser_type), intent(inout) :: self
         type(operand_type), intent(out) :: value
-        integer :: first, stat
+        integer :: first
+        logical :: is_read
 
         first = self%at
         call skip_digits
@@ -345,8 +347,8 @@ contains
             end if
             call skip_digits
         end if
-        read (self%text(first:self%at - 1), *, iostat=stat) value%value
-        if (stat /= 0 .or. .not. ieee_is_finite(value%value)) then
+        call read_number(self%text(first:self%at - 1), value%value, is_read)
+        if (.not. is_read) then
             call self%fail(first, 'the number is too large')
             return
         end if

@@ -70,6 +70,7 @@ contains
         type(expression_type), allocatable :: expressions(:)
         integer :: k
 
+        if (self%failed()) return
         k = self%find(key)
         if (k > 0) then
             if (self%table_at(k) > 0) then

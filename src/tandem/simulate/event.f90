@@ -12,6 +12,9 @@ module tandem_simulate_event
 
     public :: event_type, event_record_type, threshold_event_type
 
+    !> Longest change of the model in words.
+    integer, parameter :: change_length = 256
+
     !> A function of the motion and what its zeros mean.
     type, abstract :: event_type
         !> Its name in reports and files.
@@ -64,7 +67,7 @@ module tandem_simulate_event
         !> The value; g is the quantity less this.
         real(wp) :: value = 0.0_wp
         !> What to change of the model there, one after the other, in its own words; with `changes`.
-        character(len=96), allocatable :: words(:)
+        character(len=change_length), allocatable :: words(:)
         !> The model, which `add_event` sets; room for what it measures.
         class(model_type), pointer :: told_by => null()
         real(wp), allocatable, private :: shown(:), still(:)
@@ -153,7 +156,7 @@ contains
         real(wp), intent(in) :: t
         real(wp), intent(inout) :: q(:), qd(:)
         type(error_type), allocatable, intent(out) :: error
-        character(len=200) :: problem
+        character(len=2*change_length) :: problem
         integer :: i
 
         if (.not. allocated(self%words)) return

@@ -111,7 +111,7 @@ contains
         class(model_type), intent(inout) :: model
         character(len=*), intent(in) :: change
         type(threshold_event_type), intent(inout) :: event
-        character(len=200) :: problem
+        character(len=2*len(event%words)) :: problem
         real(wp) :: nowhere(model%n)
         integer :: from, length
 
@@ -124,7 +124,7 @@ contains
             length = index(change(from:)//';', ';') - 1
             problem = 'the model has nothing that events may change'
             if (length > len(event%words)) then
-                problem = 'is too long'
+                problem = 'has a change of more than '//to_text(len(event%words))//' characters'
             else if (associated(model%change)) then
                 call model%change(change(from:from + length - 1), .true., 0.0_wp, nowhere, problem)
             end if

@@ -2,6 +2,7 @@
 !> The values that a reader gives, by their kind: the default before the call, what the last source says after it.
 submodule(tandem_io_scene_reader) tandem_io_scene_reader_values
     use tandem_io_scene_text, only: to_toml
+    use tandem_number_text, only: read_number
     use tomlf, only: toml_array
     implicit none (type, external)
 
@@ -180,17 +181,14 @@ contains
         character(len=*), intent(in) :: text
         character(len=:), allocatable :: problem
         real(wp) :: number
-        integer :: at, stat
+        logical :: is_read
+        integer :: at
 
         problem = ''
         at = index(text, '=')
         if (at == 0) return
-        stat = 1
-        number = 0.0_wp
-        if (text(at + 1:) /= '' .and. verify(trim(text(at + 1:)), '0123456789+-.eE') == 0) then
-            read (text(at + 1:), *, iostat=stat) number
-        end if
-        if (stat /= 0 .or. .not. abs(number) <= huge(number)) problem = 'has "'//trim(text)//'", whose value is no finite number'
+        call read_number(text(at + 1:), number, is_read)
+        if (.not. is_read) problem = 'has "'//trim(text)//'", whose value is no finite number'
     end function value_problem
 
     !> What a number violates; nothing where it is as it must be.

@@ -6,7 +6,8 @@ module tandem_io_study_reference
     use tandem_io_output_target, only: is_hdf5
     use tandem_io_path, only: is_regular
     use tandem_io_scene_text, only: to_toml
-    use tandem_io_study_files, only: write_whole
+    use tandem_io_study_files, only: read_whole, write_whole
+    use tandem_number_text, only: read_numbers
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
     private
@@ -128,39 +129,58 @@ contains
         character(len=*), intent(in) :: path
         type(reference_type), intent(inout) :: reference
         type(error_type), allocatable, intent(out) :: error
-        character(len=256) :: line
-        integer :: unit, stat, rows, n, i
+        character(len=*), parameter :: agreement_mark = '# agreement:'
+        character(len=:), allocatable :: text
+        real(wp), allocatable :: row(:)
+        real(wp) :: sizes(2), agreement(2)
+        integer :: from, last, n, i
+        logical :: is_read
 
-        open (newunit=unit, file=path, status='old', action='read', iostat=stat)
-        if (stat /= 0) then
+        call read_whole(path, text)
+        if (.not. allocated(text)) then
             call set_error(error, status_invalid_option, 'the reference '//path//' cannot be read', 'choose another file')
             return
         end if
-        rows = 0
-        n = 0
-        do
-            read (unit, '(a)', iostat=stat) line
-            if (stat /= 0) exit
-            if (index(line, '# agreement:') == 1) then
-                read (line(len('# agreement:') + 1:), *, iostat=stat) reference%agreement_q, reference%agreement_qd
-                if (stat /= 0) exit
-            else if (line(1:1) /= '#') then
-                read (line, *, iostat=stat) rows, n
+        is_read = .true.
+        sizes = 0.0_wp
+        from = 1
+        do while (from <= len(text) .and. is_read)
+            call find_line()
+            if (index(text(from:last), agreement_mark) == 1) then
+                call read_numbers(text(from + len(agreement_mark):last), agreement, is_read, may_be_more=.true.)
+                reference%agreement_q = agreement(1)
+                reference%agreement_qd = agreement(2)
+            else if (text(from:min(from, last)) /= '#') then
+                call read_numbers(text(from:last), sizes, is_read, may_be_more=.true.)
                 exit
             end if
+            from = last + 2
         end do
-        if (stat == 0 .and. rows > 0 .and. n > 0 .and. rows < 10000000 .and. n < 100000) then
-            allocate (reference%t(rows), reference%q(n, rows), reference%qd(n, rows))
-            do i = 1, rows
-                read (unit, *, iostat=stat) reference%t(i), reference%q(:, i), reference%qd(:, i)
-                if (stat /= 0) exit
+        ! The file cannot hold more numbers than characters, which bounds what is allocated.
+        is_read = is_read .and. all(sizes >= 1.0_wp) .and. sizes(1)*sizes(2) <= len(text)
+        if (is_read) then
+            n = nint(sizes(2))
+            allocate (row(2*n + 1), reference%t(nint(sizes(1))), reference%q(n, nint(sizes(1))), reference%qd(n, nint(sizes(1))))
+            do i = 1, size(reference%t)
+                from = last + 2
+                call find_line()
+                call read_numbers(text(from:last), row, is_read, may_be_more=.true.)
+                if (.not. is_read) exit
+                reference%t(i) = row(1)
+                reference%q(:, i) = row(2:n + 1)
+                reference%qd(:, i) = row(n + 2:)
             end do
-        else
-            stat = 1
         end if
-        close (unit)
-        if (stat /= 0) call set_error(error, status_invalid_option, 'the reference '//path// &
+        if (.not. is_read) call set_error(error, status_invalid_option, 'the reference '//path// &
             ' is neither a result file nor a table of times, q and qd', 'see doc/precision.md for the format')
+
+    contains
+
+        !> The end of the line that begins at `from`.
+        subroutine find_line()
+            last = index(text(min(from, len(text) + 1):), achar(10))
+            last = merge(from + last - 2, len(text), last > 0)
+        end subroutine find_line
     end subroutine read_table
 
     !> Write a reference as a text table, with all digits.

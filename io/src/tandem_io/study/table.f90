@@ -5,6 +5,7 @@
 module tandem_io_study_table
     use tandem, only: long, to_text, wp
     use tandem_io_scene_text, only: to_toml
+    use tandem_number_text, only: read_number
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan, ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
@@ -149,10 +150,9 @@ contains
         class(table_type), intent(in) :: self
         integer, intent(in) :: row
         character(len=*), intent(in) :: name
-        integer :: stat
+        logical :: is_read
 
-        read (self%cells(self%index_of(name), row), *, iostat=stat) count_at
-        if (stat /= 0) count_at = 0
+        call read_number(self%cells(self%index_of(name), row), count_at, is_read)
     end function count_at
 
     !> The headings on the terminal.
@@ -251,11 +251,9 @@ contains
     !> The number that a cell holds, NaN where it holds none.
     pure real(wp) function number(cell)
         character(len=*), intent(in) :: cell
-        integer :: stat
+        logical :: is_read
 
-        number = ieee_value(number, ieee_quiet_nan)
-        if (cell == '') return
-        read (cell, *, iostat=stat) number
-        if (stat /= 0) number = ieee_value(number, ieee_quiet_nan)
+        call read_number(cell, number, is_read)
+        if (.not. is_read) number = ieee_value(number, ieee_quiet_nan)
     end function number
 end module tandem_io_study_table

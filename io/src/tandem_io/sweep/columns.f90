@@ -4,8 +4,8 @@ module tandem_io_sweep_columns
     use tandem, only: atom_type, is_number, is_text, is_truth, long, to_text
     use tandem_io_study_csv, only: split_csv_line
     use tandem_io_study_files, only: read_whole
+    use tandem_number_text, only: read_number
     use tandem_pack, only: checksum
-    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
 
@@ -111,14 +111,11 @@ contains
     function atom_from(text) result(atom)
         character(len=*), intent(in) :: text
         type(atom_type) :: atom
-        integer :: stat
+        logical :: is_read
 
         atom%kind = is_number
-        stat = 1
-        if (is_decimal(text)) read (text, *, iostat=stat) atom%number
-        if (stat == 0) then
-            if (ieee_is_finite(atom%number)) return
-        end if
+        call read_number(text, atom%number, is_read)
+        if (is_read) return
         if (text == 'true' .or. text == 'false') then
             atom%kind = is_truth
             atom%truth = text == 'true'
@@ -127,24 +124,4 @@ contains
             atom%text = text
         end if
     end function atom_from
-
-    !> Whether a text is a decimal number, with an exponent or without: Fortran would read 1-5 as 1e-5.
-    pure logical function is_decimal(text)
-        character(len=*), intent(in) :: text
-        character(len=*), parameter :: digits = '0123456789'
-        integer :: from, e
-
-        from = 1
-        if (scan(text(:min(1, len(text))), '+-') > 0) from = 2
-        e = scan(text, 'eE')
-        if (e == 0) e = len(text) + 1
-        associate (mantissa => text(from:e - 1))
-            is_decimal = verify(mantissa, digits//'.') == 0 .and. scan(mantissa, digits) > 0 .and. &
-                index(mantissa, '.') == index(mantissa, '.', back=.true.)
-        end associate
-        if (e > len(text)) return
-        from = e + 1
-        if (scan(text(from:min(from, len(text))), '+-') > 0) from = from + 1
-        is_decimal = is_decimal .and. from <= len(text) .and. verify(text(from:), digits) == 0
-    end function is_decimal
 end module tandem_io_sweep_columns

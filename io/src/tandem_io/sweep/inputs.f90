@@ -10,6 +10,7 @@ module tandem_io_sweep_inputs
     use tandem_io_sweep_columns, only: read_columns
     use tandem_io_sweep_plan, only: input_type, is_choice, is_from_file, is_listed, is_log_normal, is_log_uniform, is_normal, &
         is_triangular, is_uniform, name_length, no_slash, own_names, plan_type
+    use tandem_number_text, only: read_number
     implicit none (type, external)
     private
 
@@ -98,7 +99,8 @@ contains
         character(len=*), intent(in) :: key
         type(input_type), intent(inout) :: input
         character(len=:), allocatable, intent(out) :: problem
-        integer :: bracket, dot, stat
+        integer :: bracket, dot
+        logical :: is_read
 
         problem = ''
         input%path = trim(key)
@@ -106,11 +108,8 @@ contains
         bracket = index(key, '[', back=.true.)
         if (bracket > 1 .and. key(len_trim(key):len_trim(key)) == ']') then
             input%path = key(:bracket - 1)
-            stat = 1
-            if (verify(key(bracket + 1:len_trim(key) - 1), '0123456789') == 0) then
-                read (key(bracket + 1:len_trim(key) - 1), *, iostat=stat) input%element
-            end if
-            if (stat /= 0 .or. input%element < 1) problem = 'must have the number of an element in its brackets, from 1 on'
+            call read_number(key(bracket + 1:len_trim(key) - 1), input%element, is_read)
+            if (input%element < 1) problem = 'must have the number of an element in its brackets, from 1 on'
         end if
         dot = index(input%path, '.')
         if (dot < 2 .or. dot == len(input%path) .or. scan(input%path, ' =') > 0) then

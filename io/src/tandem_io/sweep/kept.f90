@@ -4,6 +4,7 @@ module tandem_io_sweep_kept
     use tandem, only: figure_reader_type, label_length, long, model_type, statistics_type, tell_figures, to_text, wp
     use tandem_io_scene, only: scene_type
     use tandem_io_scene_text, only: listed, nearest_name
+    use tandem_number_text, only: read_number
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
@@ -201,7 +202,8 @@ contains
         character(len=*), intent(in) :: wanted
         character(len=:), allocatable, intent(inout) :: problem
         character(len=:), allocatable :: path
-        integer :: i, bracket, element, before, stat
+        integer :: i, bracket, element, before
+        logical :: is_read
 
         self%kind = of_sensor
         self%index = 0
@@ -212,8 +214,8 @@ contains
         bracket = index(wanted, '[')
         if (bracket > 0) then
             path = wanted(:bracket - 1)
-            read (wanted(bracket + 1:max(bracket + 1, len(wanted) - 1)), *, iostat=stat) element
-            if (stat /= 0) element = -1
+            call read_number(wanted(bracket + 1:len(wanted) - 1), element, is_read)
+            if (.not. is_read .or. wanted(len(wanted):) /= ']') element = -1
         end if
         before = 0
         do i = 1, size(model%quantities)
