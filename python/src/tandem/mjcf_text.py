@@ -122,9 +122,8 @@ class Writer:
             gear = float(given.get("gear", "1").split()[0])
             parameter = self.names.take("".join(x if x.isascii() and x.isalnum() else "_" for x in f"ctrl_{label}"))
             self.parameters.append(parameter)
-            # A torsion's torque drives its coordinate back.
             self.add("force", self.names.take(label, "_motor"), {"type": '"torsion"', "joint": quoted(self.scalar[joint][0]),
-                                                                  "torque": quoted(f"{text_of(-gear)}*{parameter}")})
+                                                                  "torque": quoted(f"{text_of(gear)}*{parameter}")})
 
     def equalities(self):
         for k, (kind, given) in enumerate(self.model.equalities):

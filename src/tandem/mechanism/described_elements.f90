@@ -205,8 +205,8 @@ contains
             call reader%get_number('damping', damping, anything, 'N m s/rad', '')
             angle = 0.0_wp
             call reader%get_number('angle', angle, anything, 'rad', 'from the drawing, without torque')
-            call reader%get_function('torque', motion, 'N m', 'a torque beside it, which turns the second body back')
-            call reader%get_law('law', 'angle', law, 'N m', 'a torque beside it, of t, angle and rate')
+            call reader%get_function('torque', motion, 'N m', 'a torque beside it, positive where it accelerates the angle')
+            call reader%get_law('law', 'angle', law, 'N m', 'a torque beside it, of t, angle and rate, with the same sign')
         case ('bushing')
             call take_points(reader, 'between', mechanism, n_points, points, 'two bodies, or points of them', .true.)
             n = merge(3, 6, mechanism%planar)

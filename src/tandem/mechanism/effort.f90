@@ -21,7 +21,8 @@ module tandem_mechanism_effort
 
     !> What an element does.
     type :: effort_type
-        !> The force along its coordinate (N, N m), positive where it pulls its ends together; the coordinate and its rate.
+        !> The force along its coordinate (N, N m): of a spring positive where it pulls its ends together, along the coordinate of a
+        !> joint where it accelerates that; the coordinate and its rate.
         real(wp) :: along = 0.0_wp, x = 0.0_wp, rate = 0.0_wp
         !> The force on the second body, or that on which a load is, and the torque about its point, in the world's axes.
         real(wp) :: force(3) = 0.0_wp, torque(3) = 0.0_wp
@@ -48,15 +49,14 @@ contains
         if (effort%x > 0.0_wp) d = d/effort%x
         effort%rate = dot_product(d, span_way(spring%span, pose, 1))
         effort%energy = spring%stiffness*(effort%x - spring%length)**2/2
-        rest = rest_of(spring%damping, spring%motion, spring%law, 1.0_wp, t, effort, f, laws)
+        rest = spring%damping*effort%rate + given_force(spring%motion, spring%law, 1.0_wp, t, effort, f, laws)
         effort%along = spring%stiffness*(effort%x - spring%length) + rest
         effort%power = -rest*effort%rate
         effort%force = -effort%along*d
     end function spring_effort
 
-    !> What has no potential: c v + u(t) + N g(t, x, v).
-    pure real(wp) function rest_of(damping, motion, law, normal, t, effort, f, laws) result(rest)
-        real(wp), intent(in) :: damping
+    !> u(t) + N g(t, x, v).
+    pure real(wp) function given_force(motion, law, normal, t, effort, f, laws) result(given)
         !> Numbers of the function and of the law, 0 for none.
         integer, intent(in) :: motion, law
         !> The normal force of friction on a reaction, 1 of all other laws.
@@ -67,14 +67,14 @@ contains
         type(law_item_type), intent(in) :: laws(:)
         real(wp) :: g(0:2)
 
-        rest = damping*effort%rate
-        if (motion > 0) rest = rest + f(0, motion)
+        given = 0.0_wp
+        if (motion > 0) given = f(0, motion)
         if (law == 0) return
         call laws(law)%law%evaluate(t, effort%x, effort%rate, g)
-        rest = rest + normal*g(0)
-    end function rest_of
+        given = given + normal*g(0)
+    end function given_force
 
-    !> A spring along the coordinate of a joint.
+    !> A force along the coordinate of a joint; the power of its part without a potential is that times the rate.
     pure subroutine torsion_effort(torsion, t, pose, f, laws, lambda, effort)
         type(torsion_type), intent(inout) :: torsion
         real(wp), intent(in) :: t
@@ -92,9 +92,9 @@ contains
         effort%energy = torsion%stiffness*(x(0) - torsion%angle)**2/2
         normal = 1.0_wp
         if (torsion%press%n > 0) normal = normal_force(torsion%press, lambda)
-        rest = rest_of(torsion%damping, torsion%motion, torsion%law, normal, t, effort, f, laws)
-        effort%along = torsion%stiffness*(x(0) - torsion%angle) + rest
-        effort%power = -rest*x(1)
+        rest = -torsion%damping*x(1) + given_force(torsion%motion, torsion%law, normal, t, effort, f, laws)
+        effort%along = -torsion%stiffness*(x(0) - torsion%angle) + rest
+        effort%power = rest*x(1)
     end subroutine torsion_effort
 
     !> A bushing; its force and torque are those on the second body at its point of that.

@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> Forces along coordinates: spring-dampers between two points, those along the coordinate of a joint, and bushings along six.
 !>
-!> The first two act along a scalar coordinate x (length, angle) with f = k (x - x0) + c xd + u(t) + g(t, x, xd), as the generalised
-!> force -f x_q.
+!> A spring between two points has the traction f = k (l - l0) + c ld + u(t) + g(t, l, ld), positive where it pulls its ends
+!> together: the generalised force -f l_q. Along the coordinate x of a joint acts f = -k (x - x0) - c xd + u(t) + g(t, x, xd),
+!> positive where it accelerates the coordinate: the generalised force f x_q, whose power is f xd.
 module tandem_mechanism_force
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, find_slope, measure
@@ -26,7 +27,8 @@ module tandem_mechanism_force
         integer :: motion = 0, law = 0
     end type spring_type
 
-    !> The same along the coordinate of a joint: k (N m, N/m), c (N m s, N s/m), the angle (rad) or way (m) without torque or force.
+    !> The force along the coordinate of a joint: k (N m, N/m), c (N m s, N s/m), the angle (rad) or way (m) where k has no torque or
+    !> force, and the numbers of the function u and of the law g, 0 for none.
     type :: torsion_type
         type(coordinate_type) :: coordinate
         real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, angle = 0.0_wp
@@ -147,7 +149,7 @@ contains
         spring_energy = spring%stiffness*(norm2(span_way(spring%span, pose, 0)) - spring%length)**2/2
     end function spring_energy
 
-    !> force := force - f x_q for every spring along the coordinate of a joint.
+    !> force := force + f x_q for every force along the coordinate of a joint.
     pure subroutine add_torsions(torsions, t, pose, f, laws, force)
         type(torsion_type), intent(inout) :: torsions(:)
         real(wp), intent(in) :: t
@@ -155,24 +157,24 @@ contains
         real(wp), intent(in), contiguous :: f(0:, :)
         type(law_item_type), intent(in) :: laws(:)
         real(wp), intent(inout) :: force(:)
-        real(wp) :: x(0:1), gradient(n_local), torque, g(0:2)
+        real(wp) :: x(0:1), gradient(n_local), resistance, g(0:2)
         integer :: i
 
         do i = 1, size(torsions)
             associate (torsion => torsions(i))
                 call find_slope(torsion%coordinate, pose, x, gradient)
-                torque = torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1)
-                if (torsion%motion > 0) torque = torque + f(0, torsion%motion)
+                resistance = torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1)
+                if (torsion%motion > 0) resistance = resistance - f(0, torsion%motion)
                 if (torsion%law > 0 .and. torsion%press%n == 0) then
                     call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
-                    torque = torque + g(0)
+                    resistance = resistance - g(0)
                 end if
-                call take_off(torsion%coordinate, pose, torque, gradient, force)
+                call take_off(torsion%coordinate, pose, resistance, gradient, force)
             end associate
         end do
     end subroutine add_torsions
 
-    !> The force of each friction on a reaction for a normal force of 1 N, one column each: -g x_q.
+    !> The force of each friction on a reaction for a normal force of 1 N, one column each: g x_q.
     pure subroutine add_press_directions(torsions, t, pose, laws, directions)
         type(torsion_type), intent(inout) :: torsions(:)
         real(wp), intent(in) :: t
@@ -190,7 +192,7 @@ contains
             associate (torsion => torsions(i))
                 call find_slope(torsion%coordinate, pose, x, gradient)
                 call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
-                call take_off(torsion%coordinate, pose, g(0), gradient, directions(:, k))
+                call take_off(torsion%coordinate, pose, -g(0), gradient, directions(:, k))
             end associate
         end do
     end subroutine add_press_directions
@@ -237,21 +239,21 @@ contains
         !> Multipliers, which friction on a reaction grows with.
         real(wp), intent(in) :: lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: x(0:2), gradient(n_local, 0:2), second(n_local, n_local), torque(0:2), g(0:2)
+        real(wp) :: x(0:2), gradient(n_local, 0:2), second(n_local, n_local), resistance(0:2), g(0:2)
         integer :: i
 
         do i = 1, size(torsions)
             associate (torsion => torsions(i))
                 call differentiate_coordinate(torsion%coordinate, pose, 1, 1, x, gradient, second)
-                torque = [torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1), torsion%stiffness, torsion%damping]
-                if (torsion%motion > 0) torque(0) = torque(0) + f(0, torsion%motion)
+                resistance = [torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1), torsion%stiffness, torsion%damping]
+                if (torsion%motion > 0) resistance(0) = resistance(0) - f(0, torsion%motion)
                 if (torsion%law > 0) then
                     call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
                     if (torsion%press%n > 0) g = normal_force(torsion%press, lambda)*g
-                    torque = torque + g
+                    resistance = resistance - g
                 end if
                 call put_force(need, columns(pose(torsion%coordinate%first), pose(torsion%coordinate%second)), &
-                    gradient(:, 0:1), second, torque, derivatives)
+                    gradient(:, 0:1), second, resistance, derivatives)
             end associate
         end do
     end subroutine differentiate_torsions

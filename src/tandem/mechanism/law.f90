@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Laws of forces along a coordinate, such as the length of a spring or the angle of a joint: f(t, x, xd), with its derivatives by
-!> x and xd, which is all that the gradient blocks need.
+!> x and xd, which is all that the gradient blocks need. Along the length of a spring f is a traction, positive where it shortens
+!> the spring; along the coordinate of a joint a positive f accelerates the coordinate.
 module tandem_mechanism_law
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -55,7 +56,8 @@ module tandem_mechanism_law
     !> Friction under a given normal force N, regularised: it grows steeply with the rate v, has its largest value where v is the
     !> transition speed, and falls to that of sliding: N (mu_d tanh 4 u + (mu_s - mu_d) u/(u^2/4 + 3/4)^2) + c v, u = v/v_t. Source:
     !> P. Brown, J. McPhee, A continuous velocity-based friction model for dynamics and control with physically meaningful
-    !> parameters, J. Comput. Nonlinear Dynam. 11 (2016) 054502, eq. 6.
+    !> parameters, J. Comput. Nonlinear Dynam. 11 (2016) 054502, eq. 6. The law of the coordinate of a joint: f has the opposite sign,
+    !> against the rate.
     type, extends(law_type) :: friction_law_type
         !> N (N; N m of what turns: force times radius), mu_s, mu_d, v_t (m/s, rad/s), and the viscous part c (N s/m, N m s).
         real(wp) :: normal = 0.0_wp, static = 0.0_wp, dynamic = 0.0_wp, speed = 1.0_wp, viscous = 0.0_wp
@@ -141,10 +143,10 @@ contains
         u = v/self%speed
         g = u**2/4 + 0.75_wp
         th = tanh(4*u)
-        f(0) = self%normal*(self%dynamic*th + (self%static - self%dynamic)*u/g**2) + self%viscous*v
+        f(0) = -(self%normal*(self%dynamic*th + (self%static - self%dynamic)*u/g**2) + self%viscous*v)
         f(1) = 0.0_wp
-        f(2) = self%normal/self%speed*(4*self%dynamic*(1 - th**2) + (self%static - self%dynamic)*0.75_wp*(1 - u**2)/g**3) + &
-            self%viscous
+        f(2) = -(self%normal/self%speed*(4*self%dynamic*(1 - th**2) + (self%static - self%dynamic)*0.75_wp*(1 - u**2)/g**3) + &
+            self%viscous)
     end subroutine evaluate_friction
 
     pure subroutine evaluate_table(self, t, x, v, f)

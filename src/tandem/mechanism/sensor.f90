@@ -180,11 +180,11 @@ contains
             call add(sensor, list, 0, 'rate', 'm/s', 'how fast it grows')
         case (of_torsion)
             if (sensor%slides) then
-                call add(sensor, list, 0, 'force', 'N', 'that pushes the second body back')
+                call add(sensor, list, 0, 'force', 'N', 'along the coordinate, positive where it accelerates that')
                 call add(sensor, list, 0, 'way', 'm', 'coordinate of the joint')
                 call add(sensor, list, 0, 'speed', 'm/s', 'its rate')
             else
-                call add(sensor, list, 0, 'torque', 'N m', 'that turns the second body back')
+                call add(sensor, list, 0, 'torque', 'N m', 'about the axis, positive where it accelerates the angle')
                 call add(sensor, list, 0, 'angle', 'rad', 'coordinate of the joint')
                 call add(sensor, list, 0, 'rate', 'rad/s', 'its rate')
             end if

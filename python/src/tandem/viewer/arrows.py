@@ -73,7 +73,7 @@ def places_of(found: Mechanism, drawing: Drawing, joints: list) -> dict[tuple[st
 
 
 def arrows_of(found: Mechanism, name: str, whats: dict, element: tuple[str, str] | None, places: dict) -> list[Arrow]:
-    """The vectors among the series of an element, and what it does along its axis: a positive one drives the joint's coordinate back."""
+    """The vectors among the series of an element, and the force or torque along its axis, positive where it accelerates the joint's coordinate."""
     if element not in places:
         return []
     on, place, axis = places[element]
@@ -83,7 +83,7 @@ def arrows_of(found: Mechanism, name: str, whats: dict, element: tuple[str, str]
             continue
         values = interpolated(found.result.time, one.values.reshape(len(one.values), -1), None, None, found.times)
         if values.shape[1] == 1 and axis is not None and what in ("force", "torque"):
-            values = -values*axis
+            values = values*axis
         if values.shape[1] == 3:
             made.append(Arrow(f"{name} {what}", place, values, "", one.unit, on))
     return made
