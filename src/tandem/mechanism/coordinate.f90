@@ -16,7 +16,7 @@ module tandem_mechanism_coordinate
     implicit none (type, external)
     private
 
-    public :: coordinate_type, count_turns, measure, differentiate_coordinate, find_slope
+    public :: coordinate_type, begin_turns, count_turns, end_search, measure, differentiate_coordinate, find_slope
     public :: is_way, is_distance, is_angle, is_tilt
 
     !> The kinds are a way (one.d, m); a distance (m); an angle (rad) with the cosine `one` and the sine `other`, in the plane the
@@ -32,17 +32,19 @@ module tandem_mechanism_coordinate
         type(span_type) :: span
         !> What is taken off: x = 0 is there (m or rad).
         real(wp) :: offset = 0.0_wp
+        !> The number of the function of time that the angle follows, 0 for none.
+        integer :: motion = 0
         !> The angle at the last point that counts, before the offset is taken off; and whether points are only those at which a run
-        !> arrives, not those that steps try.
+        !> arrives, not those that steps try or through which a start is found.
         real(wp) :: last = 0.0_wp
         logical :: waits = .false.
-        !> The angle where the first run started, which may have come there from the drawing in search of a place of rest.
+        !> Whether a run has started, and the angle at the first start, which may have come there from the drawing in search of a
+        !> consistent position or of a place of rest.
+        logical :: has_begun = .false.
         real(wp) :: begun = 0.0_wp
     end type coordinate_type
 
     real(wp), parameter :: pi = acos(-1.0_wp)
-    !> Coordinates do not depend on time.
-    real(wp), parameter :: no_functions(0:2, 1) = 0.0_wp
 
 contains
 
@@ -52,7 +54,7 @@ contains
         type(pose_type), intent(in) :: pose(0:)
         !> x (m or rad).
         real(wp), intent(out) :: x
-        real(wp) :: local(3, 0:2), a(3, 0:2), d(3, 0:2), way(3)
+        real(wp) :: a(3, 0:2), d(3, 0:2), way(3)
 
         select case (self%kind)
         case (is_distance)
@@ -62,41 +64,63 @@ contains
             if (is_planar(self, pose)) then
                 x = pose(self%second)%p(1, 0) - pose(self%first)%p(1, 0)
             else
-                call dot_curve(self%one, pose, 0, no_functions, local, a, d)
+                call dot_curve(self%one, pose, 0, a, d)
                 x = product_rate(a, d, 0)
-                call dot_curve(self%other, pose, 0, no_functions, local, a, d)
+                call dot_curve(self%other, pose, 0, a, d)
                 x = atan2(product_rate(a, d, 0), x)
                 x = x + 2*pi*anint((self%last - x)/(2*pi))
                 if (.not. self%waits) self%last = x
             end if
         case default
-            call dot_curve(self%one, pose, 0, no_functions, local, a, d)
+            call dot_curve(self%one, pose, 0, a, d)
             x = product_rate(a, d, 0)
             if (self%kind == is_tilt) then
-                call dot_curve(self%other, pose, 0, no_functions, local, a, d)
+                call dot_curve(self%other, pose, 0, a, d)
                 x = (x - product_rate(a, d, 0))/2
             end if
         end select
         x = x - self%offset
     end subroutine measure
 
-    !> Count turns where a run has arrived, and from then on nowhere else.
-    pure subroutine count_turns(self, pose, starts)
+    !> Count turns from where the first run started, at every point of the search for a start.
+    pure subroutine begin_turns(self, pose, f)
+        type(coordinate_type), intent(inout) :: self
+        !> Not used.
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in), contiguous :: f(0:, :)
+
+        if (self%has_begun) self%last = self%begun
+        self%waits = .false.
+    end subroutine begin_turns
+
+    !> Count turns at a point of the search for a start, or where a run has arrived.
+    pure subroutine count_turns(self, pose, f)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
-        !> Whether it starts there: then turns are counted from where the first run did.
-        logical, intent(in) :: starts
+        !> Values and derivatives of the functions of time.
+        real(wp), intent(in), contiguous :: f(0:, :)
         real(wp) :: x
-        logical :: is_first
+        logical :: waits
 
         if (self%kind /= is_angle) return
-        is_first = .not. self%waits
-        if (starts .and. .not. is_first) self%last = self%begun
+        if (self%motion > 0) self%last = f(0, self%motion) + self%offset
+        waits = self%waits
         self%waits = .false.
         call measure(self, pose, x)
-        self%waits = .true.
-        if (is_first) self%begun = self%last
+        self%waits = waits
     end subroutine count_turns
+
+    !> A start has been found: from now on turns are counted only where the run arrives.
+    pure subroutine end_search(self, pose, f)
+        type(coordinate_type), intent(inout) :: self
+        !> Not used.
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in), contiguous :: f(0:, :)
+
+        self%waits = .true.
+        if (.not. self%has_begun) self%begun = self%last
+        self%has_begun = .true.
+    end subroutine end_search
 
     !> Value, rate and gradient, which is all that a force asks for: of an angle in space without the rates of its gradient and of
     !> the directions that it is between. With z = c + i s the gradient is (c s_q - s c_q)/|z|^2.
@@ -110,8 +134,7 @@ contains
         logical :: is_plain
 
         is_plain = self%kind == is_angle
-        if (is_plain) is_plain = .not. (is_planar(self, pose) .or. self%one%is_point .or. self%other%is_point .or. &
-            self%one%is_turning .or. self%other%is_turning)
+        if (is_plain) is_plain = .not. (is_planar(self, pose) .or. self%one%is_point .or. self%other%is_point)
         if (.not. is_plain) then
             call differentiate_coordinate(self, pose, 1, 0, its, gradients)
             x = its(0:1)
@@ -196,7 +219,7 @@ contains
         !> x_q and its derivatives.
         real(wp), intent(inout) :: gradient(n_local, 0:2)
         real(wp), intent(out), optional :: second(n_local, n_local)
-        real(wp) :: local(3, 0:2), a(3, 0:2), d(3, 0:2)
+        real(wp) :: a(3, 0:2), d(3, 0:2)
         integer :: k
 
         select case (self%kind)
@@ -216,13 +239,13 @@ contains
         case (is_tilt)
             call differentiate_tilt(self, pose, max(last, gradients), x, gradient, second)
         case default
-            call dot_curve(self%one, pose, max(last, gradients), no_functions, local, a, d)
+            call dot_curve(self%one, pose, max(last, gradients), a, d)
             do k = 0, last
                 x(k) = product_rate(a, d, k)
             end do
             x(0) = x(0) - self%offset
-            call dot_gradient(self%one, pose, gradients, local, a, d, gradient)
-            if (present(second)) call dot_second(self%one, pose, local, a, d, second)
+            call dot_gradient(self%one, pose, gradients, a, d, gradient)
+            if (present(second)) call dot_second(self%one, pose, a, d, second)
         end select
     end subroutine differentiate_coordinate
 
@@ -262,7 +285,7 @@ contains
         integer, intent(in) :: last, gradients
         real(wp), intent(inout) :: x(0:2), gradient(n_local, 0:2)
         real(wp), intent(out), optional :: second(n_local, n_local)
-        real(wp) :: local(3, 0:2), a(3, 0:2), d(3, 0:2), c_q(n_local, 0:2), s_q(n_local, 0:2), c(0:2), s(0:2)
+        real(wp) :: a(3, 0:2), d(3, 0:2), c_q(n_local, 0:2), s_q(n_local, 0:2), c(0:2), s(0:2)
         real(wp) :: c_qq(n_local, n_local), s_qq(n_local, n_local)
         real(wp) :: re(n_local), im(n_local)
         complex(wp) :: over, rate, curve, factor
@@ -271,18 +294,18 @@ contains
         n = max(last, gradients)
         c = 0.0_wp
         s = 0.0_wp
-        call dot_curve(self%one, pose, n, no_functions, local, a, d)
+        call dot_curve(self%one, pose, n, a, d)
         do k = 0, n
             c(k) = product_rate(a, d, k)
         end do
-        call dot_gradient(self%one, pose, gradients, local, a, d, c_q)
-        if (present(second)) call dot_second(self%one, pose, local, a, d, c_qq)
-        call dot_curve(self%other, pose, n, no_functions, local, a, d)
+        call dot_gradient(self%one, pose, gradients, a, d, c_q)
+        if (present(second)) call dot_second(self%one, pose, a, d, c_qq)
+        call dot_curve(self%other, pose, n, a, d)
         do k = 0, n
             s(k) = product_rate(a, d, k)
         end do
-        call dot_gradient(self%other, pose, gradients, local, a, d, s_q)
-        if (present(second)) call dot_second(self%other, pose, local, a, d, s_qq)
+        call dot_gradient(self%other, pose, gradients, a, d, s_q)
+        if (present(second)) call dot_second(self%other, pose, a, d, s_qq)
         ! 1/z, z_t/z, z_tt/z.
         over = 1/cmplx(c(0), s(0), wp)
         rate = cmplx(c(1), s(1), wp)*over
@@ -312,26 +335,26 @@ contains
         integer, intent(in) :: last
         real(wp), intent(inout) :: x(0:2), gradient(n_local, 0:2)
         real(wp), intent(out), optional :: second(n_local, n_local)
-        real(wp) :: local(3, 0:2), a(3, 0:2), d(3, 0:2), its(n_local, 0:2), its_second(n_local, n_local)
+        real(wp) :: a(3, 0:2), d(3, 0:2), its(n_local, 0:2), its_second(n_local, n_local)
         integer :: k
 
-        call dot_curve(self%one, pose, last, no_functions, local, a, d)
+        call dot_curve(self%one, pose, last, a, d)
         do k = 0, last
             x(k) = product_rate(a, d, k)/2
         end do
-        call dot_gradient(self%one, pose, last, local, a, d, gradient)
-        if (present(second)) call dot_second(self%one, pose, local, a, d, second)
-        call dot_curve(self%other, pose, last, no_functions, local, a, d)
+        call dot_gradient(self%one, pose, last, a, d, gradient)
+        if (present(second)) call dot_second(self%one, pose, a, d, second)
+        call dot_curve(self%other, pose, last, a, d)
         do k = 0, last
             x(k) = x(k) - product_rate(a, d, k)/2
         end do
         x(0) = x(0) - self%offset
-        call dot_gradient(self%other, pose, last, local, a, d, its)
+        call dot_gradient(self%other, pose, last, a, d, its)
         do k = 0, last
             gradient(:, k) = (gradient(:, k) - its(:, k))/2
         end do
         if (.not. present(second)) return
-        call dot_second(self%other, pose, local, a, d, its_second)
+        call dot_second(self%other, pose, a, d, its_second)
         second = (second - its_second)/2
     end subroutine differentiate_tilt
 end module tandem_mechanism_coordinate

@@ -5,6 +5,9 @@
 !> A row that events lock and free is there all the time, since a model does not change its size. While it is free it holds a
 !> coordinate of its own, the slack s = 0 of unit mass, and the joints are free; while it is locked it holds the joints, and the
 !> slack rests for itself. At the moment of locking `at` becomes what the sum is there.
+!>
+!> The row of an imposed angle in space is one of them, Phi = phi - f(t) between -pi and pi: its only root is phi = f(t) but for
+!> whole turns, which have no meaning in the orientations of bodies.
 module tandem_mechanism_coupling
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, measure
@@ -19,14 +22,16 @@ module tandem_mechanism_coupling
 
     !> The most coordinates of one row.
     integer, parameter :: max_coupled = 4
+    real(wp), parameter :: full_turn = 2*acos(-1.0_wp)
 
     type :: coupling_type
         !> The row of Phi, and how many coordinates there are.
         integer :: row = 0, n = 0
         type(coordinate_type) :: coordinates(max_coupled)
         real(wp) :: factors(max_coupled) = 0.0_wp
-        !> The number of f, 0 for none.
+        !> The number of f, 0 for none; whether whole turns do not count in Phi.
         integer :: motion = 0
+        logical :: drops_turns = .false.
         !> Of a row that can be freed: the column of its slack, 0 for one that cannot; whether it is locked, and where.
         logical :: can_be_freed = .false., is_locked = .true.
         integer :: slack = 0
@@ -72,7 +77,10 @@ contains
                 end do
                 c = 0.0_wp
                 if (it%motion > 0) c = f(:, it%motion)
-                if (iand(need, need_phi) /= 0) terms%phi(it%row) = sum(0) - c(0) - it%at
+                if (iand(need, need_phi) /= 0) then
+                    terms%phi(it%row) = sum(0) - c(0) - it%at
+                    if (it%drops_turns) terms%phi(it%row) = terms%phi(it%row) - full_turn*anint(terms%phi(it%row)/full_turn)
+                end if
                 if (iand(need, need_nu) /= 0) terms%nu(it%row) = c(1)
                 if (iand(need, need_gamma) /= 0) terms%gamma(it%row) = sum(2) - c(2)
             end associate

@@ -9,7 +9,7 @@ contains
         integer :: i, j, k
 
         call differentiate_meetings(self%meetings, merge(2, 3, self%planar), need, self%pose, lambda, derivatives)
-        call differentiate_dots(self%dots, need, self%pose, self%f, lambda, derivatives)
+        call differentiate_dots(self%dots, need, self%pose, lambda, derivatives)
         call differentiate_distances(self%distances, need, self%pose, lambda, derivatives)
         call differentiate_couplings(self%couplings, need, self%pose, lambda, derivatives)
         call differentiate_edges(self%edges, need, self%pose, self%f, lambda, derivatives)

@@ -2,8 +2,7 @@
 !> The row that joints are made of: a direction fixed to one body times a vector that ends on another,
 !>     Phi = a.d - c - f(t),  a = A1 a',  d = A2 b'  or  d = r2 + A2 s' - r1.
 !> With a direction of the second body for d it holds an angle at 90 degrees; with the way to one of its points it holds this
-!> point's coordinate along a. A direction of the first body may turn with time instead, a' = cos f e' - sin f e2': then d is held
-!> perpendicular to it at any number of turns, the row of an imposed angle sin(phi - f(t)) = 0.
+!> point's coordinate along a.
 !>
 !> a.(A1 s1') is not written out: on the manifold it is the constant a'.s1', which stands in c.
 module tandem_mechanism_dot
@@ -25,10 +24,8 @@ module tandem_mechanism_dot
         !> a' in the first body's frame, b' or s' in the second's.
         real(wp) :: a(3) = 0.0_wp, b(3) = 0.0_wp
         real(wp) :: c = 0.0_wp
-        !> Number of f, 0 for none; whether a' turns by f, and the direction that it turns from.
+        !> Number of f, 0 for none.
         integer :: motion = 0
-        logical :: is_turning = .false.
-        real(wp) :: across(3) = 0.0_wp
     end type dot_type
 
     !> k over i.
@@ -47,44 +44,31 @@ contains
         !> Values and derivatives of the functions of time.
         real(wp), intent(in), contiguous :: f(0:, :)
         type(terms_type), intent(inout) :: terms
-        real(wp) :: local(3, 0:2), a(3), d(3)
-        integer :: i, k
+        real(wp) :: a(3), d(3)
+        integer :: i
 
         do i = 1, size(numbers)
             associate (dot => dots(numbers(i)), one => pose(dots(numbers(i))%first), two => pose(dots(numbers(i))%second))
-                if (dot%is_turning) then
-                    call turn_with_time(dot, f(:, dot%motion), local)
-                else
-                    do k = 1, 3
-                        local(k, 0) = dot%a(k)
-                    end do
-                end if
-                call turn(one%a(:, :, 0), local(:, 0), a)
+                call turn(one%a(:, :, 0), dot%a, a)
                 call turn(two%a(:, :, 0), dot%b, d)
                 if (dot%is_point) d = d + two%r(:, 0) - one%r(:, 0)
                 if (iand(need, need_phi) /= 0) then
                     terms%phi(dot%row) = dot3(a, d) - dot%c
-                    if (dot%motion > 0 .and. .not. dot%is_turning) terms%phi(dot%row) = terms%phi(dot%row) - f(0, dot%motion)
+                    if (dot%motion > 0) terms%phi(dot%row) = terms%phi(dot%row) - f(0, dot%motion)
                 end if
-                if (iand(need, need_jacobian) /= 0) call put_gradient(dot, one, two, local(:, 0), a, d, size(terms%jacobian, 1), &
+                if (iand(need, need_jacobian) /= 0) call put_gradient(dot, one, two, a, d, size(terms%jacobian, 1), &
                     size(terms%jacobian, 2), terms%jacobian)
-                if (iand(need, need_nu) /= 0 .and. dot%motion > 0) then
-                    if (dot%is_turning) then
-                        terms%nu(dot%row) = -dot3(turned(one, 0, local(:, 1)), d)
-                    else
-                        terms%nu(dot%row) = f(1, dot%motion)
-                    end if
-                end if
-                if (iand(need, need_gamma) /= 0) call set_gamma(dot, one, two, f, local, a, d, terms%gamma(dot%row))
+                if (iand(need, need_nu) /= 0 .and. dot%motion > 0) terms%nu(dot%row) = f(1, dot%motion)
+                if (iand(need, need_gamma) /= 0) call set_gamma(dot, one, two, f, a, d, terms%gamma(dot%row))
             end associate
         end do
     end subroutine evaluate_dots
 
     !> The row of C.
-    pure subroutine put_gradient(dot, one, two, local, a, d, m, width, jacobian)
+    pure subroutine put_gradient(dot, one, two, a, d, m, width, jacobian)
         type(dot_type), intent(in) :: dot
         type(pose_type), intent(in) :: one, two
-        real(wp), intent(in) :: local(3), a(3), d(3)
+        real(wp), intent(in) :: a(3), d(3)
         !> The shape of the C that is set, which may be compressed.
         integer, intent(in) :: m, width
         real(wp), intent(inout) :: jacobian(m, width)
@@ -100,7 +84,7 @@ contains
             end do
         end if
         if (one%n_turn > 0) then
-            row = gradient_of(one, 0, local, d)
+            row = gradient_of(one, 0, dot%a, d)
             do k = 1, one%n_turn
                 jacobian(dot%row, one%turn_column + k - 1) = row(k)
             end do
@@ -113,78 +97,49 @@ contains
         end if
     end subroutine put_gradient
 
-    !> a'(t) and its derivatives.
-    pure subroutine turn_with_time(dot, f, local)
-        type(dot_type), intent(in) :: dot
-        real(wp), intent(in) :: f(0:2)
-        real(wp), intent(out) :: local(3, 0:2)
-        real(wp) :: c, s
-
-        c = cos(f(0))
-        s = sin(f(0))
-        local(:, 0) = c*dot%a - s*dot%across
-        local(:, 1) = -f(1)*(s*dot%a + c*dot%across)
-        local(:, 2) = -f(2)*(s*dot%a + c*dot%across) - f(1)**2*local(:, 0)
-    end subroutine turn_with_time
-
     !> The second derivative of Phi along the motion without qdd.
-    pure subroutine set_gamma(dot, one, two, f, local, a, d, gamma)
+    pure subroutine set_gamma(dot, one, two, f, a, d, gamma)
         type(dot_type), intent(in) :: dot
         type(pose_type), intent(in) :: one, two
         real(wp), intent(in), contiguous :: f(0:, :)
-        real(wp), intent(in) :: local(3, 0:2), a(3), d(3)
+        real(wp), intent(in) :: a(3), d(3)
         real(wp), intent(out) :: gamma
         real(wp) :: a1(3), a2(3), d1(3), d2(3)
 
-        call turn(one%a(:, :, 1), local(:, 0), a1)
-        call turn(one%a(:, :, 2), local(:, 0), a2)
-        if (dot%is_turning) then
-            a1 = a1 + turned(one, 0, local(:, 1))
-            a2 = a2 + 2*turned(one, 1, local(:, 1)) + turned(one, 0, local(:, 2))
-        end if
+        call turn(one%a(:, :, 1), dot%a, a1)
+        call turn(one%a(:, :, 2), dot%a, a2)
         call turn(two%a(:, :, 1), dot%b, d1)
         call turn(two%a(:, :, 2), dot%b, d2)
         if (dot%is_point) d1 = d1 + two%r(:, 1) - one%r(:, 1)
         gamma = dot3(a2, d) + 2*dot3(a1, d1) + dot3(a, d2)
-        if (dot%motion > 0 .and. .not. dot%is_turning) gamma = gamma - f(2, dot%motion)
+        if (dot%motion > 0) gamma = gamma - f(2, dot%motion)
     end subroutine set_gamma
 
-    !> a', a and d with their derivatives along the motion.
-    pure subroutine dot_curve(dot, pose, last, f, local, a, d)
+    !> a and d with their derivatives along the motion.
+    pure subroutine dot_curve(dot, pose, last, a, d)
         type(dot_type), intent(in) :: dot
         type(pose_type), intent(in) :: pose(0:)
         !> The highest derivative that is wanted, 0 to 2.
         integer, intent(in) :: last
-        real(wp), intent(in), contiguous :: f(0:, :)
-        real(wp), intent(out) :: local(3, 0:2)
         real(wp), intent(inout) :: a(3, 0:2), d(3, 0:2)
-        integer :: k, l
+        integer :: k
 
-        if (dot%is_turning) then
-            call turn_with_time(dot, f(:, dot%motion), local)
-        else
-            local = 0.0_wp
-            local(:, 0) = dot%a
-        end if
         do k = 0, last
-            a(:, k) = turned(pose(dot%first), k, local(:, 0))
-            do l = 1, merge(k, 0, dot%is_turning)
-                a(:, k) = a(:, k) + binomial(l, k)*turned(pose(dot%first), k - l, local(:, l))
-            end do
+            a(:, k) = turned(pose(dot%first), k, dot%a)
             d(:, k) = turned(pose(dot%second), k, dot%b)
             if (dot%is_point) d(:, k) = d(:, k) + pose(dot%second)%r(:, k) - pose(dot%first)%r(:, k)
         end do
     end subroutine dot_curve
 
     !> The gradient of a.d with its derivatives along the motion.
-    pure subroutine dot_gradient(dot, pose, last, local, a, d, gradient)
+    pure subroutine dot_gradient(dot, pose, last, a, d, gradient)
         type(dot_type), intent(in) :: dot
         type(pose_type), intent(in) :: pose(0:)
         !> The highest derivative that is wanted, 0 to 2.
         integer, intent(in) :: last
-        real(wp), intent(in) :: local(3, 0:2), a(3, 0:2), d(3, 0:2)
+        real(wp), intent(in) :: a(3, 0:2), d(3, 0:2)
         real(wp), intent(inout) :: gradient(n_local, 0:2)
-        integer :: k, l, m
+        integer :: k, l
 
         do k = 0, last
             gradient(:, k) = 0.0_wp
@@ -195,24 +150,22 @@ contains
             do l = 0, k
                 gradient(turn_2 + 1:turn_2 + 4, k) = gradient(turn_2 + 1:turn_2 + 4, k) + &
                     binomial(l, k)*gradient_of(pose(dot%second), l, dot%b, a(:, k - l))
-                do m = 0, merge(k - l, 0, dot%is_turning)
-                    gradient(turn_1 + 1:turn_1 + 4, k) = gradient(turn_1 + 1:turn_1 + 4, k) + &
-                        binomial(l, k)*binomial(m, k - l)*gradient_of(pose(dot%first), l, local(:, m), d(:, k - l - m))
-                end do
+                gradient(turn_1 + 1:turn_1 + 4, k) = gradient(turn_1 + 1:turn_1 + 4, k) + &
+                    binomial(l, k)*gradient_of(pose(dot%first), l, dot%a, d(:, k - l))
             end do
         end do
     end subroutine dot_gradient
 
     !> The second gradient of a.d.
-    pure subroutine dot_second(dot, pose, local, a, d, second)
+    pure subroutine dot_second(dot, pose, a, d, second)
         type(dot_type), intent(in) :: dot
         type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(in) :: local(3, 0:2), a(3, 0:2), d(3, 0:2)
+        real(wp), intent(in) :: a(3, 0:2), d(3, 0:2)
         real(wp), intent(out) :: second(n_local, n_local)
         real(wp) :: b_1(3, 4), b_2(3, 4)
         integer :: i, j
 
-        b_1 = gradient_matrix(pose(dot%first), 0, local(:, 0))
+        b_1 = gradient_matrix(pose(dot%first), 0, dot%a)
         b_2 = gradient_matrix(pose(dot%second), 0, dot%b)
         second = 0.0_wp
         associate (p1 => second(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4), &
@@ -223,7 +176,7 @@ contains
                     mixed(i, j) = dot3(b_1(:, i), b_2(:, j))
                 end do
             end do
-            p1 = second_gradient(pose(dot%first), local(:, 0), d(:, 0))
+            p1 = second_gradient(pose(dot%first), dot%a, d(:, 0))
             p2 = second_gradient(pose(dot%second), dot%b, a(:, 0))
             second(turn_2 + 1:turn_2 + 4, turn_1 + 1:turn_1 + 4) = transpose(mixed)
         end associate
@@ -235,20 +188,19 @@ contains
     end subroutine dot_second
 
     !> Every row's part of the gradient blocks.
-    pure subroutine differentiate_dots(dots, need, pose, f, lambda, derivatives)
+    pure subroutine differentiate_dots(dots, need, pose, lambda, derivatives)
         type(dot_type), intent(in) :: dots(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(in), contiguous :: f(0:, :)
         real(wp), intent(in) :: lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: local(3, 0:2), a(3, 0:2), d(3, 0:2), gradient(n_local, 0:2), second(n_local, n_local)
+        real(wp) :: a(3, 0:2), d(3, 0:2), gradient(n_local, 0:2), second(n_local, n_local)
         integer :: i
 
         do i = 1, size(dots)
-            call dot_curve(dots(i), pose, 2, f, local, a, d)
-            call dot_gradient(dots(i), pose, 2, local, a, d, gradient)
-            call dot_second(dots(i), pose, local, a, d, second)
+            call dot_curve(dots(i), pose, 2, a, d)
+            call dot_gradient(dots(i), pose, 2, a, d, gradient)
+            call dot_second(dots(i), pose, a, d, second)
             call put_holonomic(need, dots(i)%row, columns(pose(dots(i)%first), pose(dots(i)%second)), gradient, second, &
                 lambda(dots(i)%row), derivatives)
         end do

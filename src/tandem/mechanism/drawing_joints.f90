@@ -147,28 +147,23 @@ contains
         class(drawing_type), intent(inout) :: self
         type(placed_joint_type), intent(inout) :: joint
         type(coordinate_type) :: coordinate
-        real(wp) :: r1(3), r2(3), a1(3, 3), a2(3, 3)
         integer :: axis
 
-        coordinate%first = joint%first
-        coordinate%second = joint%second
         axis = merge(1, 3, self%planar)
-        call self%frame_of(joint%first, r1, a1)
-        call self%frame_of(joint%second, r2, a2)
-        associate (held => joint%kind%held, one => joint%axes1, two => joint%axes2)
+        associate (held => joint%kind%held)
             if (merge(.not. held(3), all(held(4:5)) .and. .not. held(6), self%planar) .and. turns(joint%first) .and. &
                 turns(joint%second)) then
-                coordinate%kind = is_angle
-                coordinate%one = dot_type(first=joint%first, second=joint%second, a=one(:, 1), b=two(:, 1))
-                coordinate%other = dot_type(first=joint%first, second=joint%second, a=one(:, 2), b=two(:, 1))
+                coordinate = angle_in_space(joint, 1, 2)
                 if (self%planar) coordinate%offset = self%angle_of(joint%second) - self%angle_of(joint%first)
+                if (joint%driven == merge(3, 6, self%planar)) coordinate%motion = joint%motion
                 call keep_coordinate(self, coordinate)
                 joint%turn = self%n_of%coordinates
             end if
             if (.not. held(axis) .and. count(.not. held(:merge(2, 3, self%planar))) == 1) then
-                coordinate%kind = is_way
-                coordinate%one = dot_type(first=joint%first, second=joint%second, is_point=.true., a=one(:, axis), b=joint%s2)
-                coordinate%offset = dot_product(matmul(a1, one(:, axis)), r2 + matmul(a2, joint%s2) - r1)
+                coordinate = coordinate_type(kind=is_way, first=joint%first, second=joint%second)
+                coordinate%one = dot_type(first=joint%first, second=joint%second, is_point=.true., a=joint%axes1(:, axis), &
+                    b=joint%s2)
+                coordinate%offset = drawn_way(self, joint, axis)
                 call keep_coordinate(self, coordinate)
                 joint%way = self%n_of%coordinates
             end if
@@ -184,6 +179,18 @@ contains
             if (body > 0) turns = self%bodies(body)%turns
         end function turns
     end subroutine add_coordinates
+
+    !> How far the point of the second body is from the origin of the first in the drawing, along an axis of the joint.
+    pure real(wp) function drawn_way(self, joint, axis)
+        class(drawing_type), intent(in) :: self
+        type(placed_joint_type), intent(in) :: joint
+        integer, intent(in) :: axis
+        real(wp) :: r1(3), r2(3), a1(3, 3), a2(3, 3)
+
+        call self%frame_of(joint%first, r1, a1)
+        call self%frame_of(joint%second, r2, a2)
+        drawn_way = dot_product(matmul(a1, joint%axes1(:, axis)), r2 + matmul(a2, joint%s2) - r1)
+    end function drawn_way
 
     !> One coordinate more.
     subroutine keep_coordinate(self, coordinate)
@@ -273,6 +280,7 @@ contains
         integer, intent(in) :: drive
         class(function_type), intent(in), optional :: motion
         character(len=1), parameter :: letter(3) = ['x', 'y', 'z']
+        type(dot_type) :: dot
         integer :: k, l, m, n, driven, number, before
         logical :: turn(3)
 
@@ -286,6 +294,8 @@ contains
             ! Freedoms are driven at one level.
             if (driven > 0) driven = merge(0, driven, joint%glides(max(1, driven)))
         end if
+        joint%driven = driven
+        joint%motion = number
         if (all(joint%kind%held(:n))) then
             call keep_meeting(self, span_type(first=joint%first, second=joint%second, row=before + 1, s1=joint%s1, s2=joint%s2))
             do k = 1, n
@@ -295,9 +305,12 @@ contains
             do k = 1, n
                 if (.not. joint%kind%held(k) .and. driven /= k) cycle
                 call self%held%add(trim(joint%name)//merge(' motion', ' '//letter(k)//'     ', driven == k), 'N')
-                call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%held%n, &
-                    is_point=.true., a=joint%axes1(:, k), b=joint%s2, c=dot_product(joint%axes1(:, k), joint%s1), &
-                    motion=merge(number, 0, driven == k)))
+                dot = dot_type(first=joint%first, second=joint%second, row=self%held%n, is_point=.true., a=joint%axes1(:, k), &
+                    b=joint%s2, c=dot_product(joint%axes1(:, k), joint%s1))
+                ! A motion is counted from the drawing, where the points may be apart along its axis.
+                if (driven == k) dot%c = drawn_way(self, joint, k)
+                if (driven == k) dot%motion = number
+                call keep_dot(self, dot)
             end do
         end if
         if (self%planar) then
@@ -319,8 +332,7 @@ contains
                 end if
                 if (driven == k + 3) then
                     call self%held%add(trim(joint%name)//' motion', 'N m')
-                    call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%held%n, &
-                        a=joint%axes1(:, m), b=joint%axes2(:, l), motion=number, is_turning=.true., across=joint%axes1(:, l)))
+                    call keep_coupling(self, driven_angle(joint, l, m, self%held%n, number))
                 else if (count(turn) /= 2 .and. turn(k)) then
                     call add_direction(l, m, k)
                 end if
@@ -423,10 +435,48 @@ contains
         if (present(motion)) coupling%motion = motion
         call self%held%add(name, unit)
         coupling%row = self%held%n
+        call keep_coupling(self, coupling)
+    end subroutine couple
+
+    !> One coupling more.
+    subroutine keep_coupling(self, coupling)
+        class(drawing_type), intent(inout) :: self
+        type(coupling_type), intent(in) :: coupling
+
         self%n_of%couplings = self%n_of%couplings + 1
         if (self%n_of%couplings > size(self%couplings)) self%couplings = [self%couplings, self%couplings, coupling]
         self%couplings(self%n_of%couplings) = coupling
-    end subroutine couple
+    end subroutine keep_coupling
+
+    !> The row of an imposed angle in space.
+    pure function driven_angle(joint, l, m, row, motion) result(coupling)
+        type(placed_joint_type), intent(in) :: joint
+        !> As of `angle_in_space`.
+        integer, intent(in) :: l, m
+        !> The row, and the number of the function.
+        integer, intent(in) :: row, motion
+        type(coupling_type) :: coupling
+
+        coupling%row = row
+        coupling%n = 1
+        coupling%coordinates(1) = angle_in_space(joint, l, m)
+        coupling%factors(1) = 1.0_wp
+        coupling%motion = motion
+        coupling%drops_turns = .true.
+    end function driven_angle
+
+    !> The angle in space by which axis l of the second body is turned from axis l of the first towards axis m of the first.
+    pure function angle_in_space(joint, l, m) result(angle)
+        type(placed_joint_type), intent(in) :: joint
+        integer, intent(in) :: l, m
+        type(coordinate_type) :: angle
+
+        angle%kind = is_angle
+        angle%first = joint%first
+        angle%second = joint%second
+        angle%one = dot_type(first=joint%first, second=joint%second, a=joint%axes1(:, l), b=joint%axes2(:, l))
+        angle%other = dot_type(first=joint%first, second=joint%second, a=joint%axes1(:, m), b=joint%axes2(:, l))
+    end function angle_in_space
 
     module procedure add_rate_row
         type(rate_row_type) :: row
@@ -500,7 +550,7 @@ contains
         if (present(length)) span%length = length
         if (present(motion)) then
             call self%take_motion(name, motion, 1, span%motion)
-            call motion%evaluate(0.0_wp, f)
+            call motion%evaluate(self%times(1), f)
             span%length = f(0)
         end if
         if (.not. span%length > 0.0_wp) then

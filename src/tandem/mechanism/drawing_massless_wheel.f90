@@ -60,7 +60,7 @@ contains
         pivot = matmul(pivot, a)
         wheel%fixed = dot_product(pivot, wheel%axle)*pivot
         wheel%towards = cross(pivot, wheel%axle)
-        call check_gap(self, label, wheel, error, open, rise)
+        call check_gap(self, label, wheel, error, open, rise, steer)
         if (allocated(error)) return
         if (present(steer)) call self%take_motion(name, steer, 1, wheel%steer)
         if (present(rise)) call self%take_motion(name, rise, 1, wheel%rise)
@@ -88,26 +88,30 @@ contains
     end procedure add_massless_wheel
 
     !> Refuse a wheel that does not touch its plane in the drawing.
-    subroutine check_gap(self, label, wheel, error, open, rise)
+    subroutine check_gap(self, label, wheel, error, open, rise, steer)
         class(drawing_type), intent(in) :: self
         character(len=*), intent(in) :: label
         type(massless_wheel_type), intent(inout) :: wheel
         type(error_type), allocatable, intent(inout) :: error
         logical, intent(in), optional :: open
-        class(function_type), intent(in), optional :: rise
-        real(wp), parameter :: no_functions(0:2, 0) = 0.0_wp
+        class(function_type), intent(in), optional :: rise, steer
         type(pose_type) :: body, ground
-        real(wp) :: place(3), level(0:2), gap
+        real(wp) :: place(3), level(0:2), steered(0:2, 1), gap
         logical :: may_be_open
 
         may_be_open = .false.
         if (present(open)) may_be_open = open
         if (may_be_open) return
         call self%frame_of(wheel%body, body%r(:, 0), body%a(:, :, 0))
-        call find_place(wheel, body, ground, no_functions, place)
+        if (present(steer)) then
+            call steer%evaluate(self%times(1), steered(:, 1))
+            wheel%steer = 1
+        end if
+        call find_place(wheel, body, ground, steered, place)
+        wheel%steer = 0
         gap = dot_product(wheel%normal, place) - wheel%height
         if (present(rise)) then
-            call rise%evaluate(0.0_wp, level)
+            call rise%evaluate(self%times(1), level)
             gap = gap - level(0)
         end if
         if (abs(gap) > tolerance*(1 + norm2(place))) call refuse(label//' is '//to_text(gap)//' m above its plane in the drawing', &

@@ -139,7 +139,7 @@ contains
         call find_contact(roller, pose, y)
         gap = dot_product(roller%normal, r + y) - roller%height
         if (present(rise)) then
-            call rise%evaluate(0.0_wp, level)
+            call rise%evaluate(self%times(1), level)
             gap = gap - level(0)
         end if
         may_be_open = .false.

@@ -49,14 +49,10 @@ contains
                     'take a revolute, prismatic, cylindrical or point_on_line joint, or a sensor of a point', error)
                 return
             end if
-            sensor%span = span_type(first=its%first, second=its%second, s1=its%s1, s2=its%s2)
             sensor%planar = self%planar
-            sensor%along = its%axes1(:, merge(1, 3, self%planar))
-            sensor%x1 = its%axes1(:, 1)
-            sensor%y1 = its%axes1(:, 2)
-            sensor%x2 = its%x2
+            if (sensor%slides) sensor%way = self%coordinates(its%way)
+            if (sensor%turns) sensor%turn = self%coordinates(its%turn)
             if (present(zero)) sensor%zero = zero
-            if (self%planar .and. sensor%turns) sensor%zero = sensor%zero - self%angle_of(its%second) + self%angle_of(its%first)
         end associate
         call keep_sensor(self, sensor)
     end procedure add_joint_sensor
@@ -76,8 +72,7 @@ contains
             return
         end if
         sensor%slides = .true.
-        sensor%span%second = self%massless_wheels(number)%slide
-        sensor%along = [1.0_wp, 0.0_wp, 0.0_wp]
+        sensor%way = self%coordinates(self%massless_wheels(number)%way)
         call keep_sensor(self, sensor)
     end subroutine add_slide_sensor
 

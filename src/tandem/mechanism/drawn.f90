@@ -62,7 +62,8 @@ module tandem_mechanism_drawn
         logical :: planar = .false.
         !> Acceleration due to gravity (m/s^2).
         real(wp) :: gravity(3) = 0.0_wp
-        !> Start and end of the run (s), within which kinks of functions of time become breakpoints; only where there are kinks.
+        !> Start and end of the run (s): at its start functions of time are compared with the drawing, within it their kinks become
+        !> breakpoints. Needed only where a run does not start at 0, or functions have kinks.
         real(wp) :: times(2) = 0.0_wp
         !> What is there; while it is drawn, lists have room for more, so that an element more does not cost a copy of all before.
         type(numbers_type) :: n_of
@@ -432,8 +433,12 @@ contains
             number = turn
         else if (text(dot:) == '.way') then
             number = way
+        else if (dot > len_trim(text) .and. turn > 0 .and. way > 0) then
+            call refuse(label//': the joint '//trim(text)//' turns and slides', &
+                'name its angle or its way: '//trim(text)//'.angle or '//trim(text)//'.way', error)
+            return
         else if (dot > len_trim(text)) then
-            number = merge(turn, way, turn > 0)
+            number = max(turn, way)
         end if
         if (number == 0) call refuse(label//': '//merge('the joint', 'the wheel', type_of == of_joint)//' '//text(:dot - 1)// &
             ' has no axis to turn about or to slide along', 'take a joint that has one, and its .angle or .way', error)

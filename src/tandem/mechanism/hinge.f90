@@ -83,7 +83,7 @@ contains
             type(dot_type), intent(in) :: dot
 
             fits = dot%first == span%first .and. dot%second == span%second .and. dot%motion == 0 .and. .not. dot%is_point .and. &
-                .not. dot%is_turning .and. .not. abs(dot%c) > 0.0_wp
+                .not. abs(dot%c) > 0.0_wp
         end function fits
     end subroutine gather_hinges
 

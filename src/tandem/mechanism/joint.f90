@@ -41,6 +41,8 @@ module tandem_mechanism_joint
         integer :: row = 0, n_rows = 0
         !> The numbers of its coordinates: the angle about its axis and the way along it, 0 for none.
         integer :: turn = 0, way = 0
+        !> The freedom that a function of time drives at position level, 0 for none, and the number of the function.
+        integer :: driven = 0, motion = 0
     end type joint_type
 
     !> A joint that is added.

@@ -109,7 +109,8 @@ contains
                     else if (sensor%kind == sensed_balance) then
                         call measure_balance(self, sensor, t, q, shown, stat)
                     else
-                        call measure_sensor(sensor, t, self%pose, energies_of(self, sensor, t, q, stat), shown)
+                        call measure_sensor(sensor, t, self%pose, self%f, energies_of(self, sensor, t, q, stat), &
+                            shown)
                     end if
                 end associate
                 if (stat /= 0) return

@@ -12,13 +12,12 @@ module tandem_mechanism
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass, set_single_masses
-    use tandem_mechanism_coordinate, only: coordinate_type, count_turns
+    use tandem_mechanism_coordinate, only: coordinate_type
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
     use tandem_mechanism_drawing, only: drawing_type
     use tandem_mechanism_force, only: add_bushings, add_press_directions, add_springs, add_torsions, bushing_energy, &
         differentiate_bushings, differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
-    use tandem_mechanism_formula, only: is_joint
     use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
     use tandem_mechanism_hinge, only: evaluate_hinges, hinge_type
     use tandem_mechanism_hinge_group, only: evaluate_hinge_groups, hinge_group_type
@@ -29,7 +28,8 @@ module tandem_mechanism
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
     use tandem_mechanism_rigid_motions, only: list_rigid_motions
     use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
-    use tandem_mechanism_sensor, only: pack_sensor
+    use tandem_mechanism_formula, only: is_joint
+    use tandem_mechanism_sensor, only: pack_sensor, sensed_joint
     use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
     use tandem_mechanism_turning, only: add_inertia_forces, evaluate_norms, set_masses, turning_group_type
     use tandem_model, only: label_length, model_type, quantity_type
@@ -79,6 +79,8 @@ module tandem_mechanism
         integer, private :: held_segment = 0
         !> Whether the terms that are set are compressed.
         logical :: is_compressed = .false.
+        !> Whether elements or sensors count turns, and whether they do so at every point, since a start is being looked for.
+        logical, private :: counts_turns = .false., follows_turns = .true.
         !> The time that the functions were evaluated at.
         real(wp), private :: time_of_f = huge(1.0_wp)
         integer, private :: inputs_of_f = 0
@@ -207,6 +209,20 @@ module tandem_mechanism
             type(pack_type), intent(inout) :: pack
         end subroutine pack_state
 
+        !> Count the turns of angles in space; in the plane angles are coordinates.
+        module subroutine arrive(self, t, q, starts)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+            real(wp), intent(in) :: t, q(:)
+            logical, intent(in) :: starts
+        end subroutine arrive
+
+        !> Count them at the point that the poses are set for.
+        pure module subroutine follow_turns(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine follow_turns
+
         !> The blocks of the elements at the point that the poses are set for.
         module subroutine add_stiffness(self, t, lambda, stiffness)
             implicit none (type, external)
@@ -268,6 +284,8 @@ contains
             self%evaluate_stiffness => evaluate_stiffness
         end if
         call list_quantities(self)
+        self%counts_turns = .not. self%planar .and. (size(self%torsions) + size(self%formulas) + size(self%couplings) > 0 .or. &
+            any(self%sensors%kind == sensed_joint))
         call list_frictions(self)
         call allow_changes(self)
         if (.not. self%keeps_poses) deallocate (self%pose)
@@ -363,11 +381,13 @@ contains
         type(terms_type), intent(inout) :: terms
         integer, intent(inout) :: stat
         integer :: i, j, k
+        logical :: follows
 
         if (self%segment /= self%held_segment) call hold_segment(self)
         if (terms%is_compressed .neqv. self%is_compressed) call set_columns(self, terms%is_compressed)
         ! A call that asks for no term wants the poses themselves.
-        if (self%takes_poses .or. need == 0) then
+        follows = self%counts_turns .and. self%follows_turns
+        if (self%takes_poses .or. need == 0 .or. follows) then
             call set_places(self, q)
             if (iand(need, need_gamma + need_force) /= 0) then
                 do i = 1, size(self%bodies)
@@ -380,6 +400,7 @@ contains
             if (iand(need, need_gamma + need_force) /= 0) call set_slides(self%massless_wheels, 1, qd, self%pose)
         end if
         call evaluate_functions(self, t)
+        if (follows) call follow_turns(self)
         if (iand(need, need_phi + need_jacobian + need_nu + need_gamma) /= 0) then
             if (iand(need, need_jacobian) /= 0) call clear_jacobian(self, terms)
             if (iand(need, need_nu) /= 0) terms%nu = 0.0_wp
@@ -586,30 +607,4 @@ contains
             call list_rigid_motions(self%planar, self%bodies, self%pose(:size(self%bodies)), motions)
         end select
     end subroutine list_motions
-
-    !> Count the turns of angles in space; in the plane angles are coordinates.
-    subroutine arrive(self, q, starts)
-        class(mechanism_type), intent(inout) :: self
-        real(wp), intent(in) :: q(:)
-        logical, intent(in) :: starts
-        integer :: i, k
-
-        if (self%planar .or. size(self%torsions) + size(self%formulas) + size(self%couplings) == 0) return
-        call set_places(self, q)
-        do i = 1, size(self%torsions)
-            call count_turns(self%torsions(i)%coordinate, self%pose, starts)
-        end do
-        do i = 1, size(self%formulas)
-            do k = 1, size(self%formulas(i)%variables)
-                associate (variable => self%formulas(i)%variables(k))
-                    if (variable%kind == is_joint) call count_turns(self%coordinates(variable%of), self%pose, starts)
-                end associate
-            end do
-        end do
-        do i = 1, size(self%couplings)
-            do k = 1, self%couplings(i)%n
-                call count_turns(self%couplings(i)%coordinates(k), self%pose, starts)
-            end do
-        end do
-    end subroutine arrive
 end module tandem_mechanism

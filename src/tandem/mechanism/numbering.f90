@@ -175,6 +175,7 @@ contains
         end do
         do i = 1, size(self%sensors)
             call put_behind(self%sensors(i)%span%second)
+            call renumber(self%sensors(i)%way)
         end do
         do i = 1, size(self%coordinates)
             call renumber(self%coordinates(i))

@@ -4,8 +4,10 @@
 !> bodies with their derivatives are known.
 module tandem_mechanism_sensor
     use tandem_kinds, only: wp
+    use tandem_mechanism_coordinate, only: coordinate_type, find_slope
     use tandem_mechanism_glide, only: spin_of
     use tandem_mechanism_joint, only: name_length
+    use tandem_mechanism_pair, only: n_local
     use tandem_mechanism_pose, only: pose_type, turned
     use tandem_mechanism_span, only: span_type, span_way
     use tandem_model, only: label_length, quantity_type
@@ -14,7 +16,7 @@ module tandem_mechanism_sensor
     private
 
     public :: sensor_type, sensed_point, sensed_joint, sensed_distance, sensed_energy, quantities_of
-    public :: measure_sensor, pack_sensor, sensed_body, sensed_reaction, sensed_force, sensed_balance
+    public :: begin_sensor, measure_sensor, pack_sensor, sensed_body, sensed_reaction, sensed_force, sensed_balance
     public :: of_joint, of_wheel, of_edge, of_distance, of_row, of_spring, of_torsion, of_bushing, of_load, &
         of_massless_wheel, most_rows
 
@@ -32,17 +34,15 @@ module tandem_mechanism_sensor
         integer :: kind = 0
         !> The bodies and points; a point alone is the first.
         type(span_type) :: span
-        !> Of a joint: whether it slides and whether it turns; the axis of sliding on the first body; x1, y1 on the first body and
-        !> x2
-        !> on the second, between which the angle is.
+        !> Of a joint: whether it slides and whether it turns, and its coordinates, which forces and expressions have too.
         logical :: slides = .false., turns = .false.
-        real(wp) :: along(3) = 0.0_wp, x1(3) = 0.0_wp, y1(3) = 0.0_wp, x2(3) = 0.0_wp
+        type(coordinate_type) :: way, turn
         !> Whether both bodies move in the plane, so that their angles count the turns.
         logical :: planar = .false.
-        !> What is added to the way and the angle; in the plane the angle of the drawing is in it.
+        !> What is added to the way and the angle.
         real(wp) :: zero = 0.0_wp
-        !> The angle at the last time that was looked at, by which turns are counted, with its rate; before that, the angle is near
-        !> 0.
+        !> The angle at the last time that was looked at, by which turns are counted, with its rate; before that, the coordinate
+        !> counts them.
         real(wp) :: last_time = -huge(1.0_wp), last_angle = 0.0_wp, last_rate = 0.0_wp
         !> How many numbers it gives, its first quantity and how many it has, set when the mechanism is defined; and the group of
         !> files that it stands in.
@@ -197,15 +197,17 @@ contains
     end subroutine list_force
 
     !> Measure. Turns are counted from the last time, which must not be far: no body turns by half a turn more than its rates say.
-    pure subroutine measure_sensor(sensor, t, pose, energies, values)
+    pure subroutine measure_sensor(sensor, t, pose, f, energies, values)
         type(sensor_type), intent(inout) :: sensor
         real(wp), intent(in) :: t
         !> With first and second derivatives.
         type(pose_type), intent(in) :: pose(0:)
+        !> Values and derivatives of the functions of time.
+        real(wp), intent(in), contiguous :: f(0:, :)
         !> Kinetic and potential energy, of all or of the body.
         real(wp), intent(in) :: energies(2)
         real(wp), intent(out) :: values(:)
-        real(wp) :: d(3, 0:1)
+        real(wp) :: d(3, 0:1), x(0:1), gradient(n_local)
         integer :: k, n
 
         select case (sensor%kind)
@@ -218,10 +220,11 @@ contains
         case (sensed_joint)
             n = 0
             if (sensor%slides) then
-                call measure_way(sensor, pose, values(1), values(2))
+                call find_slope(sensor%way, pose, x, gradient)
+                values(1:2) = [sensor%zero + x(0), x(1)]
                 n = 2
             end if
-            if (sensor%turns) call measure_angle(sensor, t, pose, values(n + 1), values(n + 2))
+            if (sensor%turns) call measure_angle(sensor, t, pose, f, values(n + 1), values(n + 2))
         case (sensed_distance)
             d(:, 0) = span_way(sensor%span, pose, 0)
             d(:, 1) = span_way(sensor%span, pose, 1)
@@ -253,52 +256,39 @@ contains
         end select
     end subroutine measure_sensor
 
-    !> The way along the axis, and its rate.
-    pure subroutine measure_way(sensor, pose, way, rate)
-        type(sensor_type), intent(in) :: sensor
-        type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(out) :: way, rate
-        real(wp) :: a(3), d(3)
-
-        a = turned(pose(sensor%span%first), 0, sensor%along)
-        d = span_way(sensor%span, pose, 0)
-        way = sensor%zero + dot_product(a, d)
-        rate = dot_product(turned(pose(sensor%span%first), 1, sensor%along), d) + dot_product(a, span_way(sensor%span, pose, 1))
-    end subroutine measure_way
-
     !> The angle about the axis with turns counted, and its rate.
-    pure subroutine measure_angle(sensor, t, pose, angle, rate)
+    pure subroutine measure_angle(sensor, t, pose, f, angle, rate)
         type(sensor_type), intent(inout) :: sensor
         real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in), contiguous :: f(0:, :)
         real(wp), intent(out) :: angle, rate
-        real(wp) :: c, s, expected, v(3), w(3), u(3), ud(3)
+        real(wp) :: expected, x(0:1), gradient(n_local)
 
-        associate (one => pose(sensor%span%first), two => pose(sensor%span%second))
-            if (sensor%planar) then
-                angle = sensor%zero + two%p(1, 0) - one%p(1, 0)
-                rate = two%p(1, 1) - one%p(1, 1)
-                return
-            end if
-            u = turned(two, 0, sensor%x2)
-            ud = turned(two, 1, sensor%x2)
-            v = turned(one, 0, sensor%x1)
-            w = turned(one, 0, sensor%y1)
-            c = dot_product(v, u)
-            s = dot_product(w, u)
-            rate = c*(dot_product(turned(one, 1, sensor%y1), u) + dot_product(w, ud)) - &
-                s*(dot_product(turned(one, 1, sensor%x1), u) + dot_product(v, ud))
-        end associate
-        rate = rate/(c**2 + s**2)
-        expected = sensor%last_angle
-        if (sensor%last_time > -huge(t)) expected = expected + (t - sensor%last_time)*(sensor%last_rate + rate)/2
-        angle = atan2(s, c)
-        angle = angle + 2*pi*anint((expected - angle)/(2*pi))
+        call find_slope(sensor%turn, pose, x, gradient)
+        rate = x(1)
+        if (sensor%turn%motion > 0) then
+            expected = f(0, sensor%turn%motion)
+        else if (sensor%last_time > -huge(t)) then
+            expected = sensor%last_angle + (t - sensor%last_time)*(sensor%last_rate + rate)/2
+        else
+            expected = x(0)
+        end if
+        ! In the plane the angle counts turns by itself.
+        angle = x(0)
+        if (.not. sensor%planar) angle = angle + 2*pi*anint((expected - angle)/(2*pi))
         sensor%last_time = t
         sensor%last_angle = angle
         sensor%last_rate = rate
         angle = sensor%zero + angle
     end subroutine measure_angle
+
+    !> A run starts: nothing has been looked at.
+    pure subroutine begin_sensor(sensor)
+        type(sensor_type), intent(inout) :: sensor
+
+        sensor%last_time = -huge(1.0_wp)
+    end subroutine begin_sensor
 
     !> What a run that goes on needs.
     subroutine pack_sensor(sensor, pack)

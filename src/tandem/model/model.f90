@@ -588,10 +588,10 @@ contains
 
     !> A run has come to q, at its start or by a step that is kept. Procedures that count something along the way, as turns, count
     !> it here, and not at the points that steps try. Nothing unless overridden.
-    subroutine arrive(self, q, starts)
+    subroutine arrive(self, t, q, starts)
         class(model_type), intent(inout) :: self
-        !> Coordinates (n).
-        real(wp), intent(in) :: q(:)
+        !> Time, coordinates (n).
+        real(wp), intent(in) :: t, q(:)
         !> Whether a run starts there, so that what was counted before is forgotten.
         logical, intent(in) :: starts
     end subroutine arrive

@@ -39,11 +39,11 @@ contains
         if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
         ! Where the run keeps them: copies would leave holes in the memory.
         call self%state%begin(t, q, qd)
-        call model%arrive(self%state%q, .true.)
+        call model%arrive(t, self%state%q, .true.)
         ! Before the chart has taken its memory.
         if (present(assembly)) call assemble(model, assembly, t, self%state%q, self%state%qd, error)
         if (allocated(error)) return
-        call model%arrive(self%state%q, .false.)
+        call model%arrive(t, self%state%q, .false.)
         call self%allocate_chart()
         if (.not. self%has_surplus_rows()) call self%chart%initialize(model, options, self%method%implicit, error)
         if (allocated(error)) return

@@ -50,7 +50,7 @@ contains
             call search_step(self, t_limit, before, ends_at_breakpoint, error)
             if (allocated(error) .or. .not. self%last_step > 0.0_wp) return
         end if
-        call self%model%arrive(self%state%q, .false.)
+        call self%model%arrive(self%state%t, self%state%q, .false.)
         self%tally%steps = self%tally%steps + 1
         self%tally%smallest_step = min(self%tally%smallest_step, self%last_step)
         self%tally%largest_step = max(self%tally%largest_step, self%last_step)

@@ -1,0 +1,96 @@
+! SPDX-License-Identifier: MIT
+!> Turns of angles in space, which orientations do not hold. In the search for a start they are counted from point to point by the
+!> smallest change, from the start on where the run arrives. An angle that follows a function of time has the turns of that.
+submodule(tandem_mechanism) tandem_mechanism_turns
+    use tandem_mechanism_coordinate, only: begin_turns, count_turns, end_search
+    use tandem_mechanism_sensor, only: begin_sensor
+    implicit none (type, external)
+
+    abstract interface
+        !> Something that is done with each coordinate.
+        pure subroutine visit_interface(coordinate, pose, f)
+            import :: coordinate_type, pose_type, wp
+            implicit none (type, external)
+            type(coordinate_type), intent(inout) :: coordinate
+            type(pose_type), intent(in) :: pose(0:)
+            !> Values and derivatives of the functions of time.
+            real(wp), intent(in), contiguous :: f(0:, :)
+        end subroutine visit_interface
+    end interface
+
+contains
+
+    !> The first arrival behind a start ends the search for that.
+    module procedure arrive
+        integer :: i, stat
+
+        if (.not. self%counts_turns) return
+        if (starts) then
+            self%follows_turns = .true.
+            call visit_elements(self, begin_turns)
+            call visit_sensors(self, begin_turns)
+            do i = 1, size(self%sensors)
+                call begin_sensor(self%sensors(i))
+            end do
+        end if
+        if (.not. (self%follows_turns .or. has_counting_elements(self))) return
+        ! No term, but the poses and the functions of time, and in a search the turns.
+        call self%evaluate(0, t, q, q, self%at_row, stat)
+        if (.not. self%follows_turns) then
+            call visit_elements(self, count_turns)
+        else if (.not. starts) then
+            self%follows_turns = .false.
+            call visit_elements(self, end_search)
+            call visit_sensors(self, end_search)
+        end if
+    end procedure arrive
+
+    module procedure follow_turns
+        call visit_elements(self, count_turns)
+        call visit_sensors(self, count_turns)
+    end procedure follow_turns
+
+    !> Whether forces, expressions or rows depend on turns.
+    pure logical function has_counting_elements(self)
+        type(mechanism_type), intent(in) :: self
+
+        has_counting_elements = size(self%torsions) + size(self%formulas) > 0 .or. .not. all(self%couplings%drops_turns)
+    end function has_counting_elements
+
+    !> The coordinates of forces, expressions and rows.
+    pure subroutine visit_elements(self, visit)
+        type(mechanism_type), intent(inout) :: self
+        procedure(visit_interface) :: visit
+        integer :: i, k
+
+        do i = 1, size(self%torsions)
+            call visit(self%torsions(i)%coordinate, self%pose, self%f)
+        end do
+        do i = 1, size(self%formulas)
+            do k = 1, size(self%formulas(i)%variables)
+                associate (variable => self%formulas(i)%variables(k))
+                    if (variable%kind == is_joint) call visit(self%coordinates(variable%of), self%pose, self%f)
+                end associate
+            end do
+        end do
+        do i = 1, size(self%couplings)
+            if (self%couplings(i)%drops_turns) cycle
+            do k = 1, self%couplings(i)%n
+                call visit(self%couplings(i)%coordinates(k), self%pose, self%f)
+            end do
+        end do
+    end subroutine visit_elements
+
+    !> Those of sensors.
+    pure subroutine visit_sensors(self, visit)
+        type(mechanism_type), intent(inout) :: self
+        procedure(visit_interface) :: visit
+        integer :: i
+
+        do i = 1, size(self%sensors)
+            if (self%sensors(i)%kind == sensed_joint .and. self%sensors(i)%turns) then
+                call visit(self%sensors(i)%turn, self%pose, self%f)
+            end if
+        end do
+    end subroutine visit_sensors
+end submodule tandem_mechanism_turns
