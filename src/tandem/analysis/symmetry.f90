@@ -5,11 +5,13 @@
 !> A sum of fields with rates xi, and with the time going on at a rate s, is a symmetry where at every state on the manifold, with
 !> x = X q, x' = L qd,
 !>
-!>   Phi_q x + s Phi_t = 0,   vel_q x + C x' + s vel_t = 0,   acc_q x + acc_qd x' + C L qdd + s acc_t = 0,
-!>   W' (dyn_q x + dyn_qd x' + M L qdd + s dyn_t) = 0.
+!>   Phi_q x + s Phi_t = 0,   vel_q x + C x' + s vel_t = 0,   W' (dyn_q x + dyn_qd x' + M L qdd + s dyn_t) = 0.
 !>
-!> All of that is linear in (xi, s): the symmetries are the null space of these rows at a few states that nobody has chosen. The
-!> gradients are exact, so that the rank is clear.
+!> All of that is linear in (xi, s): the symmetries are the null space of these rows at a few states, and at as many times, that
+!> nobody has chosen. Rows of accelerations follow from those of velocities, which hold at all times. The gradients are exact, so
+!> that the rank is clear; so are derivatives with respect to time, of which no differences are taken: Phi_t = -nu, and
+!>
+!>   C_t = (gamma_qd - (C qd - nu)_q)(qd = 0),   nu_t = -gamma(qd = 0),   dyn_t = C_t' lambda - Q_A,t.
 module tandem_analysis_symmetry
     use tandem_analysis_point, only: point_type
     use tandem_error, only: error_type, set_error
@@ -18,7 +20,7 @@ module tandem_analysis_symmetry
     use tandem_linalg_singular, only: singular_type
     use tandem_model, only: model_type
     use tandem_model_affine_motion, only: affine_motion_type
-    use tandem_status, only: status_no_equilibrium, status_ok
+    use tandem_status, only: status_callback_failed, status_no_equilibrium, status_ok
     implicit none (type, external)
     private
 
@@ -40,6 +42,9 @@ module tandem_analysis_symmetry
 
     !> Rows are compared with the size of their terms; what is left of those that cancel.
     real(wp), parameter :: exact_bound = 1.0e-9_wp, difference_bound = 1.0e-6_wp
+    !> Displacements in units of the step, weights, and the step (s) of central differences with respect to time.
+    real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp], weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
+    real(wp), parameter :: step = 2.0_wp**(-11)
 
 contains
 
@@ -55,19 +60,21 @@ contains
         real(wp), allocatable :: rows(:, :), span(:, :)
         integer, allocatable :: kept(:)
         integer :: n_samples, seed, i, k, per_sample, used
-        real(wp) :: size_of_move
+        real(wp) :: size_of_move, unit_of_time
 
         call list_motions(point%model, self%motions)
         k = size(self%motions)
-        per_sample = max(point%nh + 2*point%m, 1) + point%n
+        per_sample = max(point%nh + point%m, 1) + point%n
         n_samples = 4 + 2*(k + 1)/max(point%n, 1)
         allocate (rows(n_samples*per_sample, k + 1), source=0.0_wp)
         seed = 20071
         used = 0
+        unit_of_time = 1/max(1.0_wp, maxval(abs(qd)/max(abs(q), point%scale)))
         do i = 1, n_samples
             size_of_move = 0.1_wp
             do
-                call go_nearby(point, t, q, qd, size_of_move, seed, stat)
+                ! At times that are no multiples of each other.
+                call go_nearby(point, t, q, qd, size_of_move, size_of_move*unit_of_time*sqrt(real(i, wp)), seed, stat)
                 if (stat == status_ok) call point%make_bases()
                 if (stat == status_ok) call point%solve_dynamics(stat)
                 if (stat == status_ok) call point%differentiate(stat)
@@ -181,26 +188,26 @@ contains
         is_named = any(names == name) .or. any(names == name(:last))
     end function is_named
 
-    !> Evaluate a state on the manifold near one.
-    subroutine go_nearby(point, t, q, qd, size_of_move, seed, stat)
+    !> Evaluate a state on the manifold near one, which its velocities have carried on for a time.
+    subroutine go_nearby(point, t, q, qd, size_of_move, later, seed, stat)
         type(point_type), intent(inout) :: point
-        real(wp), intent(in) :: t, q(:), qd(:), size_of_move
+        real(wp), intent(in) :: t, q(:), qd(:), size_of_move, later
         integer, intent(inout) :: seed
         integer, intent(out) :: stat
         real(wp) :: near(point%n), velocity(point%n), x(point%n, 1), speed
 
-        near = q + size_of_move*point%scale*random_vector(seed, point%n)
-        call point%restore_position(t, qd, near, stat)
+        near = q + later*qd + size_of_move*point%scale*random_vector(seed, point%n)
+        call point%restore_position(t + later, qd, near, stat)
         if (stat /= status_ok) return
         ! Any velocity: the part in null(C) is free.
         speed = max(1.0_wp, maxval(abs(qd/point%scale)))
         velocity = qd/point%scale + speed*random_vector(seed, point%n)
-        call point%evaluate(t, near, qd, stat)
+        call point%evaluate(t + later, near, qd, stat)
         if (stat /= status_ok) return
         call point%make_bases()
         call point%apply_right_inverse(reshape(point%nu, [point%m, 1]), x)
         velocity = matmul(point%w, matmul(transpose(point%w), velocity)) + x(:, 1)
-        call point%evaluate(t, near, point%scale*velocity, stat)
+        call point%evaluate(t + later, near, point%scale*velocity, stat)
     end subroutine go_nearby
 
     !> The rows of one state, each over the size of its terms; the last column is the time's.
@@ -209,47 +216,47 @@ contains
         type(point_type), intent(inout) :: point
         real(wp), intent(inout) :: rows(:, :)
         integer, intent(out) :: stat
-        real(wp), dimension(point%n) :: x, x_rate, x_curve, qdd
+        real(wp), dimension(point%n) :: x, x_rate, x_curve
         real(wp) :: sizes(size(rows, 1)), of_time(size(rows, 1)), least
-        integer :: k, nh, m, level, ends(5)
+        integer :: k, level, ends(4)
 
-        nh = point%nh
-        m = point%m
         rows = 0.0_wp
         sizes = 0.0_wp
-        qdd = point%qdd
+        ends = [0, point%nh, point%nh + point%m, point%nh + point%m + point%nw]
         do k = 1, size(self%motions)
             x = 0.0_wp
             x_rate = 0.0_wp
             x_curve = 0.0_wp
             call self%motions(k)%add_field(point%q, 1.0_wp, x)
             call self%motions(k)%add_turned(point%qd, 1.0_wp, x_rate)
-            call self%motions(k)%add_turned(qdd, 1.0_wp, x_curve)
+            call self%motions(k)%add_turned(point%qdd, 1.0_wp, x_curve)
             x = x/point%scale
             x_rate = x_rate/point%scale
             x_curve = x_curve/point%scale
-            rows(:nh, k) = matmul(point%jacobian(:nh, :), x)
-            rows(nh + 1:nh + m, k) = matmul(point%velocity_q, x) + matmul(point%jacobian, x_rate)
-            rows(nh + m + 1:nh + 2*m, k) = matmul(point%acceleration_q, x) + matmul(point%acceleration_qd, x_rate) + &
-                matmul(point%jacobian, x_curve)
-            rows(nh + 2*m + 1:nh + 2*m + point%nw, k) = matmul(transpose(point%w), matmul(point%dynamics_q, x) + &
-                matmul(point%dynamics_qd, x_rate) + matmul(point%mass, x_curve))
-            sizes(:nh) = max(sizes(:nh), matmul(abs(point%jacobian(:nh, :)), abs(x)))
-            sizes(nh + 1:nh + m) = max(sizes(nh + 1:nh + m), matmul(abs(point%velocity_q), abs(x)) + &
-                matmul(abs(point%jacobian), abs(x_rate)))
-            sizes(nh + m + 1:nh + 2*m) = max(sizes(nh + m + 1:nh + 2*m), matmul(abs(point%acceleration_q), abs(x)) + &
-                matmul(abs(point%acceleration_qd), abs(x_rate)) + matmul(abs(point%jacobian), abs(x_curve)))
-            sizes(nh + 2*m + 1:nh + 2*m + point%nw) = max(sizes(nh + 2*m + 1:nh + 2*m + point%nw), &
-                matmul(transpose(abs(point%w)), matmul(abs(point%dynamics_q), abs(x)) + &
-                matmul(abs(point%dynamics_qd), abs(x_rate)) + matmul(abs(point%mass), abs(x_curve))))
+            associate (of_phi => rows(:ends(2), k), of_c => rows(ends(2) + 1:ends(3), k), of_m => rows(ends(3) + 1:ends(4), k))
+                of_phi = matmul(point%jacobian(:point%nh, :), x)
+                of_c = matmul(point%velocity_q, x) + matmul(point%jacobian, x_rate)
+                of_m = matmul(transpose(point%w), matmul(point%dynamics_q, x) + matmul(point%dynamics_qd, x_rate) + &
+                    matmul(point%mass, x_curve))
+            end associate
+            associate (of_phi => sizes(:ends(2)), of_c => sizes(ends(2) + 1:ends(3)), of_m => sizes(ends(3) + 1:ends(4)))
+                of_phi = max(of_phi, matmul(abs(point%jacobian(:point%nh, :)), abs(x)))
+                of_c = max(of_c, matmul(abs(point%velocity_q), abs(x)) + matmul(abs(point%jacobian), abs(x_rate)))
+                of_m = max(of_m, matmul(transpose(abs(point%w)), matmul(abs(point%dynamics_q), abs(x)) + &
+                    matmul(abs(point%dynamics_qd), abs(x_rate)) + matmul(abs(point%mass), abs(x_curve))))
+            end associate
         end do
-        call differentiate_by_time(point, qdd, of_time, stat)
+        of_time = 0.0_wp
+        if (point%has_gradients) then
+            call differentiate_by_time(point, of_time(:ends(4)), stat)
+        else
+            call difference_by_time(point, of_time(:ends(4)), stat)
+        end if
         if (stat /= status_ok) return
         rows(:, size(self%motions) + 1) = of_time
         sizes = max(sizes, abs(of_time))
         ! Rows whose terms are nothing beside the others of their level say nothing.
-        ends = [0, nh, nh + m, nh + 2*m, size(rows, 1)]
-        do level = 1, 4
+        do level = 1, 3
             associate (rows => rows(ends(level) + 1:ends(level + 1), :), sizes => sizes(ends(level) + 1:ends(level + 1)))
                 if (size(sizes) == 0) cycle
                 least = max(1.0e-6_wp*maxval(sizes), tiny(1.0_wp))
@@ -260,34 +267,81 @@ contains
         end do
     end subroutine add_rows
 
-    !> The derivatives of the residuals with respect to time alone, by central differences; exactly zero where nothing depends on
-    !> it.
-    subroutine differentiate_by_time(point, qdd, of_time, stat)
+    !> The derivatives of Phi, C qd - nu and W'(M qdd + C' lambda - S - Q_A) with respect to time alone, from gradients and gamma
+    !> at qd = 0; exactly zero where nothing depends on it. The point is left there.
+    subroutine differentiate_by_time(point, of_time, stat)
         type(point_type), intent(inout) :: point
-        real(wp), intent(in) :: qdd(:)
         real(wp), intent(out) :: of_time(:)
         integer, intent(out) :: stat
-        real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp], weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
-        real(wp), parameter :: h = 2.0_wp**(-11)
-        real(wp), dimension(point%n) :: q, qd, s_qd, s_qdd
-        real(wp) :: lambda(point%m), t, w(point%n, point%nw), sums(size(of_time)), reference(size(of_time))
+        real(wp) :: qd(point%n), lambda(point%m), rates(point%n), w(point%n, point%nw), by_time(point%m, point%n)
+
+        stat = status_ok
+        qd = point%qd
+        lambda = point%lambda
+        w = point%w
+        rates = 0.0_wp
+        if (associated(point%model%force_rate)) then
+            call point%model%force_rate(point%t, point%q, qd, rates, stat)
+            if (stat /= 0) stat = status_callback_failed
+        else
+            call difference_forces(point, rates, stat)
+        end if
+        if (stat /= status_ok) return
+        associate (nh => point%nh, m => point%m)
+            of_time(:nh) = -point%nu(:nh)
+            call point%evaluate(point%t, point%q, 0*qd, stat)
+            if (stat /= status_ok) return
+            point%qdd = 0.0_wp
+            call point%differentiate(stat)
+            by_time = point%acceleration_qd - point%velocity_q
+            of_time(nh + 1:nh + m) = matmul(by_time, qd/point%scale) + point%gamma
+            of_time(nh + m + 1:) = matmul(transpose(w), matmul(lambda, by_time) - point%scale*rates)
+        end associate
+    end subroutine differentiate_by_time
+
+    !> The derivative of S + Q_A with respect to time alone by central differences, of a model that does not give it.
+    subroutine difference_forces(point, rates, stat)
+        type(point_type), intent(inout) :: point
+        real(wp), intent(out) :: rates(:)
+        integer, intent(out) :: stat
+        real(wp), dimension(point%n) :: q, qd, reference
+        real(wp) :: t
         integer :: i
 
         q = point%q
         qd = point%qd
         t = point%t
-        lambda = point%lambda
+        reference = point%force
+        rates = 0.0_wp
+        do i = 1, size(place)
+            call point%evaluate(t + place(i)*step, q, qd, stat)
+            if (stat /= status_ok) return
+            rates = rates + weight(i)/step*(point%force - reference)/point%scale
+        end do
+        call point%evaluate(t, q, qd, stat)
+    end subroutine difference_forces
+
+    !> All of them by central differences, of a model without gradients; exactly zero where nothing depends on the time.
+    subroutine difference_by_time(point, of_time, stat)
+        type(point_type), intent(inout) :: point
+        real(wp), intent(out) :: of_time(:)
+        integer, intent(out) :: stat
+        real(wp), dimension(point%n) :: q, qd, s_qd, s_qdd
+        real(wp) :: t, w(point%n, point%nw), reference(size(of_time))
+        integer :: i
+
+        q = point%q
+        qd = point%qd
+        t = point%t
         w = point%w
         s_qd = qd/point%scale
-        s_qdd = qdd/point%scale
+        s_qdd = point%qdd/point%scale
         of_time = 0.0_wp
         reference = residuals()
-        do i = 1, 4
-            call point%evaluate(t + place(i)*h, q, qd, stat)
+        do i = 1, size(place)
+            call point%evaluate(t + place(i)*step, q, qd, stat)
             if (stat /= status_ok) return
-            ! Differences to the residuals here, so that what does not depend on the time gives nothing at all.
-            sums = residuals() - reference
-            of_time = of_time + weight(i)/h*sums
+            of_time = of_time + weight(i)/step*(residuals() - reference)
         end do
         call point%evaluate(t, q, qd, stat)
 
@@ -296,16 +350,10 @@ contains
         function residuals() result(r)
             real(wp) :: r(size(of_time))
 
-            associate (nh => point%nh, m => point%m)
-                r = 0.0_wp
-                r(:nh) = point%phi
-                r(nh + 1:nh + m) = matmul(point%jacobian, s_qd) - point%nu
-                r(nh + m + 1:nh + 2*m) = matmul(point%jacobian, s_qdd) + point%gamma
-                r(nh + 2*m + 1:nh + 2*m + size(w, 2)) = matmul(transpose(w), matmul(point%mass, s_qdd) + &
-                    matmul(transpose(point%jacobian), lambda) - point%force)
-            end associate
+            r = [point%phi, matmul(point%jacobian, s_qd) - point%nu, matmul(transpose(w), matmul(point%mass, s_qdd) + &
+                matmul(transpose(point%jacobian), point%lambda) - point%force)]
         end function residuals
-    end subroutine differentiate_by_time
+    end subroutine difference_by_time
 
     !> From any basis of the symmetries to one that is easy to read: echelon form, the time first.
     subroutine reduce(self, span)

@@ -11,7 +11,8 @@ module tandem_mechanism_law
     implicit none (type, external)
     private
 
-    public :: law_type, law_item_type, expression_law_type, expression_law, table_law_type, table_law, friction_law_type
+    public :: law_type, law_item_type, expression_law_type, expression_law, table_law_type, table_law, friction_law_type, &
+        law_rate_type
 
     !> A law; extend it for another one.
     type, abstract :: law_type
@@ -19,6 +20,8 @@ module tandem_mechanism_law
         procedure(evaluate_interface), deferred :: evaluate
         !> Only of a law with kinks in time: where they are, and the smooth piece that is held.
         procedure :: find_kinks => find_no_kinks, hold => hold_nothing
+        !> The derivative of the force with respect to the time alone; zero unless overridden.
+        procedure :: by_time => not_by_time
     end type law_type
 
     abstract interface
@@ -44,7 +47,15 @@ module tandem_mechanism_law
         type(piecewise_type) :: pieces
     contains
         procedure :: evaluate => evaluate_expression, find_kinks => find_expression_kinks, hold => hold_expression
+        procedure :: by_time => expression_by_time
     end type expression_law_type
+
+    !> The derivative of a law with respect to the time alone, as a law whose own derivatives nobody asks for.
+    type, extends(law_type) :: law_rate_type
+        class(law_type), allocatable :: law
+    contains
+        procedure :: evaluate => evaluate_rate
+    end type law_rate_type
 
     !> A table over the coordinate.
     type, extends(law_type) :: table_law_type
@@ -116,6 +127,31 @@ contains
         f(1) = gradient(2)
         f(2) = gradient(3)
     end subroutine evaluate_expression
+
+    pure real(wp) function not_by_time(self, t, x, v) result(rate)
+        class(law_type), intent(in) :: self
+        !> Time (s), coordinate (m or rad) and its rate.
+        real(wp), intent(in) :: t, x, v
+
+        rate = 0.0_wp
+    end function not_by_time
+
+    pure real(wp) function expression_by_time(self, t, x, v) result(rate)
+        class(expression_law_type), intent(in) :: self
+        real(wp), intent(in) :: t, x, v
+        real(wp) :: value, gradient(3)
+
+        call self%pieces%evaluate_gradient([t, x, v], value, gradient)
+        rate = gradient(1)
+    end function expression_by_time
+
+    pure subroutine evaluate_rate(self, t, x, v, f)
+        class(law_rate_type), intent(in) :: self
+        real(wp), intent(in) :: t, x, v
+        real(wp), intent(out) :: f(0:2)
+
+        f = [self%law%by_time(t, x, v), 0.0_wp, 0.0_wp]
+    end subroutine evaluate_rate
 
     subroutine find_expression_kinks(self, from, to, places, orders, error)
         class(expression_law_type), intent(in) :: self

@@ -26,7 +26,6 @@ module tandem_mechanism
     use tandem_mechanism_pin, only: angles_type, evaluate_pins, pin_type
     use tandem_mechanism_pose, only: pose_type, set_angle, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
-    use tandem_mechanism_rigid_motions, only: list_rigid_motions
     use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
     use tandem_mechanism_formula, only: is_joint
     use tandem_mechanism_sensor, only: pack_sensor, sensed_joint
@@ -89,7 +88,7 @@ module tandem_mechanism
         !> The gradient blocks of one element, in the coordinates of the bodies that it joins.
         type(derivatives_type), private :: window
     contains
-        procedure :: define, start, composed, note_blocks, find_body_motions, pack_state, arrive
+        procedure :: define, start, composed, note_blocks, find_body_motions, pack_state, arrive, is_idle
     end type mechanism_type
 
     interface
@@ -230,6 +229,29 @@ module tandem_mechanism
             real(wp), intent(in) :: t, lambda(:)
             type(stiffness_type), intent(inout) :: stiffness
         end subroutine add_stiffness
+
+        !> Rigid motions of the world and of the bodies.
+        module subroutine list_motions(self, motions)
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            type(affine_motion_type), allocatable, intent(out) :: motions(:)
+        end subroutine list_motions
+
+        !> How the forces change with the time alone, exactly.
+        module subroutine force_rate(self, t, q, qd, value, stat)
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            real(wp), intent(in) :: t, q(:), qd(:)
+            real(wp), intent(out) :: value(:)
+            integer, intent(out) :: stat
+        end subroutine force_rate
+
+        !> Slacks of couplings that are locked.
+        pure module function is_idle(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(in) :: self
+            logical :: is_idle(self%n)
+        end function is_idle
     end interface
 
 contains
@@ -278,6 +300,7 @@ contains
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
         self%list_motions => list_motions
+        self%force_rate => force_rate
         self%input_name = [character(len=label_length) :: self%motions%name]
         if (allocated(self%pattern)) then
             call list_coupled(self)
@@ -595,16 +618,4 @@ contains
             end do
         end select
     end subroutine potential_energy
-
-    !> Rigid motions of the world and of the bodies.
-    subroutine list_motions(self, motions)
-        class(model_type), intent(inout) :: self
-        type(affine_motion_type), allocatable, intent(out) :: motions(:)
-
-        select type (self)
-        class is (mechanism_type)
-            call make_poses(self)
-            call list_rigid_motions(self%planar, self%bodies, self%pose(:size(self%bodies)), motions)
-        end select
-    end subroutine list_motions
 end module tandem_mechanism

@@ -182,9 +182,11 @@ module tandem_model
         !> Ways in which all of it can be moved together, for the analysis of steady motions: it finds the symmetries among these
         !> and their sums. Where it is missing, all translations and rotations of the coordinates are tried, if these are few.
         procedure(list_motions_interface), pointer :: list_motions => null()
+        !> The derivative of S + Q_A with respect to the time alone (n), for the same analysis; differences stand in.
+        procedure(vector_of_motion), pointer :: force_rate => null()
     contains
         procedure :: n_constraints, row_name, coordinate_label, unit_of_coordinate, unit_of_multiplier, has_units, composed
-        procedure :: scales, largest_on_scales, note_blocks, pack_state, arrive
+        procedure :: scales, largest_on_scales, note_blocks, pack_state, arrive, is_idle
     end type model_type
 
     abstract interface
@@ -427,31 +429,20 @@ contains
         class(model_type), intent(in) :: self
         integer, intent(in) :: row
         character(len=label_length) :: name
-        integer :: i
 
-        i = row
-        if (i <= self%n_holonomic) then
-            if (allocated(self%holonomic_name)) then
-                name = self%holonomic_name(i)
-                return
-            end if
-            if (self%composes_labels) then
+        associate (nh => self%n_holonomic)
+            if (row <= nh .and. allocated(self%holonomic_name)) then
+                name = self%holonomic_name(row)
+            else if (row > nh .and. allocated(self%nonholonomic_name)) then
+                name = self%nonholonomic_name(row - nh)
+            else if (self%composes_labels) then
                 name = self%composed(name_of_row, row)
-                return
+            else if (row <= nh) then
+                write (name, '(a, i0)') 'holonomic ', row
+            else
+                write (name, '(a, i0)') 'nonholonomic ', row - nh
             end if
-            write (name, '(a, i0)') 'holonomic ', i
-        else
-            i = i - self%n_holonomic
-            if (allocated(self%nonholonomic_name)) then
-                name = self%nonholonomic_name(i)
-                return
-            end if
-            if (self%composes_labels) then
-                name = self%composed(name_of_row, row)
-                return
-            end if
-            write (name, '(a, i0)') 'nonholonomic ', i
-        end if
+        end associate
     end function padded_name
 
     !> The length of a row's name (a deferred length would be static memory, see `tandem_status`).
@@ -595,4 +586,12 @@ contains
         !> Whether a run starts there, so that what was counted before is forgotten.
         logical, intent(in) :: starts
     end subroutine arrive
+
+    !> Coordinates (n) that take no part in the motion as the model is now: the analysis leaves them out. None unless overridden.
+    pure function is_idle(self)
+        class(model_type), intent(in) :: self
+        logical :: is_idle(self%n)
+
+        is_idle = .false.
+    end function is_idle
 end module tandem_model

@@ -1,0 +1,116 @@
+! SPDX-License-Identifier: MIT
+!> Answers for the analysis of small motions: rigid motions of a mechanism, rates of its forces with the time alone, and coordinates
+!> that take no part.
+submodule(tandem_mechanism) tandem_mechanism_analysed
+    use tandem_mechanism_force, only: spring_type, torsion_type
+    use tandem_mechanism_formula, only: is_time
+    use tandem_mechanism_law, only: law_item_type, law_rate_type
+    use tandem_mechanism_load, only: load_type
+    use tandem_mechanism_rigid_motions, only: list_rigid_motions
+    implicit none (type, external)
+
+contains
+
+    module procedure list_motions
+        select type (self)
+        class is (mechanism_type)
+            call make_poses(self)
+            call list_rigid_motions(self%planar, self%bodies, self%pose(:size(self%bodies)), motions)
+        end select
+    end procedure list_motions
+
+    module procedure force_rate
+        integer :: i
+
+        stat = 0
+        value = 0.0_wp
+        select type (self)
+        class is (mechanism_type)
+            ! No term, but the poses and the functions of time.
+            call self%evaluate(0, t, q, qd, self%at_row, stat)
+            if (stat /= 0) return
+            do i = 1, size(self%bodies)
+                call set_rates(self%pose(i), qd)
+            end do
+            call set_slides(self%massless_wheels, 1, qd, self%pose)
+            call add_rates(self, t, value, stat)
+        end select
+    end procedure force_rate
+
+    !> Each element with what changes of it in place of what it does.
+    subroutine add_rates(self, t, value, stat)
+        type(mechanism_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: value(:)
+        integer, intent(inout) :: stat
+        type(spring_type), allocatable :: springs(:)
+        type(torsion_type), allocatable :: torsions(:)
+        type(load_type), allocatable :: loads(:)
+        type(law_item_type) :: laws(size(self%laws))
+        real(wp), allocatable :: rates(:, :)
+        integer :: i
+
+        allocate (springs, source=self%springs)
+        allocate (torsions, source=self%torsions)
+        allocate (loads, source=self%loads)
+        allocate (rates(0:2, size(self%f, 2)), source=0.0_wp)
+        rates(0, :) = self%f(1, :)
+        do i = 1, size(laws)
+            allocate (law_rate_type :: laws(i)%law)
+            select type (rate => laws(i)%law)
+            type is (law_rate_type)
+                allocate (rate%law, source=self%laws(i)%law)
+            end select
+        end do
+        do i = 1, size(springs)
+            springs(i)%stiffness = 0.0_wp
+            springs(i)%damping = 0.0_wp
+        end do
+        do i = 1, size(torsions)
+            torsions(i)%stiffness = 0.0_wp
+            torsions(i)%damping = 0.0_wp
+        end do
+        do i = 1, size(loads)
+            call take_rate(self, t, loads(i))
+        end do
+        call add_springs(springs, t, self%pose, rates, laws, value, stat)
+        call add_torsions(torsions, t, self%pose, rates, laws, value)
+        call add_loads(loads, t, self%pose, rates, self%formulas, self%coordinates, value)
+    end subroutine add_rates
+
+    !> A load of the numbers by which a load changes.
+    subroutine take_rate(self, t, load)
+        type(mechanism_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        type(load_type), intent(inout) :: load
+        real(wp) :: push(6), value, rate
+        integer :: k, time
+
+        rate = 0.0_wp
+        if (load%motion > 0) rate = self%f(1, load%motion)
+        push = rate*[load%force, load%torque]
+        do k = 1, 6
+            if (load%formula(k) == 0) cycle
+            associate (formula => self%formulas(load%formula(k)))
+                time = findloc(formula%variables%kind, is_time, dim=1)
+                if (time == 0) cycle
+                call formula%read_state(t, self%pose, self%coordinates, .false.)
+                call formula%evaluate_gradient(value)
+                push(k) = push(k) + formula%by(time)
+            end associate
+        end do
+        load%force = push(1:3)
+        load%torque = push(4:6)
+        load%motion = 0
+        load%formula = 0
+    end subroutine take_rate
+
+    module procedure is_idle
+        integer :: i
+
+        is_idle = .false.
+        do i = 1, size(self%couplings)
+            if (self%couplings(i)%can_be_freed .and. self%couplings(i)%is_locked) is_idle(self%couplings(i)%slack) = .true.
+        end do
+    end procedure is_idle
+end submodule tandem_mechanism_analysed
