@@ -12,6 +12,7 @@ module tandem_options
 
     public :: options_type, option_row_type, option_visitor_type, check_word
     public :: stepper_names, stepper_choices, chart_kinds, chart_policies, refresh_modes, basis_methods, projections
+    public :: steppers_without_estimate, explicit_steppers, default_rtol, default_step
 
     !> Every method of one order; `tandem_stepper_factory` makes them.
     character(len=16), parameter :: stepper_names(6) = [character(len=16) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54', &
@@ -19,6 +20,11 @@ module tandem_options
     !> Every stepper that can be asked for by name: these, the one whose order changes, and the one that goes from one to another.
     character(len=16), parameter :: stepper_choices(size(stepper_names) + 2) = [stepper_names, [character(len=16) :: 'radau', &
         'auto']]
+    !> Steppers without an error estimate, whose steps are fixed, and those whose stages are explicit.
+    character(len=16), parameter :: steppers_without_estimate(1) = [character(len=16) :: 'rk4']
+    character(len=16), parameter :: explicit_steppers(3) = [character(len=16) :: 'rk4', 'dopri5', 'dop853']
+    !> The tolerance of steps that follow an error estimate and the size of fixed steps, where neither is given.
+    real(wp), parameter :: default_rtol = 1.0e-6_wp, default_step = 1.0e-3_wp
     !> What a chart is made of: the program chooses; dense matrices; blocks of a sparse factor.
     character(len=9), parameter :: chart_kinds(3) = [character(len=9) :: 'automatic', 'dense', 'sparse']
     !> When a new chart is made: at every step; by |D| and |Fbar|; by the paper's limits.
@@ -35,8 +41,10 @@ module tandem_options
     !> A tolerance below this is lost in rounding; one above means nothing.
     real(wp), parameter :: smallest_tolerance = 1.0e-15_wp, largest_tolerance = 1.0e-2_wp
 
-    !> What a number may be: anything; from 1 on; above 1; above 0; above 0, or 0 for no limit; a tolerance; one, or 0 for another.
-    integer, parameter :: anything = 0, from_one = 1, above_one = 2, positive = 3, limit = 4, tolerance = 5, unset_or_tolerance = 6
+    !> What a number may be: anything; from 1 on; above 1; above 0, or 0 if not given; above 0, or 0 for no limit; a tolerance; one,
+    !> or 0 for another.
+    integer, parameter :: anything = 0, from_one = 1, above_one = 2, unset_or_positive = 3, limit = 4, tolerance = 5, &
+        unset_or_tolerance = 6
 
     !> What is said of an option.
     type :: option_row_type
@@ -78,11 +86,13 @@ module tandem_options
 
     !> What a user may choose, each with its default; `check` refuses what cannot be.
     type :: options_type
-        !> One of `stepper_choices`.
-        character(len=16) :: stepper = 'rk4'
-        !> Step size h of fixed steps, in units of time.
-        real(wp) :: step = 1.0e-3_wp
-        !> Relative tolerance of q and qd, for steps whose size follows an error estimate; 0 means fixed steps.
+        !> One of `stepper_choices`. With a fixed step, `auto` is rk4.
+        character(len=16) :: stepper = 'auto'
+        !> Step size h of fixed steps, in units of time; excludes the tolerances. 0 leaves the step size to an error estimate;
+        !> steppers without one take `default_step`.
+        real(wp) :: step = 0.0_wp
+        !> Relative tolerance of q and qd, for steps whose size follows an error estimate; 0 stands for `default_rtol`, or for fixed
+        !> steps where `step` is given or the stepper has no estimate.
         real(wp) :: rtol = 0.0_wp
         !> Absolute tolerance of q and qd in units of the coordinate scales; 0 stands for `rtol`.
         real(wp) :: atol = 0.0_wp
@@ -138,7 +148,7 @@ module tandem_options
     contains
         procedure :: visit
         procedure, private :: visit_course
-        procedure :: check, check_sizes, is_adaptive, has_one_tolerance, has_paper_limits
+        procedure :: check, check_sizes, is_adaptive, has_tolerance, has_one_tolerance, has_paper_limits
         procedure :: relative_tolerance, absolute_tolerance, fill_tolerances
         procedure :: position_tolerance, stage_tolerance, b_tolerance, h_tolerance, newton_tolerance
         procedure :: pack_state, first_difference
@@ -193,9 +203,10 @@ contains
         class(option_visitor_type), intent(inout) :: visitor
 
         call visitor%take(option_row_type('stepper', '', 'the method'), word=self%stepper, choices=stepper_choices)
-        call visitor%take(option_row_type('step', 's', 'size of fixed steps', positive), number=self%step)
+        call visitor%take(option_row_type('step', 's', 'size of fixed steps, instead of rtol; 0: not given', unset_or_positive), &
+            number=self%step)
         call visitor%take(option_row_type('rtol', '', &
-            'relative tolerance, for all or one a coordinate; above 0, steps follow an error estimate', unset_or_tolerance), &
+            'relative tolerance of steps that follow an error estimate, for all or per coordinate', unset_or_tolerance), &
             number=self%rtol, list=self%rtol_q)
         call visitor%take(option_row_type('atol', '', &
             'absolute tolerance, for all or one a coordinate, in units of its scale; 0 for rtol', limit), &
@@ -316,8 +327,8 @@ contains
             if (.not. value >= 1.0_wp) problem = 'must be at least 1'
         case (above_one)
             if (.not. value > 1.0_wp) problem = 'must be above 1'
-        case (positive)
-            if (.not. (value > 0.0_wp .and. ieee_is_finite(value))) problem = 'must be positive and finite'
+        case (unset_or_positive)
+            if (.not. (value >= 0.0_wp .and. ieee_is_finite(value))) problem = 'must be positive and finite, or 0'
         case (limit)
             if (.not. (value >= 0.0_wp .and. ieee_is_finite(value))) problem = 'must be positive, or 0 for no limit'
         case (tolerance, unset_or_tolerance)
@@ -340,19 +351,26 @@ contains
         if (.not. allocated(error)) call check_size('atol_qd', self%atol_qd, n, error)
     end subroutine check_sizes
 
-    !> Whether steps follow an error estimate.
+    !> Steps follow an error estimate: a tolerance is given, or no step for a stepper that has an estimate.
     pure logical function is_adaptive(self)
         class(options_type), intent(in) :: self
 
-        is_adaptive = .not. is_unset(self%rtol) .or. allocated(self%rtol_q) .or. allocated(self%rtol_qd)
+        is_adaptive = self%has_tolerance() .or. (is_unset(self%step) .and. .not. any(steppers_without_estimate == self%stepper))
     end function is_adaptive
+
+    !> A relative tolerance is given.
+    pure logical function has_tolerance(self)
+        class(options_type), intent(in) :: self
+
+        has_tolerance = .not. is_unset(self%rtol) .or. allocated(self%rtol_q) .or. allocated(self%rtol_qd)
+    end function has_tolerance
 
     !> Whether rtol is the tolerance of everything, relative and absolute.
     pure logical function has_one_tolerance(self)
         class(options_type), intent(in) :: self
 
-        has_one_tolerance = abs(self%absolute_tolerance() - self%rtol) <= 0.0_wp .and. .not. (allocated(self%rtol_q) .or. &
-            allocated(self%rtol_qd) .or. allocated(self%atol_q) .or. allocated(self%atol_qd))
+        has_one_tolerance = abs(self%absolute_tolerance() - self%relative_tolerance()) <= 0.0_wp .and. .not. &
+            (allocated(self%rtol_q) .or. allocated(self%rtol_qd) .or. allocated(self%atol_q) .or. allocated(self%atol_qd))
     end function has_one_tolerance
 
     !> Whether any of the paper's limits on a chart is set.
@@ -374,7 +392,7 @@ contains
             relative_tolerance = self%rtol
         end if
         if (allocated(self%rtol_qd)) relative_tolerance = min(relative_tolerance, minval(self%rtol_qd))
-        if (.not. self%is_adaptive()) relative_tolerance = 0.0_wp
+        if (.not. self%has_tolerance()) relative_tolerance = merge(default_rtol, 0.0_wp, self%is_adaptive())
     end function relative_tolerance
 
     !> The absolute tolerance for all coordinates: atol, or what stands for it.

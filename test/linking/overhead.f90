@@ -231,7 +231,7 @@ contains
         t = 0.0_wp
         select case (way)
         case (1)
-            call simulation%initialize(disk, options_type(), 0.0_wp, q0, qd0, error)
+            call simulation%initialize(disk, options_type(step=1.0e-3_wp), 0.0_wp, q0, qd0, error)
             call cpu_time(before)
             if (.not. allocated(error)) call simulation%integrate(t_end, error)
             call cpu_time(after)

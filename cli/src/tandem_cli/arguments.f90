@@ -22,7 +22,7 @@ module tandem_cli_arguments
         character(len=:), allocatable :: about
         !> The models that scenes may name.
         type(scene_model_type), allocatable :: models(:)
-        !> The settings `table.key=value`, blanks at their ends dropped.
+        !> The settings `table.key=value` and `--unset table.key`, blanks at their ends dropped.
         character(len=:), allocatable :: settings(:)
         !> The options without a value that were given.
         logical :: quiet = .false., force = .false., help = .false., quick = .false., error = .false., no_error = .false., &
@@ -153,6 +153,8 @@ contains
         select case (name)
         case ('--set')
             call add_text(self%settings, value)
+        case ('--unset')
+            call add_text(self%settings, '--unset '//value)
         case ('--output')
             ! A study has a folder of files, a sweep a table, and a linearised system is no run.
             if (self%first == 2 .and. all(self%command /= [character(len=9) :: 'sweep', 'linearise'])) then

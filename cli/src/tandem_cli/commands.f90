@@ -16,7 +16,7 @@ module tandem_cli_commands
         !> What follows it: nothing, one word, or several (`...`); in brackets where it may be missing.
         character(len=9) :: operand
         !> The options that it takes besides --help, with a blank on either side of each.
-        character(len=100) :: options
+        character(len=112) :: options
         !> One line on what it does.
         character(len=78) :: summary
     end type command_type
@@ -33,23 +33,24 @@ module tandem_cli_commands
     !> Every subcommand.
     type(command_type), parameter :: commands(*) = [ &
         command_type('list', '', ' --json ', 'scenes and steppers, a line each'), &
-        command_type('show', 'SCENE', ' --set --output ', 'the complete scene as TOML, every default filled in'), &
-        command_type('check', 'SCENE', ' --set --json ', 'its start, and every procedure of its model against differences'), &
-        command_type('run', 'SCENE', ' --set --output --force --error --no-error --profile --quiet --json ', &
+        command_type('show', 'SCENE', ' --set --unset --output ', 'the complete scene as TOML, every default filled in'), &
+        command_type('check', 'SCENE', ' --set --unset --json ', &
+        'its start, and every procedure of its model against differences'), &
+        command_type('run', 'SCENE', ' --set --unset --output --force --error --no-error --profile --quiet --json ', &
         'runs it, writes HDF5, prints a report'), &
-        command_type('equilibrium', 'SCENE', ' --set --json ', 'where it rests, and whether that is stable'), &
-        command_type('linearise', 'SCENE', ' --set --at --equilibrium --steady --period --near --modes --shapes --output '// &
-        '--force --json ', &
+        command_type('equilibrium', 'SCENE', ' --set --unset --json ', 'where it rests, and whether that is stable'), &
+        command_type('linearise', 'SCENE', ' --set --unset --at --equilibrium --steady --period --near --modes --shapes '// &
+        '--output --force --json ', &
         'small motions about its start, rest or steady motion: eigenvalues, modes'), &
-        command_type('resume', 'FILE', ' --set --error --no-error --quiet --json ', &
+        command_type('resume', 'FILE', ' --set --unset --error --no-error --quiet --json ', &
         'goes on with a run that was interrupted, in its result file'), &
         command_type('verify', 'FILE', ' --json ', 'whether a result file holds what was written: reads and sums up all of it'), &
-        command_type('study precision', 'SCENE...', ' --set --output --force --quiet --steppers --reference --samples '// &
+        command_type('study precision', 'SCENE...', ' --set --unset --output --force --quiet --steppers --reference --samples '// &
         '--repeats --budget --quick --json ', 'error against run time, of every stepper'), &
         command_type('study stability', '[CASE...]', ' --output --force --quiet --json ', &
         'a verdict on every stiff and extreme case, with every stepper'), &
         command_type('study tables', '', ' --output --force --quiet --json ', 'the tables and figures of the paper beside ours'), &
-        command_type('study modes', 'SCENE', ' --set --over --output --json ', &
+        command_type('study modes', 'SCENE', ' --set --unset --over --output --json ', &
         'eigenvalues over a value of a scene, and where stability changes'), &
         command_type('sweep', 'SWEEP...', ' --output --jobs --cases --merge --force --quiet --json ', &
         'many cases of a scene, on all cores, and one table of them'), &
@@ -67,6 +68,7 @@ module tandem_cli_commands
     !> Every option of any subcommand, in the order of the help.
     type(option_type), parameter :: options(*) = [ &
         option_type('--set', 'KEY=VALUE', 'override a key of the scene: table.key=value, event.NUMBER.key=value; repeatable'), &
+        option_type('--unset', 'KEY', 'remove a key or an element of the scene: solver.rtol, event.2, force.damper; repeatable'), &
         option_type('--output', 'PATH', 'the result file, as --set output.file=PATH; of a study, its folder; of plot and '// &
         'view, what they write'), &
         option_type('--force', '', 'overwrite a file that exists; a study: start anew'), &

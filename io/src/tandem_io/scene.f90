@@ -60,7 +60,7 @@ contains
     subroutine read_scene(path, settings, scene, error, text, models)
         !> Path of a TOML file, or how messages call the text.
         character(len=*), intent(in) :: path
-        !> `table.key=value`, which override the file; later ones win.
+        !> `table.key=value`, which override the file, and `--unset table.key`, which removes a key; later ones win.
         character(len=*), intent(in) :: settings(:)
         type(scene_type), intent(out) :: scene
         type(error_type), allocatable, intent(out) :: error
@@ -133,7 +133,7 @@ contains
         call read_start(reader, scene)
         call read_time(reader, scene)
         if (.not. reader%failed()) call read_solver(reader, scene%model%n, scene%options)
-        call check_work(reader, 'solver', 'step', merge(0.0_wp, scene%options%step, scene%options%is_adaptive()), scene)
+        call check_work(reader, 'solver', 'step', scene%options%step, scene)
         call read_output(reader, scene)
         call check_work(reader, 'output', 'interval', scene%output%interval, scene)
         if (.not. reader%failed()) call read_events(reader, scene%model, scene%events)
@@ -275,11 +275,15 @@ contains
         scene%output%file = scene%name//'.h5'
         scene%output%fields = default_fields
         call reader%open_table('output')
+        call reader%replace(['every'], by=['interval'])
+        call reader%replace(['interval'], by=['every'])
         call reader%get('file', scene%output%file, 'the result; --output names another')
         call reader%get('every', scene%output%every, positive, 'steps from one row to the next')
         call reader%get('interval', scene%output%interval, unit='s', &
             help='from one row to the next, by dense output; 0 for rows at steps')
         if (.not. scene%output%interval >= 0.0_wp) call reader%refuse('interval', 'must be positive, or 0 for rows at steps')
+        if (scene%output%every > 1 .and. scene%output%interval > 0.0_wp) call reader%refuse('every', &
+            'has no effect beside interval, which places the rows; remove one of them (--unset output.every does that)')
         call reader%get('flush', scene%output%flush, not_negative, 's', &
             'of wall time at most until rows, and the state for tandem resume, are on the disk')
         call reader%get('fields', scene%output%fields, field_names, 'besides the time')

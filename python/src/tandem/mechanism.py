@@ -199,19 +199,14 @@ def scene_events(scene: Mapping[str, Any]) -> list[Event]:
 
 
 def solver_options(scene: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """What a scene says of its solver, where it is not given. A scene that says nothing runs as `tandem.solve` does."""
+    """The options of a scene and those given, which come first: a step replaces the tolerances of the scene, a tolerance its step."""
     solver = dict(scene.get("solver", {}))
-    # A kind of steps that is given takes the place of the scene's.
-    if given.get("step") is not None and given.get("rtol") is None:
-        for key in ("rtol", "atol", "first_step"):
+    if given.get("step"):
+        for key in ("rtol", "rtol_qd", "atol", "atol_qd", "first_step", "max_step"):
             solver.pop(key, None)
-    elif solver.get("rtol") or given.get("rtol") is not None:
+    if given.get("rtol") is not None or given.get("rtol_qd") is not None:
         solver.pop("step", None)
-    if solver:
-        solver.setdefault("stepper", "rk4")
-        if not (solver.get("rtol") or given.get("rtol")):
-            solver.setdefault("step", 1e-3)
-    return {**solver, **given}
+    return {**solver, **{key: value for key, value in given.items() if value is not None}}
 
 
 def parts_of(key: str) -> list[str]:

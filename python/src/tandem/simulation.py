@@ -73,21 +73,15 @@ class Simulation:
         run.integrate(10.0)
         run.t, run.q, run.qd
 
-    Without `step`, of fixed steps, they follow the tolerance `rtol` (1e-8); the stepper is dop853 where none is named. Other options are
-    those of doc/options.md by name. `events`: functions of (t, q, qd) or `tandem.Event`s. A run that fails raises; its
+    Steps follow an error estimate with the tolerance `rtol` (1e-6), or have the fixed size `step`; the default stepper is auto. Other
+    options are those of doc/options.md by name. `events`: functions of (t, q, qd) or `tandem.Event`s. A run that fails raises; its
     state is then that of the last accepted step, and the run can be asked and taken further.
     """
 
     def __init__(self, model: Model, q: Any, qd: Any, t: float = 0.0, *, events: Sequence[Any] | Callable | None = None,
                  watch_error: float | None = None, stepper: str | None = None, rtol: Any = None, step: float | None = None,
                  **options: Any):
-        if step is not None and np.any(rtol):
-            raise ValueError("step is that of fixed steps, rtol the tolerance that steps follow: give one of them, or first_step with rtol")
-        if rtol is None and step is None:
-            if stepper == "rk4":
-                raise ValueError("rk4 makes fixed steps: give step")
-            rtol = 1e-8
-        options = {"stepper": stepper or "dop853", "rtol": rtol, "step": step, **options}
+        options = {"stepper": stepper, "rtol": rtol, "step": step, **options}
         if (q is None) != (qd is None):
             raise ValueError(f"{'q' if qd is None else 'qd'} is given without {'qd' if qd is None else 'q'}: give both")
         self.problem = Problem(model, options, events)

@@ -92,8 +92,8 @@ def solve(model: Model, t_span: tuple[float, float], q: Any = None, qd: Any = No
     """Run a model from t_span[0] to t_span[1], from the coordinates q and the velocities qd; a mechanism, from its own start, where
     they are left out.
 
-    stepper   rk4, dopri5, dop853 (the default), trapezoid, sdirk54, radau5, radau, auto
-    rtol      tolerance of a step, one or one a coordinate (1e-8); or `step`, s, of fixed steps
+    stepper   rk4, dopri5, dop853, trapezoid, sdirk54, radau5, radau, auto (the default)
+    rtol      tolerance of a step, for all or per coordinate (1e-6); or `step`, the size of fixed steps in s
     t_eval    times of the rows, by dense output; None: a row for the start and for each step
     events    functions of (t, q, qd), which may have the attributes `terminal` and `direction`; or `tandem.Event`s
     error     whether to estimate the error at the end by a second run

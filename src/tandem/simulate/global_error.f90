@@ -10,6 +10,7 @@ module tandem_simulate_global_error
     use tandem_kinds, only: long, wp
     use tandem_model, only: model_type
     use tandem_pack, only: pack_type
+    use tandem_option_rules, only: complete_options
     use tandem_options, only: options_type
     use tandem_simulate_statistics, only: statistics_type
     use tandem_simulate_step_control, only: step_control_type
@@ -182,7 +183,7 @@ contains
         class(step_control_type), intent(in), optional :: control
         type(simulation_type) :: simulation
         type(statistics_type) :: statistics
-        type(options_type) :: second
+        type(options_type) :: first, second
         type(properties_type) :: method
         class(stepper_type), allocatable :: named
         real(wp) :: of_step, ratio
@@ -204,7 +205,10 @@ contains
             call new_stepper(options%stepper, named)
             method = named%properties()
         end if
-        call self%choose_second(options, method, second, of_step)
+        first = options
+        call complete_options(first, error, method%estimate_order > 0)
+        if (allocated(error)) return
+        call self%choose_second(first, method, second, of_step)
         ratio = of_step**method%order
         self%is_bound = ratio > 1.0_wp
         ! Its work is bounded too: it should take two or three times that of the first. Both together take no longer than the first
@@ -217,7 +221,7 @@ contains
         if (allocated(error)) return
         self%is_second = .true.
         self%n_taken = 0
-        if (options%is_adaptive()) then
+        if (first%is_adaptive()) then
             ! Its steps end where the two are compared: the polynomial within a long step may be off by more than either of them.
             ! They are shorter than those of the first run, also where no tolerance decides on these: the same steps would tell
             ! nothing. Fixed steps of half the size do both by themselves.

@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> The set-up of a simulation: what was asked for is checked, what a run before has left is forgotten, work space is allocated.
 submodule(tandem_simulation) tandem_simulate_setup
+    use tandem_option_rules, only: complete_options
     implicit none (type, external)
 
 contains
@@ -12,6 +13,14 @@ contains
         call forget_run(self)
         self%model => model
         self%options = options
+        if (present(stepper)) then
+            self%method = stepper%properties()
+            self%options%stepper = self%method%name
+            call complete_options(self%options, error, self%method%estimate_order > 0)
+        else
+            call complete_options(self%options, error)
+        end if
+        if (allocated(error)) return
         self%t_start = t
         self%tries_from = t
         self%creeps_from = t
@@ -20,7 +29,6 @@ contains
         call self%allocate_stepper(is_partner=.false.)
         self%method = self%stepper%properties()
         self%explicit_method = self%method
-        self%options%stepper = self%method%name
         call check_method(self%method, self%options, error)
         if (allocated(error)) return
         if (present(control)) then
@@ -28,12 +36,12 @@ contains
         else
             allocate (self%control)
         end if
-        self%stepper%projects_stages = options%projection == projections(1)
+        self%stepper%projects_stages = self%options%projection == projections(1)
         if (present(chart)) allocate (self%blank, source=chart)
         if (present(chart)) then
             self%is_sparse = is_sparse_chart(chart)
         else
-            self%is_sparse = wants_sparse(model, options, self%method%implicit)
+            self%is_sparse = wants_sparse(model, self%options, self%method%implicit)
         end if
         model%segment = 1
         if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
@@ -45,7 +53,7 @@ contains
         if (allocated(error)) return
         call model%arrive(t, self%state%q, .false.)
         call self%allocate_chart()
-        if (.not. self%has_surplus_rows()) call self%chart%initialize(model, options, self%method%implicit, error)
+        if (.not. self%has_surplus_rows()) call self%chart%initialize(model, self%options, self%method%implicit, error)
         if (allocated(error)) return
         call allocate_work(self, model%scales())
         call self%next%allocate(model%n)
@@ -104,17 +112,16 @@ contains
             call set_error(error, status_invalid_option, 'the stepper "'//trim(method%name)//'" has the partner "'// &
                 trim(method%partner)//'", which is none of tandem''s', 'name a stepper that options know, or none')
         else if (.not. (method%has_fixed_steps() .or. options%is_adaptive())) then
-            call set_error(error, status_invalid_option, 'stepper = "'//trim(options%stepper)//'" chooses between '// &
-                trim(merge('orders ', 'methods', method%varies))//' by what their steps cost under error control, but rtol is '// &
-                'not set', &
-                'set rtol, or choose a method for fixed steps')
+            call set_error(error, status_invalid_option, 'step is given, but '//trim(options%stepper)//' chooses between '// &
+                trim(merge('orders ', 'methods', method%varies))//' by what their steps cost under error control', &
+                'give rtol instead of step, or choose a method for fixed steps')
         else if (options%projection /= projections(1) .and. method%partner /= '') then
             call set_error(error, status_invalid_option, 'projection = "'//trim(options%projection)//'", but '// &
                 trim(options%stepper)//' may go over to implicit steps, which project their stages', &
                 'use projection = "stages", or an explicit stepper')
         else if (options%is_adaptive() .and. method%estimate_order == 0) then
-            call set_error(error, status_invalid_option, 'rtol is set, but '//trim(options%stepper)// &
-                ' has no error estimate', 'choose another stepper, or a fixed step')
+            call set_error(error, status_invalid_option, 'rtol is given, but '//trim(options%stepper)// &
+                ' has no error estimate', 'give step instead of rtol, or choose another stepper')
         else if (options%projection /= projections(1) .and. method%implicit) then
             call set_error(error, status_invalid_option, 'projection = "'//trim(options%projection)//'", but the stages of '// &
                 trim(options%stepper)//' are implicit: Newton''s iteration solves for points of the manifold', &

@@ -2,8 +2,10 @@
 !> Tests of the options, the statuses and the error messages.
 module test_options
     use asserts, only: check_below, check_failure, check_no_failure, check_text, check_true
-    use tandem, only: basis_methods, chart_policies, failure_type => error_type, is_input_error, options_type, refresh_modes, &
-        set_error, status_name, to_text, wp
+    use tandem, only: basis_methods, change_stepper, chart_policies, complete_options, failure_type => error_type, &
+        is_input_error, new_stepper, options_type, properties_type, refresh_modes, set_error, status_name, stepper_choices, &
+        stepper_type, steppers_without_estimate, to_text, wp
+    use tandem_options, only: explicit_steppers
     use tandem_status, only: status_chart_left, status_inconsistent_start, status_invalid_model, status_invalid_option, &
         status_output_failed, status_step_limit
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
@@ -28,6 +30,10 @@ contains
             new_unittest('unknown-projection-is-refused', test_projection), &
             new_unittest('step-must-be-positive-and-finite', test_step), &
             new_unittest('error-control-has-a-tolerance-and-limits-that-can-be', test_control), &
+            new_unittest('a-step-or-the-lack-of-an-estimate-fixes-the-steps', test_kind_of_steps), &
+            new_unittest('steppers-are-known-to-have-what-their-properties-say', test_properties), &
+            new_unittest('options-without-effect-are-refused', test_without_effect), &
+            new_unittest('changing-the-stepper-resets-what-has-no-effect-then', test_change), &
             new_unittest('limits-must-not-be-negative', test_limits), &
             new_unittest('tolerances-must-be-resolvable', test_tolerances), &
             new_unittest('secant-limit-must-exceed-one', test_secant_limit), &
@@ -48,8 +54,11 @@ contains
         call options%check(failure)
         call check_no_failure(error, failure)
         ! What the documentation promises.
-        call check_true(error, options%stepper == 'rk4' .and. options%chart == 'every_step' .and. options%refresh == 'factor', &
-            'rk4, every_step and factor are the defaults')
+        call check_true(error, options%stepper == 'auto' .and. options%chart == 'every_step' .and. options%refresh == 'factor', &
+            'auto, every_step and factor are the defaults')
+        call complete_options(options, failure)
+        call check_no_failure(error, failure)
+        call check_below(error, abs(options%rtol - 1.0e-6_wp), 0.0_wp, 'rtol - 1e-6')
         call check_true(error, options%projection == 'stages', 'stages are projected by default')
         call check_below(error, abs(options%constraint_tolerance - 1.0e-12_wp), 0.0_wp, 'constraint_tolerance - 1e-12')
     end subroutine test_defaults
@@ -113,7 +122,7 @@ contains
         real(wp) :: bad(4)
         integer :: i
 
-        bad = [0.0_wp, -1.0e-3_wp, ieee_value(1.0_wp, ieee_quiet_nan), ieee_value(1.0_wp, ieee_positive_inf)]
+        bad = [-1.0e-300_wp, -1.0e-3_wp, ieee_value(1.0_wp, ieee_quiet_nan), ieee_value(1.0_wp, ieee_positive_inf)]
         do i = 1, size(bad)
             options%step = bad(i)
             call check_refused(options, 'step = ', error)
@@ -122,7 +131,6 @@ contains
 
     subroutine test_control(error)
         type(error_type), allocatable, intent(out) :: error
-        type(options_type) :: options
         real(wp) :: bad(3)
         integer :: i
 
@@ -133,10 +141,124 @@ contains
             call check_refused(options_type(first_step=bad(i)), 'first_step = ', error)
             call check_refused(options_type(max_step=bad(i)), 'max_step = ', error)
         end do
-        call check_true(error, .not. options%is_adaptive(), 'steps are fixed by default')
-        options%rtol = 1.0e-8_wp
-        call check_true(error, options%is_adaptive(), 'rtol asks for steps under error control')
     end subroutine test_control
+
+    !> Steps are fixed if a step is given or the stepper has no estimate, and follow an estimate otherwise, with rtol = 1e-6.
+    subroutine test_kind_of_steps(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        integer :: i
+
+        do i = 1, size(stepper_choices)
+            options = options_type(stepper=stepper_choices(i))
+            call complete_options(options, failure)
+            call check_no_failure(error, failure)
+            if (stepper_choices(i) == 'rk4') then
+                call check_true(error, .not. options%is_adaptive(), 'rk4 has fixed steps')
+                call check_below(error, abs(options%step - 1.0e-3_wp), 0.0_wp, 'step - 1 ms')
+            else
+                call check_true(error, options%is_adaptive(), trim(stepper_choices(i))//' follows its estimate')
+                call check_below(error, abs(options%relative_tolerance() - 1.0e-6_wp), 0.0_wp, 'rtol - 1e-6')
+                call check_below(error, options%step, 0.0_wp, 'step')
+            end if
+            options = options_type(stepper=stepper_choices(i), step=0.01_wp)
+            call complete_options(options, failure)
+            call check_no_failure(error, failure)
+            call check_true(error, .not. options%is_adaptive(), 'a step fixes the steps of '//trim(stepper_choices(i)))
+            call check_true(error, options%stepper == merge('rk4             ', stepper_choices(i), &
+                stepper_choices(i) == 'auto'), 'auto with a fixed step is rk4')
+            if (allocated(error)) return
+        end do
+    end subroutine test_kind_of_steps
+
+    !> The lists of steppers agree with the steppers.
+    subroutine test_properties(error)
+        type(error_type), allocatable, intent(out) :: error
+        class(stepper_type), allocatable :: stepper
+        type(properties_type) :: properties
+        integer :: i
+
+        do i = 1, size(stepper_choices)
+            call new_stepper(stepper_choices(i), stepper)
+            properties = stepper%properties()
+            call check_true(error, any(steppers_without_estimate == stepper_choices(i)) .eqv. properties%estimate_order == 0, &
+                trim(stepper_choices(i))//' has an estimate')
+            call check_true(error, any(explicit_steppers == stepper_choices(i)) .eqv. &
+                (.not. properties%implicit .and. properties%partner == ''), trim(stepper_choices(i))//' is explicit')
+            if (allocated(error)) return
+        end do
+    end subroutine test_properties
+
+    subroutine test_without_effect(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call refuse(options_type(step=0.1_wp, rtol=1.0e-6_wp), 'step is given beside a tolerance', 'remove step or rtol')
+        call refuse(options_type(step=0.1_wp, rtol_qd=[1.0e-6_wp]), 'step is given', 'remove step or rtol')
+        call refuse(options_type(step=0.1_wp, atol=1.0e-6_wp), 'atol has no effect on fixed steps', 'rtol instead of step')
+        call refuse(options_type(step=0.1_wp, atol_q=[1.0e-6_wp]), 'atol_q has', 'rtol instead of step')
+        call refuse(options_type(step=0.1_wp, atol_qd=[1.0e-6_wp]), 'atol_qd has', 'rtol instead of step')
+        call refuse(options_type(step=0.1_wp, first_step=0.1_wp), 'first_step has', 'rtol instead of step')
+        call refuse(options_type(step=0.1_wp, max_step=0.1_wp), 'max_step has', 'rtol instead of step')
+        call refuse(options_type(stepper='rk4', max_step=0.1_wp), 'rk4 has no error estimate', 'choose another stepper')
+        call refuse(options_type(v_limit=1.0_wp), 'v_limit has no effect with chart = "every_step"', 'set chart = "paper"')
+        call refuse(options_type(chart='adaptive', w_limit=1.0_wp), 'with chart = "adaptive"', 'set chart = "paper"')
+        call refuse(options_type(condition_limit=10.0_wp), 'condition_limit has', 'set chart = "paper"')
+        call refuse(options_type(iteration_limit=3), 'iteration_limit has', 'set chart = "paper"')
+        call refuse(options_type(chart='paper', secant_limit=2.0_wp), 'secant_limit has', 'set chart = "adaptive"')
+        call refuse(options_type(btol=1.0e-9_wp), 'btol has no effect with refresh = "factor"', 'set refresh = "refine"')
+        call refuse(options_type(htol=1.0e-9_wp), 'htol has', 'set refresh = "refine"')
+        call refuse(options_type(stepper='dopri5', intol=1.0e-9_wp), 'the stages of dopri5 are explicit', 'an implicit stepper')
+        call accept(options_type(max_step=0.1_wp, first_step=0.01_wp, atol=1.0e-9_wp))
+        call accept(options_type(rtol=1.0e-8_wp, atol_q=[1.0e-9_wp]))
+        call accept(options_type(chart='paper', v_limit=1.0_wp, w_limit=1.0_wp, condition_limit=9.0_wp, iteration_limit=3))
+        call accept(options_type(chart='adaptive', secant_limit=2.0_wp))
+        call accept(options_type(refresh='refine', btol=1.0e-9_wp, htol=1.0e-9_wp, intol=1.0e-9_wp))
+
+    contains
+
+        !> The message names the option, the reason and the remedy.
+        subroutine refuse(options, problem, remedy)
+            type(options_type), intent(in) :: options
+            character(len=*), intent(in) :: problem, remedy
+            type(options_type) :: completed
+            type(failure_type), allocatable :: failure
+
+            if (allocated(error)) return
+            completed = options
+            call complete_options(completed, failure)
+            call check_failure(error, failure, 'invalid_option', problem)
+            if (.not. allocated(error)) call check_failure(error, failure, 'invalid_option', remedy)
+        end subroutine refuse
+
+        subroutine accept(options)
+            type(options_type), intent(in) :: options
+            type(options_type) :: completed
+            type(failure_type), allocatable :: failure
+
+            completed = options
+            call complete_options(completed, failure)
+            call check_no_failure(error, failure)
+        end subroutine accept
+    end subroutine test_without_effect
+
+    subroutine test_change(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+
+        options = options_type(stepper='radau5', rtol=1.0e-8_wp, atol_q=[1.0e-9_wp], max_step=0.1_wp, intol=1.0e-10_wp, &
+            chart='paper', v_limit=1.0_wp)
+        call change_stepper(options, 'dopri5', step=0.01_wp)
+        call complete_options(options, failure)
+        call check_no_failure(error, failure)
+        call check_true(error, .not. options%is_adaptive() .and. options%stepper == 'dopri5' .and. options%v_limit > 0.0_wp, &
+            'dopri5 with fixed steps and the limits of its chart')
+        call change_stepper(options, 'radau5', rtol=1.0e-7_wp, chart='every_step')
+        call complete_options(options, failure)
+        call check_no_failure(error, failure)
+        call check_true(error, options%is_adaptive() .and. options%relative_tolerance() < 2.0e-7_wp, 'radau5 with a tolerance')
+    end subroutine test_change
 
     subroutine test_limits(error)
         type(error_type), allocatable, intent(out) :: error

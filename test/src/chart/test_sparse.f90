@@ -274,7 +274,7 @@ contains
         do i = 1, size(n)
             do way = 1, 2
                 mechanism = mechanism_type()
-                options = options_type(chart_kind='sparse')
+                options = options_type(step=1.0e-3_wp, chart_kind='sparse')
                 if (way == 2) options = controlled(1.0e-8_wp, 'sparse')
                 call begin('four_bars', 2*n(i) + 1, options, mechanism, simulation, error)
                 if (allocated(error)) return
@@ -461,7 +461,7 @@ contains
         real(wp) :: potential, kinetic
         integer :: stat
 
-        call begin('spatial_chain', n, options_type(chart_kind='sparse'), mechanism, simulation, error)
+        call begin('spatial_chain', n, options_type(step=1.0e-3_wp, chart_kind='sparse'), mechanism, simulation, error)
         call go_on(simulation, 0.5_wp, error)
         if (allocated(error)) return
         call check_no_failure(error, failure)
@@ -480,7 +480,7 @@ contains
         type(simulation_type) :: simulation
         type(statistics_type) :: statistics
 
-        call begin('spatial_chain', 1000, options_type(chart_kind='sparse'), mechanism, simulation, error)
+        call begin('spatial_chain', 1000, options_type(step=1.0e-3_wp, chart_kind='sparse'), mechanism, simulation, error)
         call go_on(simulation, 0.02_wp, error)
         if (allocated(error)) return
         statistics = simulation%statistics()
@@ -496,7 +496,7 @@ contains
         type(simulation_type) :: simulation
         type(statistics_type) :: statistics
 
-        call begin('spatial_chain', 30, options_type(chart_kind='sparse'), mechanism, simulation, error)
+        call begin('spatial_chain', 30, options_type(step=1.0e-3_wp, chart_kind='sparse'), mechanism, simulation, error)
         call go_on(simulation, 0.1_wp, error)
         if (allocated(error)) return
         statistics = simulation%statistics()
@@ -517,8 +517,8 @@ contains
         do i = 1, size(scenes)
             one = mechanism_type()
             two = mechanism_type()
-            call begin(scenes(i), 17, options_type(chart_kind='sparse'), one, sparse, error)
-            call begin(scenes(i), 17, options_type(chart_kind='dense'), two, dense, error)
+            call begin(scenes(i), 17, options_type(step=1.0e-3_wp, chart_kind='sparse'), one, sparse, error)
+            call begin(scenes(i), 17, options_type(step=1.0e-3_wp, chart_kind='dense'), two, dense, error)
             call go_on(sparse, 0.05_wp, error)
             call go_on(dense, 0.05_wp, error)
             if (allocated(error)) return

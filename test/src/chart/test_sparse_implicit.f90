@@ -222,7 +222,7 @@ contains
 
         do k = 1, 2
             do i = 1, size(scenes)
-                call begin(scenes(i), 400, options_type(stepper=steppers(k), chart_kind='sparse'), mechanism, simulation, error)
+                call begin(scenes(i), 400, options_type(stepper=steppers(k), step=1.0e-3_wp, chart_kind='sparse'), mechanism, simulation, error)
                 call go_on(simulation, 0.02_wp, error)
                 if (allocated(error)) return
                 statistics = simulation%statistics()
@@ -244,10 +244,10 @@ contains
         type(options_type) :: options(4)
         integer :: i, way
 
-        options(1) = options_type(stepper='sdirk54', chart_kind='sparse')
+        options(1) = options_type(stepper='sdirk54', step=1.0e-3_wp, chart_kind='sparse')
         options(2) = controlled(1.0e-5_wp, 'sparse', 'trapezoid')
         options(3) = controlled(1.0e-7_wp, 'sparse', 'radau5')
-        options(4) = options_type(stepper='radau5', chart_kind='sparse')
+        options(4) = options_type(stepper='radau5', step=1.0e-3_wp, chart_kind='sparse')
         do i = 1, size(scenes)
             do way = 1, 4
                 call check_resumption(trim(scenes(i)), options(way), error)
@@ -422,11 +422,11 @@ contains
         type(mechanism_type), target :: mechanism
         type(simulation_type) :: simulation
 
-        call begin('sprung_chain', 20, options_type(stepper='sdirk54'), mechanism, simulation, error)
+        call begin('sprung_chain', 20, options_type(stepper='sdirk54', step=1.0e-3_wp), mechanism, simulation, error)
         call check_true(error, simulation%is_sparse, 'many bodies have a dense chart')
-        call begin('sprung_chain', 20, options_type(stepper='radau5'), mechanism, simulation, error)
+        call begin('sprung_chain', 20, options_type(stepper='radau5', step=1.0e-3_wp), mechanism, simulation, error)
         call check_true(error, simulation%is_sparse, 'many bodies have a dense chart with radau5')
-        call begin('sprung_chain', 3, options_type(stepper='sdirk54'), mechanism, simulation, error)
+        call begin('sprung_chain', 3, options_type(stepper='sdirk54', step=1.0e-3_wp), mechanism, simulation, error)
         call check_true(error, .not. simulation%is_sparse, 'few bodies have a sparse chart')
     end subroutine test_choice
 
@@ -434,8 +434,8 @@ contains
     subroutine test_profile(error)
         type(error_type), allocatable, intent(out) :: error
 
-        call check_timed('sprung_chain', options_type(stepper='sdirk54', chart_kind='sparse'), error)
-        if (.not. allocated(error)) call check_timed('sprung_chain', options_type(stepper='radau5', chart_kind='sparse'), error)
+        call check_timed('sprung_chain', options_type(stepper='sdirk54', step=1.0e-3_wp, chart_kind='sparse'), error)
+        if (.not. allocated(error)) call check_timed('sprung_chain', options_type(stepper='radau5', step=1.0e-3_wp, chart_kind='sparse'), error)
     end subroutine test_profile
 
     !> What cannot be had is refused by name.
@@ -460,7 +460,7 @@ contains
             real(wp) :: q(mechanism%n), qd(mechanism%n)
 
             call mechanism%start(q, qd)
-            call simulation%initialize(mechanism, options_type(stepper=stepper, chart_kind='sparse'), 0.0_wp, q, qd, failure)
+            call simulation%initialize(mechanism, options_type(stepper=stepper, step=1.0e-3_wp, chart_kind='sparse'), 0.0_wp, q, qd, failure)
         end subroutine initialize
     end subroutine test_refusals
 end module test_sparse_implicit

@@ -265,8 +265,8 @@ contains
         integer :: k
 
         do k = 1, size(scenes)
-            call begin(trim(scenes(k)), n_bodies, options_type(chart_kind='sparse'), one, sparse, error)
-            call begin(trim(scenes(k)), n_bodies, options_type(chart_kind='dense'), two, dense, error)
+            call begin(trim(scenes(k)), n_bodies, options_type(step=1.0e-3_wp, chart_kind='sparse'), one, sparse, error)
+            call begin(trim(scenes(k)), n_bodies, options_type(step=1.0e-3_wp, chart_kind='dense'), two, dense, error)
             call go_on(sparse, 0.1_wp, error)
             call go_on(dense, 0.1_wp, error)
             if (allocated(error)) return

@@ -70,7 +70,7 @@ contains
         integer :: i
 
         do i = 1, size(scenes)
-            call check_resumption(trim(scenes(i)), options_type(chart_kind='sparse'), error)
+            call check_resumption(trim(scenes(i)), options_type(step=1.0e-3_wp, chart_kind='sparse'), error)
             if (.not. allocated(error)) call check_resumption(trim(scenes(i)), controlled(1.0e-9_wp, 'sparse'), error)
             if (allocated(error)) return
         end do
@@ -105,18 +105,18 @@ contains
         type(statistics_type) :: statistics
         integer :: i
 
-        call begin('planar_chain', 4, options_type(), mechanism, simulation, error)
+        call begin('planar_chain', 4, options_type(step=1.0e-3_wp), mechanism, simulation, error)
         call go_on(simulation, 0.01_wp, error)
         if (allocated(error)) return
         statistics = simulation%statistics()
         call check_true(error, statistics%basis_factorizations > 0, 'few bodies have a sparse chart')
-        call begin('spatial_chain', 2000, options_type(), mechanism, simulation, error)
+        call begin('spatial_chain', 2000, options_type(step=1.0e-3_wp), mechanism, simulation, error)
         call go_on(simulation, 0.002_wp, error)
         if (allocated(error)) return
         statistics = simulation%statistics()
         call check_true(error, statistics%basis_factorizations == 0, 'many bodies have a dense chart')
         ! Implicit steps.
-        call begin('planar_chain', 25, options_type(stepper='sdirk54'), mechanism, simulation, error)
+        call begin('planar_chain', 25, options_type(stepper='sdirk54', step=1.0e-3_wp), mechanism, simulation, error)
         call go_on(simulation, 0.002_wp, error)
         if (allocated(error)) return
         ! Where the choice turns over, with explicit steps, with implicit ones, with redundant rows, and under error control.
@@ -124,14 +124,14 @@ contains
             mechanism = mechanism_type()
             select case (i)
             case (1, 2)
-                call begin('planar_chain', 7 + i, options_type(), mechanism, simulation, error)
+                call begin('planar_chain', 7 + i, options_type(step=1.0e-3_wp), mechanism, simulation, error)
             case (3, 4)
-                call begin('planar_chain', 16 + i, options_type(stepper='sdirk54'), mechanism, simulation, error)
+                call begin('planar_chain', 16 + i, options_type(stepper='sdirk54', step=1.0e-3_wp), mechanism, simulation, error)
             case (7, 8)
                 call begin('planar_chain', 6 + i, controlled(1.0e-6_wp, 'automatic'), mechanism, simulation, error)
             case default
                 call draw_parallelograms(i - 3, mechanism, error)
-                if (.not. allocated(error)) call start(mechanism, options_type(), simulation, error)
+                if (.not. allocated(error)) call start(mechanism, options_type(step=1.0e-3_wp), simulation, error)
             end select
             if (allocated(error)) return
             call check_true(error, simulation%is_sparse .eqv. modulo(i, 2) == 0, 'another chart was chosen')
@@ -143,7 +143,7 @@ contains
     subroutine test_profile(error)
         type(error_type), allocatable, intent(out) :: error
 
-        call check_timed('spatial_chain', options_type(), error)
+        call check_timed('spatial_chain', options_type(step=1.0e-3_wp), error)
     end subroutine test_profile
 
     !> Parallelograms in space on three hinges and a ball joint, one of whose rows is redundant each: as many rows are left out and
@@ -338,7 +338,7 @@ contains
             call mechanism%define(failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return
-            call initialize(options_type(chart_kind=merge('sparse   ', 'automatic', i == 1)))
+            call initialize(options_type(step=1.0e-3_wp, chart_kind=merge('sparse   ', 'automatic', i == 1)))
             if (i == 1) call check_failure(error, failure, 'invalid_option', 'mass.angle')
             if (i == 2) call check_no_failure(error, failure)
         end do

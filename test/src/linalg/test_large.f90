@@ -398,7 +398,7 @@ contains
         call model%start(q, qd)
         do k = 0, 1
             model%disguised = 77*k
-            call simulation%initialize(model, options_type(), 0.0_wp, q, qd, failure)
+            call simulation%initialize(model, options_type(step=1.0e-3_wp), 0.0_wp, q, qd, failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return
             statistics = simulation%statistics()

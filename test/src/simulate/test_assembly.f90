@@ -290,9 +290,9 @@ contains
         call model%define()
         q = [0.9_wp, 0.0_wp]
         qd = [0.2_wp, 1.0_wp]
-        call simulation%initialize(model, options_type(), 0.0_wp, q, qd, failure)
+        call simulation%initialize(model, options_type(step=1.0e-3_wp), 0.0_wp, q, qd, failure)
         call check_failure(error, failure, 'inconsistent_start', 'the start violates')
-        call simulation%initialize(model, options_type(), 0.0_wp, q, qd, failure, request)
+        call simulation%initialize(model, options_type(step=1.0e-3_wp), 0.0_wp, q, qd, failure, request)
         call check_no_failure(error, failure)
         if (allocated(error)) return
         call check_close(error, [simulation%state%q, simulation%state%qd], [0.8_wp, 0.0_wp, 0.0_wp, 1.0_wp], 1.0e-15_wp, 'state')
@@ -302,16 +302,16 @@ contains
         call simulation%integrate(0.1_wp, failure)
         call check_no_failure(error, failure)
         request%largest_move_q = 0.05_wp
-        call simulation%initialize(model, options_type(), 0.0_wp, q, qd, failure, request)
+        call simulation%initialize(model, options_type(step=1.0e-3_wp), 0.0_wp, q, qd, failure, request)
         call check_failure(error, failure, 'inconsistent_start', 'coordinate "q1" would move by -0.1')
 
         call disk%define()
         call disk%start([-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, x, v)
-        call plain%initialize(disk, options_type(), 0.0_wp, x, v, failure)
+        call plain%initialize(disk, options_type(step=1.0e-3_wp), 0.0_wp, x, v, failure)
         if (.not. allocated(failure)) call plain%integrate(0.1_wp, failure)
         call check_no_failure(error, failure)
         request = assembly_type()
-        call simulation%initialize(disk, options_type(), 0.0_wp, x, v, failure, request)
+        call simulation%initialize(disk, options_type(step=1.0e-3_wp), 0.0_wp, x, v, failure, request)
         if (.not. allocated(failure)) call simulation%integrate(0.1_wp, failure)
         call check_no_failure(error, failure)
         call check_close(error, [simulation%state%q, simulation%state%qd], [plain%state%q, plain%state%qd], 0.0_wp, 'the end')
@@ -338,9 +338,9 @@ contains
             q = printed(:, k)
             qd = 0.0_wp
             qd(2) = 15.0_wp
-            call simulation%initialize(model, options_type(), 0.0_wp, q, qd, failure)
+            call simulation%initialize(model, options_type(step=1.0e-3_wp), 0.0_wp, q, qd, failure)
             call check_failure(error, failure, 'inconsistent_start')
-            call simulation%initialize(model, options_type(), 0.0_wp, q, qd, failure, request)
+            call simulation%initialize(model, options_type(step=1.0e-3_wp), 0.0_wp, q, qd, failure, request)
             call check_no_failure(error, failure)
             if (allocated(error)) return
             associate (state => simulation%state)

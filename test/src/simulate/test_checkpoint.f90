@@ -75,9 +75,8 @@ contains
                     do way = 1, 2
                         options = options_type()
                         options%stepper = stepper_names(stepper)
-                        options%step = 0.004_wp
-                        if (scenes(scene) == 'stiff_pendulum') options%step = 0.0005_wp
                         options%rtol = rtol
+                        if (.not. rtol > 0.0_wp) options%step = merge(0.0005_wp, 0.004_wp, scenes(scene) == 'stiff_pendulum')
                         options%refresh = merge('factor', 'refine', way == 1)
                         options%chart = policies(policy)
                         ! The paper's limits: on distances, and on condition and iterations.
@@ -130,6 +129,7 @@ contains
             options%step = 0.004_wp
             call try('sleigh', options, seed, .true., error)
             if (stepper_names(stepper) == 'rk4') cycle
+            options%step = 0.0_wp
             options%rtol = 1.0e-8_wp
             call try('sleigh', options, seed, .true., error)
         end do
@@ -148,6 +148,7 @@ contains
             options%step = 0.02_wp
             call try('pendulum', options, seed, .true., error)
             if (stepper_names(stepper) == 'rk4') cycle
+            options%step = 0.0_wp
             options%rtol = 1.0e-5_wp
             options%chart = 'adaptive'
             call try('pendulum', options, seed, .true., error)
@@ -478,13 +479,13 @@ contains
         options%step = 2.0e-3_wp
         call set_up(other, 'pendulum', options, failure)
         call refused(other, words, 'it was made with another step', other_set_up, error)
-        options = options_type(stepper='dopri5')
+        options = options_type(stepper='dopri5', step=1.0e-3_wp)
         call set_up(other, 'pendulum', options, failure)
         call refused(other, words, 'it was made with another stepper', other_set_up, error)
-        options = options_type(atol_q=[1.0e-6_wp, 1.0e-6_wp])
+        options = options_type(utol=1.0e-13_wp, step=1.0e-3_wp)
         call set_up(other, 'pendulum', options, failure)
-        call refused(other, words, 'it was made with another atol_q', other_set_up, error)
-        options = options_type()
+        call refused(other, words, 'it was made with another utol', other_set_up, error)
+        options = options_type(step=1.0e-3_wp)
         call set_up(other, 'pendulum', options, failure)
         other%model%nu_jumps = [.true.]
         call refused(other, words, 'it was made with other jumps of nu', other_set_up, error)

@@ -509,7 +509,7 @@ contains
 
         call new_scene('disk', model)
         call get_start('disk', q, qd)
-        call simulation%initialize(model, options_type(), 0.0_wp, q, qd, failure)
+        call simulation%initialize(model, options_type(step=1.0e-3_wp), 0.0_wp, q, qd, failure)
         if (.not. allocated(failure)) call simulation%integrate(0.05_wp, failure)
         call check_no_failure(error, failure)
         statistics = simulation%statistics()
@@ -559,7 +559,7 @@ contains
         call watch_time(events, 0.1_wp, 1.0_wp, simulation, failure)
         call check_failure(error, failure, 'callback_failed', 'event "stat" returned the status 7')
         call model%define(.true.)
-        call simulation%initialize(model, options_type(), 0.0_wp, [0.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 0.0_wp], failure)
+        call simulation%initialize(model, options_type(step=1.0e-3_wp), 0.0_wp, [0.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 0.0_wp], failure)
         threshold = threshold_event_type(name='far', quantity='q', index=4)
         call simulation%add_event(threshold)
         call simulation%integrate(1.0_wp, failure)

@@ -99,8 +99,8 @@ contains
             do k = 1, size(faults)
                 do term = 1, n_terms
                     if (allocated(error)) return
-                    options = choose(step=1.0e-2_wp, stepper=steppers(i))
-                    options%rtol = rtol
+                    options = options_type(stepper=steppers(i), rtol=rtol)
+                    if (.not. rtol > 0.0_wp) options%step = 1.0e-2_wp
                     call run_with_fault(simulation, spy, inner, options, faults(k), term, time, failure)
                     call check_failure(error, failure, trim(status_of_fault(k)), trim(term_name(term)))
                     call check_true(error, spy%most_at_a_point <= patience, 'a point is given up, not tried again and again')
@@ -299,8 +299,7 @@ contains
             statistics = simulation%statistics()
             call check_true(error, statistics%steps == 1, 'one step')
             if (steppers(k) == 'rk4') cycle
-            options%rtol = 1.0e-6_wp
-            options%first_step = 1.0e3_wp
+            options = options_type(stepper=steppers(k), rtol=1.0e-6_wp, first_step=1.0e3_wp)
             call run(simulation, model, options, 0.0_wp, q, qd, 1.0e-2_wp, failure)
             call check_no_failure(error, failure)
             call check_close(error, [simulation%state%t], [1.0e-2_wp], 0.0_wp, 't')
@@ -494,8 +493,8 @@ contains
         do k = 1, size(steppers)
             do i = 1, 2
                 if (steppers(k) == 'rk4' .and. i == 2) cycle
-                options = choose(step=1.0e-2_wp, stepper=steppers(k))
-                if (i == 2) options%rtol = 1.0e-6_wp
+                options = options_type(stepper=steppers(k), rtol=1.0e-6_wp)
+                if (i == 1) options = options_type(stepper=steppers(k), step=1.0e-2_wp)
                 call run(simulation, model, options, 0.0_wp, spread(0.0_wp, 1, 3), spread(1.0_wp, 1, 3), 2.0_wp, failure)
                 call check_stopped(error, failure, [character(len=24) :: 'not_finite', 'step_underflow', 'newton_failed'], &
                     't = ', steppers(k))

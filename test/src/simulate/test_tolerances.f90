@@ -219,7 +219,7 @@ contains
             do i = 1, size(stepper_names)
                 options = options_type()
                 options%stepper = stepper_names(i)
-                options%step = 0.01_wp
+                if (k == 1) options%step = 0.01_wp
                 if (k == 2 .and. stepper_names(i) == 'rk4') cycle
                 if (k == 2) options%rtol = 1.0e-10_wp
                 options%max_evaluations = limit

@@ -48,7 +48,7 @@ contains
         state = reshape([simulation%state%q, simulation%state%qd], [model%n, 2])
     end subroutine run_to
 
-    !> Options with some of them chosen.
+    !> Options with some of them chosen; v_limit with the chart that has it.
     function choose(step, chart, refresh, v_limit, tolerance, stepper) result(options)
         real(wp), intent(in), optional :: step, v_limit, tolerance
         character(len=*), intent(in), optional :: chart, refresh, stepper
@@ -58,7 +58,7 @@ contains
         if (present(step)) options%step = step
         if (present(chart)) options%chart = chart
         if (present(refresh)) options%refresh = refresh
-        if (present(v_limit)) options%v_limit = v_limit
+        if (present(v_limit) .and. options%chart == 'paper') options%v_limit = v_limit
         if (present(tolerance)) options%constraint_tolerance = tolerance
     end function choose
 

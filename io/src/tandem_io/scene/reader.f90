@@ -7,6 +7,7 @@ module tandem_io_scene_reader
     use tandem, only: atom_type, entries_type, error_type, value_type, wp
     use tandem_io_scene_flattening, only: flatten, path_to_toml, place_type, value_to_toml
     use tandem_io_scene_ledger, only: heading, key_length, ledger_type
+    use tandem_io_scene_removal, only: drop_keys, remove_key, unset_option
     use tandem_io_scene_source, only: set_input_error, source_type
     use tandem_io_scene_tables, only: count_elements, first_source, table_of
     use tandem_io_scene_text, only: listed, nearest_name
@@ -38,7 +39,7 @@ module tandem_io_scene_reader
         integer, private :: element = 0
     contains
         procedure :: open_sources, check_tables, open_table, count_tables, open_element, close_table
-        procedure :: failed, source_of, hide, remark, propose, gives, flatten => flatten_tables, says_true, says_number
+        procedure :: failed, source_of, replace, hide, remark, propose, gives, flatten => flatten_tables, says_true, says_number
         procedure :: refuse, refuse_place, refuse_tables, show, text
         generic :: get => get_real, get_integer, get_logical, get_string, get_choice, get_vector, get_strings
         procedure :: get_reals, get_for_each
@@ -207,7 +208,7 @@ contains
         class(reader_type), intent(inout) :: self
         !> Path of the scene file, or how messages call the text.
         character(len=*), intent(in) :: path
-        !> `table.key=value`, blanks at the end dropped.
+        !> `table.key=value`, or `--unset table.key`; blanks at the end dropped.
         character(len=*), intent(in) :: settings(:)
         !> The scene itself, in the stead of a file.
         character(len=*), intent(in), optional :: text
@@ -224,7 +225,12 @@ contains
         end if
         do i = 1, size(settings)
             if (allocated(self%error)) return
-            call self%sources(i)%load_argument(trim(settings(i)), self%error)
+            if (index(settings(i), unset_option) == 1) then
+                call self%sources(i)%load_text(trim(unset_option), '', self%error)
+                call remove_key(self%sources(:i), trim(adjustl(settings(i) (len(unset_option) + 1:))), self%error)
+            else
+                call self%sources(i)%load_argument(trim(settings(i)), self%error)
+            end if
         end do
     end subroutine open_sources
 
@@ -345,6 +351,24 @@ contains
 
         call self%find(key, found, source_of)
     end function source_of
+
+    !> Remove keys of the current table from the file if one of others, which replace them, is set on the command line and is not 0.
+    subroutine replace(self, keys, by)
+        class(reader_type), intent(inout), target :: self
+        character(len=*), intent(in) :: keys(:), by(:)
+        class(toml_value), pointer :: found
+        character(len=:), allocatable :: problem
+        real(wp) :: number
+        integer :: i, source
+
+        do i = 1, size(by)
+            number = 1.0_wp
+            call self%find(trim(by(i)), found, source)
+            if (source <= 0) cycle
+            call convert(self%sources(source), found, number, problem)
+            if (abs(number) > 0.0_wp) call drop_keys(self%sources(0), self%table, keys)
+        end do
+    end subroutine replace
 
     !> The keys that the current table has by now take no part in the complete scene, since others replace them. One that is
     !> given at the same time is an error.

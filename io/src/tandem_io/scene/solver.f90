@@ -2,7 +2,8 @@
 !> Reads the table [solver]: the keys are the options, and what values may be is theirs to say; here their word gets the line of
 !> the file.
 module tandem_io_scene_solver
-    use tandem, only: option_row_type, option_visitor_type, options_type, wp
+    use tandem, only: complete_options, conflict_type, default_rtol, default_step, error_type, find_conflict, option_row_type, &
+        option_visitor_type, options_type, steppers_without_estimate, wp
     use tandem_io_scene_reader, only: reader_type
     implicit none (type, external)
     private
@@ -14,27 +15,53 @@ module tandem_io_scene_solver
         class(reader_type), pointer :: reader => null()
         !> Number of coordinates.
         integer :: n = 0
+        !> The method of the scene, and which of these it gives: defaults follow from them.
+        character(len=16) :: stepper = ''
+        logical :: gives_step = .false., gives_tolerance = .false.
     contains
         procedure :: take => read_option
     end type option_reader_type
 
 contains
 
-    !> The options of a run.
+    !> The options of a run, with the values that stand for those that are not given. A step on the command line replaces the
+    !> tolerances of the file, and a tolerance its step.
     subroutine read_solver(reader, n, options)
         class(reader_type), intent(inout), target :: reader
         !> Number of coordinates.
         integer, intent(in) :: n
         !> The defaults before, the options after.
         type(options_type), intent(inout) :: options
+        character(len=*), parameter :: of_control(6) = [character(len=10) :: 'rtol', 'rtol_qd', 'atol', 'atol_qd', 'first_step', &
+            'max_step']
         type(option_reader_type) :: option_reader
+        type(conflict_type) :: conflict
+        type(error_type), allocatable :: error
 
         option_reader%reader => reader
         option_reader%n = n
         call reader%open_table('solver')
+        call reader%replace(of_control, by=['step'])
+        call reader%replace(['step'], by=of_control(:2))
+        option_reader%gives_tolerance = reader%gives('rtol') .or. reader%gives('rtol_qd')
+        option_reader%gives_step = reader%gives('step')
         call options%visit(option_reader)
         call reader%close_table()
+        if (reader%failed()) return
+        call find_conflict(options, conflict)
+        if (conflict%name /= '') call reader%refuse(key_of(conflict%name), trim(conflict%problem)//'; '//trim(conflict%remedy)// &
+            ' (--unset solver.'//key_of(conflict%name)//' removes it)')
+        if (.not. reader%failed()) call complete_options(options, error)
     end subroutine read_solver
+
+    !> The key of an option: lists per coordinate have that of the number which they replace.
+    pure function key_of(name) result(key)
+        character(len=*), intent(in) :: name
+        character(len=:), allocatable :: key
+
+        key = trim(name)
+        if (any(key == ['rtol_q', 'atol_q'])) key = key(:4)
+    end function key_of
 
     !> Read an option under its key, and refuse a number that cannot be.
     subroutine read_option(self, row, number, whole, word, list, choices)
@@ -46,12 +73,19 @@ contains
         real(wp), allocatable, intent(inout), optional :: list(:)
         character(len=*), intent(in), optional :: choices(:)
         character(len=len(row%name)) :: key
+        logical :: is_fixed
         integer :: i
 
         key = row%name
         if (row%key /= '') key = row%key
+        if (.not. (self%gives_step .or. self%gives_tolerance)) then
+            is_fixed = any(steppers_without_estimate == self%stepper)
+            if (row%name == 'step' .and. is_fixed) number = default_step
+            if (row%name == 'rtol' .and. .not. is_fixed) number = default_rtol
+        end if
         if (present(word)) then
             call self%reader%get(trim(key), word, choices, trim(row%help))
+            if (key == 'stepper') self%stepper = word
         else if (present(whole)) then
             call self%reader%get(trim(key), whole, help=trim(row%help))
             call judge(real(whole, wp))

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Runs of a scene that are measured: the motion at some times, its error against a reference, and what the run costs.
 module tandem_io_study_measure
-    use tandem, only: at_end, at_start, error_type, long, observer_type, options_type, set_error, simulation_type, &
+    use tandem, only: at_end, at_start, change_stepper, error_type, long, observer_type, options_type, set_error, simulation_type, &
         statistics_type, status_name, to_text, wp
     use tandem_io_scene, only: scene_type
     use tandem_io_scene_text, only: to_toml
@@ -221,10 +221,7 @@ contains
         integer :: j
 
         options = scene%options
-        options%stepper = stepper
-        options%rtol = rtol
-        options%atol = 0.0_wp
-        options%chart = 'every_step'
+        call change_stepper(options, stepper, rtol=rtol, chart='every_step')
         if (rtol <= 2*tightest) options%utol = rtol
         sampler%t = [(scene%t_start + (scene%t_end - scene%t_start)*j/samples, j=1, samples)]
         sampler%most_seconds = most_seconds

@@ -5,8 +5,8 @@
 !> A series is a stepper with fixed steps h = H 2**k, H the scene's step, or with tolerances rtol = 10**k. What comes next
 !> in a series follows from its rows alone, so that a study that was interrupted continues where it was.
 module tandem_io_study_precision
-    use tandem, only: error_type, long, n_derivatives, new_stepper, options_type, properties_type, statistics_type, &
-        stepper_choices, wp
+    use tandem, only: change_stepper, default_step, error_type, long, n_derivatives, new_stepper, options_type, properties_type, &
+        statistics_type, stepper_choices, wp
     use tandem_io_scene, only: scene_type
     use tandem_io_study_journal, only: journal_type
     use tandem_io_study_measure, only: motion_of, outcome_type, over_budget, sample_run, time_run
@@ -328,13 +328,10 @@ contains
         type(options_type) :: options
 
         options = self%scene%options
-        options%stepper = series%stepper
-        options%atol = 0.0_wp
-        options%rtol = 0.0_wp
         if (series%control == by_step) then
-            options%step = value_of(self, series, level)
+            call change_stepper(options, series%stepper, step=value_of(self, series, level))
         else
-            options%rtol = value_of(self, series, level)
+            call change_stepper(options, series%stepper, rtol=value_of(self, series, level))
         end if
     end function options_of
 
@@ -346,7 +343,7 @@ contains
 
         coarsest = loosest
         if (series%control /= by_step) return
-        coarsest = floor(log((self%t_end - self%scene%t_start)/fewest_steps/self%scene%options%step)/log(2.0_wp))
+        coarsest = floor(log((self%t_end - self%scene%t_start)/fewest_steps/step_of(self%scene%options))/log(2.0_wp))
     end function coarsest
 
     !> The step or the tolerance of a level.
@@ -356,7 +353,7 @@ contains
         integer, intent(in) :: level
 
         if (series%control == by_step) then
-            value_of = self%scene%options%step*2.0_wp**level
+            value_of = step_of(self%scene%options)*2.0_wp**level
         else
             value_of = 1.0_wp/10.0_wp**(-level)
         end if
@@ -369,9 +366,16 @@ contains
         real(wp), intent(in) :: value
 
         if (series%control == by_step) then
-            level_of = nint(log(value/self%scene%options%step)/log(2.0_wp))
+            level_of = nint(log(value/step_of(self%scene%options))/log(2.0_wp))
         else
             level_of = nint(log10(value))
         end if
     end function level_of
+
+    !> The fixed step of level 0.
+    pure real(wp) function step_of(options)
+        type(options_type), intent(in) :: options
+
+        step_of = merge(options%step, default_step, options%step > 0.0_wp)
+    end function step_of
 end module tandem_io_study_precision

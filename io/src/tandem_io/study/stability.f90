@@ -3,7 +3,7 @@
 !>
 !> What is not there yet is done next, so that a study that was interrupted continues where it was.
 module tandem_io_study_stability
-    use tandem, only: error_type, long, new_stepper, options_type, properties_type, stepper_choices, to_text, wp
+    use tandem, only: change_stepper, error_type, long, new_stepper, options_type, properties_type, stepper_choices, to_text, wp
     use tandem_io_study_cases, only: build_case, case_groups, case_name_length, case_names, case_type
     use tandem_io_study_journal, only: journal_type
     use tandem_io_study_table, only: brief, cell_length, column_type, count_column, real_column, text_column
@@ -190,9 +190,12 @@ contains
             self%has_truth = .true.
         end if
         options = self%subject%options
-        options%stepper = stepper
+        if (control == 'rtol') then
+            call change_stepper(options, stepper, rtol=self%subject%rtol)
+        else
+            call change_stepper(options, stepper, step=options%step)
+        end if
         options%max_seconds = self%subject%most_seconds
-        if (control == 'rtol') options%rtol = self%subject%rtol
         call run_trial(self%subject, self%truth, options, trial)
         if (allocated(self%subject%units) .and. allocated(trial%q)) call self%compare_units(options, trial, error)
         if (allocated(error)) return

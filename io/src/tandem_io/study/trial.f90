@@ -4,8 +4,8 @@
 !> Errors are the largest over the sample times of |y - y_ref| / (s + |y_ref|), y the coordinates and velocities, s the coordinate
 !> scales: the scale on which runs are warned of.
 module tandem_io_study_trial
-    use tandem, only: allowed_error, error_type, find_error_warnings, global_error_type, model_type, options_type, set_error, &
-        short_run, simulation_type, statistics_type, status_name, to_text, warning_type, wp
+    use tandem, only: allowed_error, change_stepper, error_type, find_error_warnings, global_error_type, model_type, options_type, &
+        set_error, short_run, simulation_type, statistics_type, status_name, to_text, warning_type, wp
     use tandem_io_output_observers, only: observer_list_type
     use tandem_io_scene_text, only: to_toml
     use tandem_io_study_cases, only: case_type
@@ -95,9 +95,7 @@ contains
                 allocate (model, source=subject%model)
             end if
             options = subject%options
-            options%stepper = subject%judges(i)
-            options%rtol = subject%judges_rtol(i)
-            options%chart = 'every_step'
+            call change_stepper(options, subject%judges(i), rtol=subject%judges_rtol(i), chart='every_step')
             options%max_seconds = 120.0_wp
             sampler%t = truth%t
             call simulation%initialize(model, options, subject%t_start, subject%q, subject%qd, error)
@@ -113,8 +111,7 @@ contains
             end if
         end do
         options = subject%options
-        options%rtol = subject%rtol
-        if (.not. subject%with_rtol) options%rtol = 0.0_wp
+        if (subject%with_rtol) call change_stepper(options, options%stepper, rtol=subject%rtol)
         if (truth%agreement > part*allowed_error(options)) call set_error(error, status_step_limit, subject%name// &
             ': the two solutions that are to be the reference differ by '//to_text(truth%agreement))
     end subroutine find_truth
