@@ -83,7 +83,7 @@ check library-has-no-global-state no_common_state
 
 cp -R test/linking "$tmp/linking" && cp -R example "$tmp/example"
 check tests-compile-without-warning warns_not make -s -C "$tmp/linking" PREFIX="$prefix"
-for program in interface_c interface_f77 mechanism_f77 skates threads overhead; do tests_of "$tmp/linking/$program"; done
+for program in interface_c interface_f77 mechanism_f77 orders_c orders_f77 skates threads overhead; do tests_of "$tmp/linking/$program"; done
 
 # --- 3. the version of the interfaces ------------------------------------------------------------------------------
 
@@ -231,7 +231,7 @@ sanitized() { # FOLDER PROGRAM: compile anew with the sanitizers, run, and let n
     ! grep -E 'AddressSanitizer|LeakSanitizer|runtime error' "$tmp/sanitized"
 }
 export PKG_CONFIG_PATH=$checked/lib/pkgconfig
-for program in linking/interface_c linking/interface_f77 linking/threads linking/mechanism_f77 example/f77/knife example/f77/swing example/c/pendulum example/cpp/skate; do
+for program in linking/interface_c linking/interface_f77 linking/threads linking/mechanism_f77 linking/orders_c linking/orders_f77 example/f77/knife example/f77/swing example/c/pendulum example/cpp/skate; do
     check "sanitizers-find-nothing-in-${program##*/}" sanitized "${program%/*}" "${program##*/}"
 done
 sanitized_cmake() (

@@ -40,7 +40,7 @@ LEAK = re.compile(r"^(?:Direct|Indirect) leak of .*?(?=\n\n|\Z)", re.M | re.S)
 TROUBLE = re.compile(r"ERROR: (?!LeakSanitizer)\w+Sanitizer|runtime error:|Fortran runtime error|Backtrace for|^==\d+== ", re.M)
 FUZZED = "2000"
 # Programs of test/linking.
-INTERFACE_TESTS = ("interface_c", "interface_f77", "mechanism_f77")
+INTERFACE_TESTS = ("interface_c", "interface_f77", "mechanism_f77", "orders_c", "orders_f77")
 # Tests that memcheck takes about a minute or more for, by suite; shorter ones go the same ways through the code.
 LONG = {
     "accuracy": [

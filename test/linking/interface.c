@@ -1463,6 +1463,7 @@ static void test_mechanism(void)
     expect("nor-a-start", p, tandem_start(p, 0, q, qd), TANDEM_INVALID_MODEL, "not complete");
     expect("nor-a-drawing", p, tandem_get_drawing(p, q, qd), TANDEM_INVALID_OPTION, "tandem_define");
     expect("nor-an-equilibrium", p, tandem_find_equilibrium(p, 0, q), TANDEM_INVALID_MODEL, "not complete");
+    expect("nor-a-run-that-advances", p, tandem_advance(p, 1, 10, 1, 0, &t, q, qd, NULL, &n), TANDEM_INVALID_OPTION, "no run");
     expect("nor-a-watched-entry", p, tandem_add_event(p, "down", "q", 0, 0, 0, 1), TANDEM_INVALID_OPTION, "0 entries");
     tandem_set_key(p, "gravity.vector", "[0, -9.81]");
     tandem_set_key(p, "parameters.l", "1.0");

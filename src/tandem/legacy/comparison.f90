@@ -60,7 +60,7 @@ contains
         associate (finding => findings(first))
             if (finding%stat /= 0) then
                 call set_error(error, finding%stat, 'the '//trim(finding%name)//' near t = '//to_text(t), &
-                    'give a state from which q may move by a tenth of coordinate_scale, and qd by all of it')
+                    'give a state from which q may move by a tenth of coordinate_scale, qd by all of it, and t by 0.3')
                 return
             end if
             if (.not. ieee_is_finite(finding%value)) then

@@ -114,8 +114,8 @@ contains
         integer, intent(in) :: capacity
         integer, intent(out) :: rows
         real(wp), intent(inout), optional :: times(*)
-        !> Coordinates, velocities, accelerations (n, capacity).
-        real(wp), intent(inout), optional :: q(self%model%n, *), qd(self%model%n, *), qdd(self%model%n, *)
+        !> Coordinates, velocities, accelerations (n, capacity). A mechanism that is not complete has no model to ask for n.
+        real(wp), intent(inout), optional :: q(self%callbacks%n, *), qd(self%callbacks%n, *), qdd(self%callbacks%n, *)
         type(error_type), allocatable :: error
         integer :: taken
 

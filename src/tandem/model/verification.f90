@@ -14,7 +14,7 @@ module tandem_model_verification
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
     use tandem_pack, only: pack_type
-    use tandem_status, only: status_callback_failed, status_not_evaluable
+    use tandem_status, only: status_callback_failed, status_not_evaluable, status_ok
     use tandem_model_counts, only: counts_type
     use, intrinsic :: ieee_exceptions, only: ieee_all, ieee_get_flag, ieee_set_flag
     implicit none (type, external)
@@ -303,7 +303,8 @@ contains
         real(wp), intent(inout) :: rate(:)
         real(wp), intent(out) :: doubt
         type(counts_type), intent(inout) :: counts
-        !> That of the last step, where none could be taken with the next longer one.
+        !> That of the last step, where none could be taken with the next longer one; not_evaluable where steps are lost in the
+        !> rounding of t.
         integer, intent(out) :: stat
         real(wp) :: now(size(rate)), last(size(rate)), values(size(rate)), change, largest, h, wanted
         logical :: is_taken
@@ -311,8 +312,8 @@ contains
 
         is_taken = .false.
         doubt = huge(1.0_wp)
-        stat = 1
-        last_stat = 1
+        stat = status_ok
+        last_stat = status_not_evaluable
         wanted = longest_step*share
         do k = 1, n_steps
             ! One that is added to t without rounding.
@@ -346,7 +347,12 @@ contains
             last_stat = stat
             wanted = next_step*wanted
         end do
-        if (is_taken) stat = 0
+        if (is_taken) then
+            stat = status_ok
+        else if (stat == status_ok) then
+            stat = status_not_evaluable
+            evaluator%failed_term = 'differences in time'
+        end if
     end subroutine differentiate_in_time
 
     !> Phi_q, nu and gamma, the symmetry, the constancy and the blocks of M.

@@ -31,6 +31,7 @@ contains
             new_unittest('verification-blames-no-derivative-of-a-missing-gamma', test_verify_no_gamma), &
             new_unittest('verification-names-the-misprint-of-the-paper', test_verify_misprint), &
             new_unittest('verification-of-fast-motions-and-late-times', test_verify_fast), &
+            new_unittest('verification-says-that-time-is-too-coarse', test_verify_late), &
             new_unittest('verification-of-rows-in-any-units', test_verify_units), &
             new_unittest('verification-finds-a-mass-that-is-not-constant', test_verify_constant)]
     end subroutine collect_verification
@@ -350,6 +351,27 @@ contains
         call check_count(error, findings(i)%row, 2, 'row of the NaN')
         call check_count(error, findings(i)%column, 3, 'column of the NaN')
     end subroutine test_verify_nan
+
+    !> Steps in time that are lost in the rounding of t leave a status with its name.
+    subroutine test_verify_late(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(skater_type), target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(4), qd(4)
+        integer :: i, k
+
+        call model%define()
+        call model%start(q, qd)
+        do k = 1, 2
+            ! At the later time there is no step, at the other one a single one, which has none to be compared with.
+            call verify_model(model, merge(1.0e300_wp, 2.0_wp**50, k == 1), q, qd, 3, findings, failure)
+            call check_no_failure(error, failure)
+            i = findloc(findings%passed, .false., dim=1)
+            call check_text(error, findings(i)%name, 'evaluation of differences in time')
+            call check_text(error, status_name(findings(i)%stat), 'not_evaluable')
+        end do
+    end subroutine test_verify_late
 
     !> Without a gamma there is nothing that its derivatives could be compared with.
     subroutine test_verify_no_gamma(error)
