@@ -32,7 +32,7 @@ module tandem_chart
     type, abstract :: chart_type
         !> Number of coordinates: of every array that a stage hands over, which needs no descriptor so.
         integer :: n = 0
-        !> Numbers that a stage's residual has, of stages that are solved together: at most 3 n.
+        !> Entries of the residual of a stage, for stages that are solved together. Changes with the rows in use.
         integer :: n_residual = 0
         !> Whether complements follow what is stiff: then stages that are hard to solve for have turned too far.
         logical :: follows_stiffness = .false.
@@ -338,7 +338,7 @@ module tandem_chart
             !> The restored coordinates and velocities (n), the stage's rates (n).
             real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-            !> (3 n), of which the first n_residual are set.
+            !> (n_residual)
             real(wp), intent(inout), contiguous :: residual(:)
             integer, intent(out) :: stat
         end subroutine find_residual_interface

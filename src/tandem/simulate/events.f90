@@ -177,19 +177,27 @@ contains
         integer :: rows(3), stat
 
         before = self%state%qd
+        if (.not. (all(ieee_is_finite(self%state%q)) .and. all(ieee_is_finite(self%state%qd)))) then
+            call set_error(error, status_not_finite, 'an event at t = '//to_text(self%state%t)//' has made the state infinite', &
+                'see what its action computes')
+            return
+        end if
+        call self%control%restart()
+        call self%local_error%restart()
+        call self%stiffness%smoothness%restart()
+        ! Where a loss of rank was ahead before, it need not be so now.
+        call self%lost_rank%forget_ahead()
+        call self%chart%forget_model()
+        stat = status_ok
+        if (self%method%implicit) then
+            ! Bases of implicit steps are complements of the rows as they were before the action: with a row that it locks or frees,
+            ! C X may be singular. The dense output of implicit steps does not depend on the origin.
+            call self%move_origin(stat)
+            self%state%dq(:) = 0.0_wp
+            self%state%dqd(:) = 0.0_wp
+        end if
         associate (state => self%state, chart => self%chart)
-            if (.not. (all(ieee_is_finite(state%q)) .and. all(ieee_is_finite(state%qd)))) then
-                call set_error(error, status_not_finite, 'an event at t = '//to_text(state%t)//' has made the state infinite', &
-                    'see what its action computes')
-                return
-            end if
-            call self%control%restart()
-            call self%local_error%restart()
-            call self%stiffness%smoothness%restart()
-            ! Where a loss of rank was ahead before, it need not be so now.
-            call self%lost_rank%forget_ahead()
-            call chart%forget_model()
-            call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+            if (stat == status_ok) call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
             if (stat == status_ok) call chart%constraint_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
             if (stat == status_ok .and. self%errors(1) > self%options%constraint_tolerance) then
                 call set_error(error, status_inconsistent_start, 'an event at t = '//to_text(state%t)// &

@@ -145,8 +145,7 @@ contains
 
     module procedure set_method
         self%stepper%projects_stages = self%options%projection == projections(1)
-        ! The gap of implicit steps also holds what Newton's iterations leave, for which shorter steps are no cure.
-        call self%local_error%allow_gap(merge(huge(1.0_wp), warning_limit(self%options), self%method%implicit))
+        call watch_constraints(self)
         call self%control%set_method(self%method)
         call self%control%restart()
         call self%stiffness%pause()

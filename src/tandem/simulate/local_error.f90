@@ -34,9 +34,15 @@ module tandem_simulate_local_error
         integer, private :: in_window = 0
         !> The gap of the velocity for which the last try of a step was not kept, and the largest one that is not looked into.
         real(wp), private :: last_gap = huge(1.0_wp), allowed_gap = huge(1.0_wp)
+        !> Whether the imposed part of the motion counts as an error; its error in the last try of a step beyond the tolerance and
+        !> the size of that try, 0 for none; and how many tries have not reduced it.
+        logical, private :: counts_imposed = .false.
+        real(wp), private :: last_imposed = 0.0_wp, imposed_step = 0.0_wp
+        integer, private :: in_vain = 0
     contains
         procedure :: initialize, set_weights, add, extend, restart, pack_state
         procedure :: gap, allow_gap, begin_step, find_gap, is_missed, largest_part, size_of_window
+        procedure :: count_imposed, add_imposed
         procedure, private :: largest_velocity, may_gap, scale_of
     end type local_error_type
 
@@ -198,7 +204,73 @@ contains
         class(local_error_type), intent(inout) :: self
 
         self%last_gap = huge(1.0_wp)
+        self%imposed_step = 0.0_wp
+        self%in_vain = 0
     end subroutine begin_step
+
+    !> Whether steps count the error of what constraints impose as functions of time.
+    pure subroutine count_imposed(self, counts)
+        class(local_error_type), intent(inout) :: self
+        logical, intent(in) :: counts
+
+        self%counts_imposed = counts
+        call self%begin_step()
+    end subroutine count_imposed
+
+    !> Add to the error of an implicit step that of the motion which constraints impose: the part of its change by which increments
+    !> miss it. An estimate that goes through the Newton matrix holds the chart's own coordinates only, of which a mechanism that is
+    !> driven as a whole has none, so that steps would grow until the iteration for u ends on another branch. Increments hold
+    !> all of the velocity and of the acceleration: what the constraints add to them is small with a power of the step. An error
+    !> that does not become smaller in this way is a jump of nu or a contradiction of the model. It is crossed.
+    pure subroutine add_imposed(self, start, arrived, weight_q, weight_qd, power, norm)
+        class(local_error_type), intent(inout) :: self
+        !> The states at the ends of the step.
+        type(state_type), intent(in) :: start, arrived
+        !> 1 / (atol + rtol |y|) for q and qd (n).
+        real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
+        !> The order of the step's error estimate over that of the step, both plus one.
+        real(wp), intent(in) :: power
+        !> The error of the step on the scale of the tolerances.
+        real(wp), intent(inout) :: norm
+        !> Tries that may leave the error as it is. A smooth error falls faster than with this power of the step.
+        integer, parameter :: most_in_vain = 3
+        real(wp), parameter :: slowest = 1.5_wp
+        real(wp) :: h, imposed
+
+        if (.not. self%counts_imposed) return
+        imposed = max(largest_miss(self, start%q, start%dq, arrived%q, arrived%dq, weight_q), &
+            largest_miss(self, start%qd, start%dqd, arrived%qd, arrived%dqd, weight_qd))
+        if (imposed > 1.0_wp) then
+            h = arrived%t - start%t
+            if (self%imposed_step > 0.0_wp) then
+                if (imposed > self%last_imposed*(h/self%imposed_step)**slowest) self%in_vain = self%in_vain + 1
+            end if
+            self%last_imposed = imposed
+            self%imposed_step = h
+            if (self%in_vain >= most_in_vain) return
+        end if
+        norm = max(norm, imposed**power)
+    end subroutine add_imposed
+
+    !> The largest weighted entry by which increments (d0, d) miss a change from y0 to y, apart from rounding.
+    pure real(wp) function largest_miss(self, y0, d0, y, d, weight)
+        type(local_error_type), intent(in) :: self
+        real(wp), intent(in), contiguous :: y0(:), d0(:), y(:), d(:), weight(:)
+        !> Part of the largest entry that may be rounding, which the constraints carry to smaller ones.
+        real(wp), parameter :: rounding = 1.0e3_wp*epsilon(1.0_wp)
+        real(wp) :: largest, miss
+        integer :: i
+
+        largest = 0.0_wp
+        do i = 1, self%n
+            largest = max(largest, abs(y(i))/self%scale_of(i))
+        end do
+        largest_miss = 0.0_wp
+        do i = 1, self%n
+            miss = abs((y(i) - y0(i)) - (d(i) - d0(i)))
+            if (miss > rounding*largest*self%scale_of(i)) largest_miss = max(largest_miss, miss*weight(i))
+        end do
+    end function largest_miss
 
     !> Whether a shorter step to the next state may leave a smaller gap of the velocity. Where a chart turns singular within a step,
     !> the stages behind that point go another way, which no estimate of the error shows: rates of all stages are smooth. A gap that
@@ -307,5 +379,7 @@ contains
         call pack%item(self%t0, self%h, self%t_last)
         call pack%item(self%in_window)
         call pack%item(self%last_gap)
+        call pack%item(self%last_imposed, self%imposed_step)
+        call pack%item(self%in_vain)
     end subroutine pack_state
 end module tandem_simulate_local_error

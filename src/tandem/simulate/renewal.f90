@@ -21,11 +21,7 @@ contains
 
         self%next%dq(:) = 0.0_wp
         if (self%tally%charts > 0) call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)
-        call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
-        if (self%chart%wants_other_rows()) then
-            call self%choose_rows_anew(stat)
-            call self%lost_rank%forget_ahead()
-        end if
+        call self%move_origin(stat)
         if (stat /= status_ok) then
             call self%fail(stat, 'at a new chart at t = '//to_text(self%state%t), error)
             return
@@ -36,6 +32,13 @@ contains
         self%tally%charts_by(reason) = self%tally%charts_by(reason) + 1
         self%tally%charts = self%tally%charts + 1
     end procedure renew_chart
+
+    module procedure move_origin
+        call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+        if (.not. self%chart%wants_other_rows()) return
+        call self%choose_rows_anew(stat)
+        call self%lost_rank%forget_ahead()
+    end procedure move_origin
 
     module procedure renew_by_policy
         type(health_type) :: health

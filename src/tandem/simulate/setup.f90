@@ -2,6 +2,7 @@
 !> The set-up of a simulation: what was asked for is checked, what a run before has left is forgotten, work space is allocated.
 submodule(tandem_simulation) tandem_simulate_setup
     use tandem_option_rules, only: complete_options
+    use tandem_model_terms, only: need_nu
     implicit none (type, external)
 
 contains
@@ -156,6 +157,18 @@ contains
         if (allocated(self%events)) deallocate (self%events)
     end subroutine forget_run
 
+    module procedure watch_constraints
+        logical :: depend_on_time
+
+        ! The gap of implicit steps also holds what Newton's iterations leave, for which shorter steps are no cure.
+        call self%local_error%allow_gap(merge(huge(1.0_wp), warning_limit(self%options), self%method%implicit))
+        associate (model => self%model)
+            depend_on_time = iand(model%provides, need_nu) /= 0 .or. associated(model%holonomic_rate) .or. &
+                associated(model%nonholonomic_rhs)
+        end associate
+        call self%local_error%count_imposed(self%method%implicit .and. depend_on_time)
+    end procedure watch_constraints
+
     !> States, and what estimates, controls and steps need.
     subroutine allocate_work(self, scale)
         class(simulation_type), intent(inout) :: self
@@ -165,8 +178,7 @@ contains
 
         call self%control%initialize(self%options, scale, self%method)
         call self%local_error%initialize(scale, self%options%is_adaptive() .or. self%method%order > 5)
-        ! The gap of implicit steps also holds what Newton's iterations leave, for which shorter steps are no cure.
-        call self%local_error%allow_gap(merge(huge(1.0_wp), warning_limit(self%options), self%method%implicit))
+        call watch_constraints(self)
         if (self%method%stability_limit > 0.0_wp .and. self%options%is_adaptive()) then
             call self%stiffness%smoothness%initialize(self%model%n)
         end if

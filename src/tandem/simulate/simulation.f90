@@ -121,7 +121,8 @@ module tandem_simulation
         procedure :: statistics, multipliers, kinetic_energy, potential_energy
         procedure :: warn, add_event, save_state, restore_state
         procedure, private :: check_ready, advance, make_room, part_end, look_for_events, act_on_events, accept_start
-        procedure, private :: choose_rows_anew, has_surplus_rows, allocate_chart, allocate_stepper, renew_chart, consider_exchange
+        procedure, private :: choose_rows_anew, has_surplus_rows, allocate_chart, allocate_stepper, renew_chart, move_origin
+        procedure, private :: consider_exchange
         procedure, private :: consider_beginning, take_stepper, set_method, measure_errors, fail, explain, compare_procedures
         procedure, private :: with_rows
         procedure :: start_clock, stop_clock
@@ -185,6 +186,15 @@ module tandem_simulation
             type(error_type), allocatable, intent(out) :: error
         end subroutine renew_chart
 
+        !> Make the current state the chart's origin, with other rows in use where redundant ones ask for it. The state's increments
+        !> stay as they are.
+        module subroutine move_origin(self, stat)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> A status code.
+            integer, intent(out) :: stat
+        end subroutine move_origin
+
         !> What the run has cost and how wrong it was, so far.
         module function statistics(self) result(statistics_)
             implicit none (type, external)
@@ -215,6 +225,12 @@ module tandem_simulation
             !> A status code.
             integer, intent(out) :: stat
         end subroutine take_stepper
+
+        !> Choose how the error of a step counts what constraints add to its increments.
+        module subroutine watch_constraints(self)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+        end subroutine watch_constraints
 
         !> What depends on the method.
         module subroutine set_method(self)

@@ -250,7 +250,7 @@ contains
         real(wp), intent(in) :: t_limit
         logical, intent(out) :: ends_at_breakpoint
         type(error_type), allocatable, intent(out) :: error
-        real(wp) :: h, stop_at, norm
+        real(wp) :: h, stop_at, norm, estimate
         logical :: is_cut, is_short, is_first, is_sliver, has_failed
         integer :: outcome, reason, stat
 
@@ -275,7 +275,7 @@ contains
                 call underflow(self, reason, h, error)
                 return
             end if
-            call try_step(self, h, norm, outcome, stat)
+            call try_step(self, h, norm, estimate, outcome, stat)
             if (outcome == is_kept) exit
             if (stat == status_callback_failed) then
                 call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error)
@@ -297,7 +297,7 @@ contains
             return
         end if
         self%hindrance = merge(reason, status_ok, has_failed)
-        call note_local_error(self, h, norm)
+        call note_local_error(self, h, estimate)
         ! In a sliver all differences are rounding.
         if (.not. is_sliver) then
             call self%control%accept(h, is_short, norm, self%stepper%stiffness(h, self%next), &
@@ -332,16 +332,18 @@ contains
     end subroutine propose_step
 
     !> Try the step to self%next.
-    subroutine try_step(self, h, norm, outcome, stat)
+    subroutine try_step(self, h, norm, estimate, outcome, stat)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: h
-        !> The estimate of its error on the scale of the tolerances.
-        real(wp), intent(out) :: norm
+        !> The error that decides on its size, on the scale of the tolerances, and the part of it that the state keeps: the
+        !> constraints restore an imposed motion.
+        real(wp), intent(out) :: norm, estimate
         !> `is_kept`, `misses_tolerance`, `leaves_gap` or `fails`, and for the last why.
         integer, intent(out) :: outcome, stat
         logical :: has_gap
 
         norm = 0.0_wp
+        estimate = 0.0_wp
         outcome = fails
         call self%stepper%advance(self%chart, self%state, h, self%next, stat)
         if (stat /= status_ok) then
@@ -349,8 +351,11 @@ contains
             return
         end if
         call self%control%set_weights(self%state%q, self%next%q, self%state%qd, self%next%qd)
-        call self%stepper%estimate(self%chart, h, self%control%weight_q, self%control%weight_qd, norm)
+        call self%stepper%estimate(self%chart, h, self%control%weight_q, self%control%weight_qd, estimate)
+        norm = estimate
         if (self%method%varies) call self%control%set_order(self%stepper%order_of_estimate())
+        if (self%tally%contradiction == '') call self%local_error%add_imposed(self%state, self%next, self%control%weight_q, &
+            self%control%weight_qd, relative_order(self), norm)
         if (.not. norm <= 1.0_wp) then
             outcome = misses_tolerance
             return
@@ -361,6 +366,21 @@ contains
         call self%local_error%find_gap(self%state, self%next, has_gap)
         outcome = merge(leaves_gap, is_kept, has_gap)
     end subroutine try_step
+
+    !> The order of the error estimate of a step over that of the step, both plus one. Methods whose order varies are those of
+    !> Radau, which have order 2 s - 1 with s stages and an estimate of order s.
+    pure real(wp) function relative_order(self)
+        class(simulation_type), intent(in) :: self
+        integer :: of_estimate, of_step
+
+        of_estimate = self%method%estimate_order
+        of_step = self%method%order
+        if (self%method%varies) then
+            of_estimate = self%stepper%order_of_estimate()
+            of_step = 2*of_estimate - 1
+        end if
+        relative_order = real(of_estimate + 1, wp)/real(of_step + 1, wp)
+    end function relative_order
 
     !> Make ready for a shorter try.
     subroutine give_up_try(self, h, norm, outcome, stat, error)

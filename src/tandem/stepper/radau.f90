@@ -32,8 +32,11 @@ module tandem_stepper_radau
         type(tableau_type), private :: tableau
         integer, private :: wanted = 3
         type(choice_type), private :: choice
-        !> Rates of the stages and where they lie (n, stages), residuals and corrections (3 n, stages), those transformed.
-        real(wp), allocatable, private :: rate_q(:, :), rate_qd(:, :), q(:, :), qd(:, :), residual(:, :), transformed(:, :)
+        !> Rates of the stages and where they lie (n, stages).
+        real(wp), allocatable, private :: rate_q(:, :), rate_qd(:, :), q(:, :), qd(:, :)
+        !> Residuals and corrections of the stages (height, stages), and the same transformed. The height is the chart's n_residual,
+        !> and at least 2 n, as the rates of the stages are stored here during sweeps.
+        real(wp), allocatable, private :: residual(:, :), transformed(:, :)
         !> Increments and rates at the start of the step, errors (n).
         real(wp), allocatable, private :: start_dq(:), start_dqd(:), start_q(:), start_qd(:), error_q(:), error_qd(:), dq(:), &
             dqd(:)
@@ -97,11 +100,22 @@ contains
         if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%q, self%qd, self%residual, self%transformed, &
             self%start_dq, self%start_dqd, self%start_q, self%start_qd, self%error_q, self%error_qd, self%dq, self%dqd)
         associate (most => self%most)
-            allocate (self%rate_q(n, most), self%rate_qd(n, most), self%q(n, most), self%qd(n, most), self%residual(3*n, most), &
-                self%transformed(3*n, most), self%start_dq(n), self%start_dqd(n), self%start_q(n), self%start_qd(n), &
-                self%error_q(n), self%error_qd(n), self%dq(n), self%dqd(n), source=0.0_wp)
+            allocate (self%rate_q(n, most), self%rate_qd(n, most), self%q(n, most), self%qd(n, most), &
+                self%residual(2*n, most), self%transformed(2*n, most), self%start_dq(n), self%start_dqd(n), self%start_q(n), &
+                self%start_qd(n), self%error_q(n), self%error_qd(n), self%dq(n), self%dqd(n), source=0.0_wp)
         end associate
     end subroutine initialize
+
+    !> Enlarge residuals to the size that a chart asks for: before the first step, and where rows in use have become more.
+    subroutine fit_residuals(self, height)
+        class(radau_type), intent(inout) :: self
+        !> The chart's n_residual.
+        integer, intent(in) :: height
+
+        if (size(self%residual, 1) >= height) return
+        deallocate (self%residual, self%transformed)
+        allocate (self%residual(height, self%most), self%transformed(height, self%most), source=0.0_wp)
+    end subroutine fit_residuals
 
     !> One step: from the extrapolated past; if that fails with an old matrix, with a new one; then with fewer stages, if there may
     !> be fewer: in a shorter step, since one that was made for more would be too long for them.
@@ -115,6 +129,7 @@ contains
         logical :: continues
         integer :: i
 
+        call fit_residuals(self, chart%n_residual)
         self%t_start = state%t
         self%start_dq = state%dq
         self%start_dqd = state%dqd
@@ -275,10 +290,11 @@ contains
         real(wp), intent(out) :: change
         integer, intent(out) :: stat
         real(wp) :: stage_change, t
-        integer :: i, j, m, n
+        integer :: height, i, j, m, n
 
         n = size(self%dq)
         m = chart%n_residual
+        height = size(self%residual, 1)
         change = 0.0_wp
         associate (s => self%tableau%stages, tableau => self%tableau)
             do i = 1, s
@@ -298,14 +314,14 @@ contains
                 if (stat /= status_ok) return
             end do
             do j = 1, s
-                call combine(m, 3*n, s, tableau%t_inverse(:, j), self%residual, self%transformed(:, j))
+                call combine(m, height, s, tableau%t_inverse(:, j), self%residual, self%transformed(:, j))
             end do
             call chart%solve_real(self%transformed(:m, 1))
             do j = 1, (s - 1)/2
                 call chart%solve_pair(j, self%transformed(:m, 2*j), self%transformed(:m, 2*j + 1))
             end do
             do i = 1, s
-                call combine(m, 3*n, s, tableau%t(:, i), self%transformed, self%residual(:, i))
+                call combine(m, height, s, tableau%t(:, i), self%transformed, self%residual(:, i))
                 call chart%move_rates(i, self%q(:, i), self%qd(:, i), tableau%diagonal*h, self%residual(:m, i), &
                     self%rate_q(:, i), self%rate_qd(:, i), stage_change, stat)
                 if (stat /= status_ok) return

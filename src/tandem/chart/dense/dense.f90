@@ -498,12 +498,13 @@ contains
         call self%point%forget()
     end subroutine forget
 
-    !> Forget the last point and the constant mass matrix.
+    !> Forget the last point, the constant mass matrix, and the Newton matrix, which are those of the model as it was.
     subroutine forget_model(self)
         class(dense_chart_type), intent(inout) :: self
 
         call self%forget()
         self%model%mass_is_known = .false.
+        self%stage_segment = 0
     end subroutine forget_model
 
     !> Keep what the next step starts from.
