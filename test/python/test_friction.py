@@ -75,8 +75,8 @@ class Closed(Mechanism):
         with self.went(self.scene(incline(-0.6, "dynamic = 0.3\nspeed = 0.01\n", velocity=1.0))) as file:
             t, v = file["trajectory/time"][:], file["joints/line/speed"][:]
             self.near(v, 1 + G*(np.sin(0.6) - 0.3*np.cos(0.6))*t, 1e-9)
-            self.near(file["forces/rub/force"][:], 0.3*2*G*np.cos(0.6), 1e-9)
-            self.near(file["forces/rub/power"][:], -file["forces/rub/force"][:]*v, 1e-11)
+            self.near(file["forces/rub/force"][:], -0.3*2*G*np.cos(0.6), 1e-9)
+            self.near(file["forces/rub/power"][:], file["forces/rub/force"][:]*v, 1e-11)
             residual, scale = energies(file)
             self.assertLess(residual, 1e-9*scale)
 
@@ -91,7 +91,7 @@ class Closed(Mechanism):
                 before = t < stops - 0.02
                 self.near(v[before], 2 - G*(np.sin(0.2) + 0.3*np.cos(0.2))*t[before], 1e-6)
                 self.near(v[-1], -creep, 1e-7)
-                self.near(file["forces/rub/force"][-1], -2*G*np.sin(0.2), 1e-4)
+                self.near(file["forces/rub/force"][-1], 2*G*np.sin(0.2), 1e-4)
 
     def test_pressed_by_its_own_friction(self):
         """The rail holds M = m g b + h mu N, which presses too: N^2 = (m g)^2 + (M/arm)^2."""
@@ -101,13 +101,13 @@ class Closed(Mechanism):
         for stepper in ("dop853", "radau5"):
             with self.subTest(stepper), self.went(self.scene(tilting(f"dynamic = {mu}\nspeed = 0.01\narm = {arm}\n", 9.0)),
                                                   f'solver.stepper="{stepper}"') as file:
-                self.near(file["forces/rub/force"][:], mu*normal, 1e-9*normal)
+                self.near(file["forces/rub/force"][:], -mu*normal, 1e-9*normal)
                 self.near(file["joints/line/torque"][:, 2], m*G*b + h*mu*normal, 1e-9*normal)
                 self.near(file["joints/line/speed"][:], 9 - mu*normal/m*file["trajectory/time"][:], 1e-8)
 
     def test_torques_do_not_press_without_an_arm(self):
         with self.went(self.scene(tilting("dynamic = 0.4\nspeed = 0.01\n", 9.0))) as file:
-            self.near(file["forces/rub/force"][:], 0.4*2*G, 1e-9)
+            self.near(file["forces/rub/force"][:], -0.4*2*G, 1e-9)
 
     def test_jams(self):
         """Where mu h/arm > 1, a friction makes more normal force than it takes: no motion, or several."""
@@ -144,7 +144,7 @@ class Sticks(Mechanism):
                 angle, w = 0.1 + file["joints/line/angle"][1:], file["joints/line/rate"][1:]
                 # The start is at rest; 0.1 s are seventy times of what it takes to come to the creep.
                 self.assertLess(np.max(np.abs(w/self.creep(angle) - 1)), 1e-3)
-                self.near(file["forces/rub/torque"][1:], -2*G*0.5*np.sin(angle), 1e-3)
+                self.near(file["forces/rub/torque"][1:], 2*G*0.5*np.sin(angle), 1e-3)
                 self.assertGreater(np.min(angle), 0.09)
 
     def test_it_comes_to_rest(self):

@@ -258,7 +258,7 @@ class Sensors(Mechanism):
                 np.testing.assert_array_equal(file[group]["way"][:], q)
                 np.testing.assert_array_equal(file[group]["speed"][:], qd)
             along = np.array([0, math.sin(0.2), -math.cos(0.2)])
-            self.near(file["wheels/front/force_body"][:] @ along, file["forces/suspension/force"][:], 1e-9)
+            self.near(file["wheels/front/force_body"][:] @ along, -file["forces/suspension/force"][:], 1e-9)
             self.assertGreater(np.ptp(file["forces/suspension/force"][:]), 0.01)
             self.assertEqual(list(file["forces/suspension/force"].attrs["between"]), ["chassis", "front"])
             self.near(file["wheels/front/place"][:, 2], 0, 1e-13)

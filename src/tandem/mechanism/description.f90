@@ -14,7 +14,7 @@ module tandem_mechanism_description
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_joint, only: kind_names
     use tandem_mechanism_key_reader, only: anything, key_reader_type, not_negative, positive, shown_type
-    use tandem_mechanism_parameters, only: resolve_parameters
+    use tandem_mechanism_parameters, only: reserved_names, resolve_parameters
     use tandem_mechanism_repetition, only: repeat_elements
     use tandem_mechanism_table_function, only: table_ends, table_kinds, table_type
     use tandem_mechanism_shape, only: set_mass_of_shape, shape_names, shape_sizes
@@ -248,6 +248,11 @@ contains
         call reader%open('function', number)
         if (reader%failed()) return
         name = reader%name
+        if (name == 'pi' .or. any(reserved_names == name) .or. any(reader%names == name)) then
+            call reader%fail('', 'the name "'//name//'" has another meaning in expressions, as a variable or a parameter', &
+                'choose another name')
+            return
+        end if
         call reader%get_numbers('at', [max(2, reader%count_of('at'))], at, anything, '', 'where the values are, ascending', &
             required=.true.)
         call reader%get_numbers('values', [max(2, reader%count_of('at'))], values, anything, '', 'as many', required=.true.)

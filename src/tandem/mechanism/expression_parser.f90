@@ -404,6 +404,10 @@ contains
             return
         end if
         if (self%is_next('(')) call self%fail(column, '"'//name//'" is no function; write * for a product')
+        if (i <= self%n_variables) then
+            if (any(self%names(self%n_variables + 1:) == name)) call self%fail(column, '"'//name// &
+                '" is the name of a variable here and of a parameter; rename the parameter')
+        end if
         if (i > self%n_variables) then
             value%value = self%values(i - self%n_variables)
         else

@@ -409,7 +409,8 @@ contains
         if (self%segment /= self%held_segment) call hold_segment(self)
         if (terms%is_compressed .neqv. self%is_compressed) call set_columns(self, terms%is_compressed)
         ! A call that asks for no term wants the poses themselves.
-        follows = self%counts_turns .and. self%follows_turns
+        ! A search goes by Phi and by forces; a call for no term is an arrival.
+        follows = self%counts_turns .and. self%follows_turns .and. (need == 0 .or. iand(need, need_phi + need_force) /= 0)
         if (self%takes_poses .or. need == 0 .or. follows) then
             call set_places(self, q)
             if (iand(need, need_gamma + need_force) /= 0) then

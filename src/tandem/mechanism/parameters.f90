@@ -9,9 +9,23 @@ module tandem_mechanism_parameters
     implicit none (type, external)
     private
 
-    public :: resolve_parameters
+    public :: resolve_parameters, check_parameter_name, reserved_names
+
+    !> The variables of functions of time and of laws, which would hide a parameter of the same name.
+    character(len=6), parameter :: reserved_names(4) = [character(len=6) :: 't', 'length', 'angle', 'rate']
 
 contains
+
+    !> Refuse what cannot be the name of a parameter, or of the number of a copy.
+    subroutine check_parameter_name(name, error)
+        character(len=*), intent(in) :: name
+        type(error_type), allocatable, intent(out) :: error
+
+        call check_name(name, error)
+        if (allocated(error)) return
+        if (any(reserved_names == name)) call set_error(error, status_invalid_model, '"'//name// &
+            '" has a meaning of its own in expressions, as the variable of a function or of a law', 'choose another name')
+    end subroutine check_parameter_name
 
     !> The values of all parameters.
     subroutine resolve_parameters(names, texts, values, error, key)
@@ -33,7 +47,7 @@ contains
         values = 0.0_wp
         allocate (expressions(size(names)))
         do i = 1, size(names)
-            call check_name(trim(names(i)), error)
+            call check_parameter_name(trim(names(i)), error)
             if (allocated(error)) return
             if (any(names(:i - 1) == names(i))) then
                 call set_error(error, status_invalid_model, 'there are two parameters "'//trim(names(i))//'"', 'rename one of them')

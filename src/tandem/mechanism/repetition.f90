@@ -6,7 +6,8 @@ module tandem_mechanism_repetition
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, number_value, text_value, value_type
-    use tandem_mechanism_expression, only: check_name, expression_type, parse_expression
+    use tandem_mechanism_expression, only: expression_type, parse_expression
+    use tandem_mechanism_parameters, only: check_parameter_name
     use tandem_status, only: status_invalid_model
     implicit none (type, external)
     private
@@ -133,11 +134,11 @@ contains
                     return
                 end if
                 index_name = given%value%atoms(1)%text
-                call check_name(index_name, error)
+                call check_parameter_name(index_name, error)
                 if (allocated(error)) return
             end associate
         end if
-        if (any(names == index_name) .and. (k > 0 .or. depth > 1)) then
+        if (any(names == index_name)) then
             if (k == 0) place = place_below(entries, head)
             call set_error(error, status_invalid_model, head//'index: "'//index_name//'" is the name of a parameter'// &
                 trim(merge(' or of an outer index', '                     ', depth > 1)), 'take another one')
