@@ -6,6 +6,7 @@ module tandem_legacy_comparison
     use tandem_kinds, only: wp
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_model, only: label_length
+    use tandem_model_segment, only: find_segment
     use tandem_model_terms, only: need_nu
     use tandem_model_verification, only: finding_type, verify_model
     use tandem_status, only: status_invalid_model, status_invalid_option
@@ -39,9 +40,8 @@ contains
             return
         end if
         segment = model%segment
-        model%segment = 1
-        if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
-        call verify_model(model, t, q, qd, n_states, findings, error)
+        call find_segment(model, t, error)
+        if (.not. allocated(error)) call verify_model(model, t, q, qd, n_states, findings, error)
         model%segment = segment
         if (.not. allocated(error)) call tell_first(model, t, findings, error)
     end subroutine compare_procedures

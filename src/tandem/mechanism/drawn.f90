@@ -99,12 +99,48 @@ module tandem_mechanism_drawn
         type(name_index_type) :: name_index, point_index, sensor_index, motion_index
         !> What each is, `of_joint` and so on, 0 for a body, and its number in the list of its type.
         integer, allocatable :: types(:), numbers(:)
+        !> How far kinks of each function of time, law and formula have been looked for, in this order; those behind
+        !> `breakpoints_until`, in no order, and whether qd jumps there.
+        real(wp), allocatable :: searched(:), ahead(:)
+        logical, allocatable :: jumps_ahead(:)
     contains
         procedure :: clear, fit, find_body, find_element
         procedure :: keep_name, variable_names, list_variables
         procedure :: take_motion, take_law, take_formula, take_direction
         procedure :: need_turning_body, find_coordinate, frame_of, angle_of, drawn_length
+        procedure :: begin_breakpoints, know_breakpoints, hold_pieces, pieces_hide
     end type drawn_type
+
+    interface
+        !> Find the first times where a function has a kink: steps end there, and qd jumps where the rate of a motion does.
+        module subroutine begin_breakpoints(self, error)
+            implicit none (type, external)
+            class(drawn_type), intent(inout) :: self
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine begin_breakpoints
+
+        !> Look for kinks until so many are known.
+        module subroutine know_breakpoints(self, number, error)
+            implicit none (type, external)
+            class(drawn_type), intent(inout) :: self
+            integer, intent(in) :: number
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine know_breakpoints
+
+        !> Let the functions hold the smooth pieces of the current segment.
+        pure module subroutine hold_pieces(self)
+            implicit none (type, external)
+            class(drawn_type), intent(inout) :: self
+        end subroutine hold_pieces
+
+        !> Whether the pieces that are held have values between two times that a step does not see.
+        module function pieces_hide(self, from, to)
+            implicit none (type, external)
+            class(drawn_type), intent(in) :: self
+            real(wp), intent(in) :: from, to
+            logical :: pieces_hide
+        end function pieces_hide
+    end interface
 
 contains
 

@@ -15,6 +15,7 @@ module tandem_mechanism_expression
     use tandem_kinds, only: wp
     use tandem_mechanism_expression_code, only: code_type, max_slots
     use tandem_mechanism_expression_parser, only: compile, is_name, name_length
+    use tandem_mechanism_interval, only: interval_type
     use tandem_mechanism_operations, only: branch_of, differentiate, find_function, value_of
     use tandem_status, only: status_invalid_model
     implicit none (type, external)
@@ -28,12 +29,62 @@ module tandem_mechanism_expression
     contains
         !> What it is made of.
         procedure :: is_constant, first_not_in, n_operations
-        procedure :: n_kinks, kink_order, kink_depends_on_others, renumber
+        procedure :: n_kinks, kink_order, kink_depends_on_others, renumber, list_parts
         !> What it gives at a point.
         procedure :: value => evaluate_value, evaluate_gradient, evaluate_along
         procedure :: evaluate_gradient_along, evaluate_kinks, find_sides
-        procedure, private :: fill_leaves, branch_at
+        !> What it gives while one variable goes through an interval.
+        procedure :: enclose_kinks, enclose_parts, evaluate_parts
+        procedure, private :: fill_leaves, branch_at, branch_with
     end type expression_type
+
+    interface
+        !> The parts of the expression that depend on one variable alone, each as large as it can be, without the variable itself.
+        pure module function list_parts(self, variable) result(parts)
+            implicit none (type, external)
+            class(expression_type), intent(in) :: self
+            !> Its place in the list of names.
+            integer, intent(in) :: variable
+            !> For `enclose_parts` and `evaluate_parts`.
+            integer, allocatable :: parts(:)
+        end function list_parts
+
+        !> Bounds of the arguments of kinks and of their derivatives while one variable goes through an interval; empty for kinks
+        !> that depend on other variables. Derivatives are unbounded where an argument may jump.
+        pure module subroutine enclose_kinks(self, variable, from, to, arguments, rates, middle)
+            implicit none (type, external)
+            class(expression_type), intent(in) :: self
+            integer, intent(in) :: variable
+            !> The interval.
+            real(wp), intent(in) :: from, to
+            !> One each kink; the last are the arguments in the middle of the interval with their rounding errors.
+            type(interval_type), intent(out) :: arguments(:), rates(:), middle(:)
+        end subroutine enclose_kinks
+
+        !> Bounds of the values of parts and of their derivatives while the variable that they depend on goes through an interval.
+        pure module subroutine enclose_parts(self, variable, parts, from, to, values, rates, sides)
+            implicit none (type, external)
+            class(expression_type), intent(in) :: self
+            integer, intent(in) :: variable
+            !> Of `list_parts`.
+            integer, intent(in) :: parts(:)
+            real(wp), intent(in) :: from, to
+            type(interval_type), intent(out) :: values(:), rates(:)
+            !> The side of each kink: 1 or -1. Without it, the variables decide.
+            integer, intent(in), optional :: sides(:)
+        end subroutine enclose_parts
+
+        !> The values of parts and their derivatives by the variable.
+        pure module subroutine evaluate_parts(self, variable, parts, t, values, rates, sides)
+            implicit none (type, external)
+            class(expression_type), intent(in) :: self
+            integer, intent(in) :: variable, parts(:)
+            !> The variable.
+            real(wp), intent(in) :: t
+            real(wp), intent(out) :: values(:), rates(:)
+            integer, intent(in), optional :: sides(:)
+        end subroutine evaluate_parts
+    end interface
 
 contains
 
@@ -213,21 +264,29 @@ contains
         integer, intent(in) :: k
         real(wp), intent(in) :: a, b
         integer, intent(in), optional :: sides(:)
-        integer :: kink, last
 
         branch = 0
-        kink = self%code%first_kink(k)
-        if (kink == 0) return
-        if (.not. present(sides)) then
+        if (self%code%first_kink(k) == 0) return
+        if (present(sides)) then
+            branch = self%branch_with(k, sides)
+        else
             branch = branch_of(self%code%operations(k), a, b)
-            return
         end if
+    end function branch_at
+
+    !> The branch of an operation with kinks whose sides are given.
+    pure integer function branch_with(self, k, sides) result(branch)
+        class(expression_type), intent(in) :: self
+        integer, intent(in) :: k, sides(:)
+        integer :: kink, last
+
+        kink = self%code%first_kink(k)
         ! A smooth step has two kinks, that at 1 behind that at 0.
         last = kink
         if (self%code%kink_orders(kink) > 1) last = kink + 1
         branch = count(sides(kink:last) >= 0)
         if (last > kink .and. sides(last) >= 0) branch = 2
-    end function branch_at
+    end function branch_with
 
     !> The value.
     pure real(wp) function evaluate_value(self, x, sides) result(value)

@@ -17,8 +17,8 @@ module tandem_mechanism_function
     type, abstract :: function_type
     contains
         procedure(evaluate_interface), deferred :: evaluate
-        !> Only of a function with kinks: where they are, and the smooth piece that is held.
-        procedure :: find_kinks => find_no_kinks, hold => hold_nothing
+        !> Only of a function with kinks: where they are, and the smooth piece that is held; and whether steps may miss a value.
+        procedure :: find_kinks => find_no_kinks, hold => hold_nothing, hides => hides_nothing
     end type function_type
 
     abstract interface
@@ -59,7 +59,8 @@ module tandem_mechanism_function
     type, extends(function_type) :: expression_function_type
         type(piecewise_type) :: pieces
     contains
-        procedure :: evaluate => evaluate_expression, find_kinks => find_expression_kinks, hold => hold_expression
+        procedure :: evaluate => evaluate_expression, find_kinks => find_expression_kinks, hold => hold_expression, &
+            hides => expression_hides
     end type expression_function_type
 
     !> A table over the time.
@@ -77,8 +78,10 @@ contains
     !> None.
     subroutine find_no_kinks(self, from, to, places, orders, error)
         class(function_type), intent(in) :: self
-        !> The interval of time; its ends do not count (s).
-        real(wp), intent(in) :: from, to
+        !> The interval of time (s); its start does not count. The end is lowered where a search ends early, with those kinks that
+        !> come first.
+        real(wp), intent(in) :: from
+        real(wp), intent(inout) :: to
         !> The times of the kinks in any order, and the lowest derivative that jumps at each: 0 is the value.
         real(wp), allocatable, intent(out) :: places(:)
         integer, allocatable, intent(out) :: orders(:)
@@ -93,6 +96,17 @@ contains
         !> A time within the piece, which is no kink (s).
         real(wp), intent(in) :: t
     end subroutine hold_nothing
+
+    !> Whether values between two times are far from those that a step from one to the other sees: they are not.
+    logical function hides_nothing(self, from, to, rates) result(hides)
+        class(function_type), intent(in) :: self
+        !> Two times within the piece that is held (s).
+        real(wp), intent(in) :: from, to
+        !> Whether the rate counts too.
+        logical, intent(in) :: rates
+
+        hides = .false.
+    end function hides_nothing
 
     !> The function of a parsed expression, whose one variable is the time.
     function expression_function(expression) result(f)
@@ -123,7 +137,8 @@ contains
 
     subroutine find_expression_kinks(self, from, to, places, orders, error)
         class(expression_function_type), intent(in) :: self
-        real(wp), intent(in) :: from, to
+        real(wp), intent(in) :: from
+        real(wp), intent(inout) :: to
         real(wp), allocatable, intent(out) :: places(:)
         integer, allocatable, intent(out) :: orders(:)
         type(error_type), allocatable, intent(out) :: error
@@ -137,6 +152,14 @@ contains
 
         call self%pieces%hold(t)
     end subroutine hold_expression
+
+    logical function expression_hides(self, from, to, rates) result(hides)
+        class(expression_function_type), intent(in) :: self
+        real(wp), intent(in) :: from, to
+        logical, intent(in) :: rates
+
+        hides = self%pieces%hides(from, to, rates)
+    end function expression_hides
 
     pure subroutine evaluate_table(self, t, f)
         class(table_function_type), intent(in) :: self
@@ -152,12 +175,15 @@ contains
 
     subroutine find_table_kinks(self, from, to, places, orders, error)
         class(table_function_type), intent(in) :: self
-        real(wp), intent(in) :: from, to
+        real(wp), intent(in) :: from
+        real(wp), intent(inout) :: to
         real(wp), allocatable, intent(out) :: places(:)
         integer, allocatable, intent(out) :: orders(:)
         type(error_type), allocatable, intent(out) :: error
 
-        call self%table%find_kinks(from, to, places, orders, error)
+        ! Of a repeated table some periods at a time, the last of its times among them.
+        to = min(to, from + self%table%length_of_many())
+        call self%table%find_kinks(from, nearest(to, 1.0_wp), places, orders, error)
     end subroutine find_table_kinks
 
     pure subroutine hold_table(self, t)

@@ -18,8 +18,8 @@ module tandem_mechanism_law
     type, abstract :: law_type
     contains
         procedure(evaluate_interface), deferred :: evaluate
-        !> Only of a law with kinks in time: where they are, and the smooth piece that is held.
-        procedure :: find_kinks => find_no_kinks, hold => hold_nothing
+        !> Only of a law with kinks in time: where they are, and the smooth piece that is held; and whether steps may miss a value.
+        procedure :: find_kinks => find_no_kinks, hold => hold_nothing, hides => hides_nothing
         !> The derivative of the force with respect to the time alone; zero unless overridden.
         procedure :: by_time => not_by_time
     end type law_type
@@ -46,7 +46,8 @@ module tandem_mechanism_law
     type, extends(law_type) :: expression_law_type
         type(piecewise_type) :: pieces
     contains
-        procedure :: evaluate => evaluate_expression, find_kinks => find_expression_kinks, hold => hold_expression
+        procedure :: evaluate => evaluate_expression, find_kinks => find_expression_kinks, hold => hold_expression, &
+            hides => expression_hides
         procedure :: by_time => expression_by_time
     end type expression_law_type
 
@@ -81,8 +82,10 @@ contains
     !> None.
     subroutine find_no_kinks(self, from, to, places, orders, error)
         class(law_type), intent(in) :: self
-        !> The interval of time; its ends do not count (s).
-        real(wp), intent(in) :: from, to
+        !> The interval of time (s); its start does not count. The end is lowered where a search ends early, with those kinks that
+        !> come first.
+        real(wp), intent(in) :: from
+        real(wp), intent(inout) :: to
         !> The times of the kinks in any order, and the lowest derivative that jumps at each: 0 is the value.
         real(wp), allocatable, intent(out) :: places(:)
         integer, allocatable, intent(out) :: orders(:)
@@ -97,6 +100,15 @@ contains
         !> A time within the piece, which is no kink (s).
         real(wp), intent(in) :: t
     end subroutine hold_nothing
+
+    !> Whether values between two times are far from those that a step from one to the other sees: they are not.
+    logical function hides_nothing(self, from, to) result(hides)
+        class(law_type), intent(in) :: self
+        !> Two times within the piece that is held (s).
+        real(wp), intent(in) :: from, to
+
+        hides = .false.
+    end function hides_nothing
 
     !> The law of a parsed expression of the variables time, coordinate, rate, in this order.
     function expression_law(expression) result(law)
@@ -155,7 +167,8 @@ contains
 
     subroutine find_expression_kinks(self, from, to, places, orders, error)
         class(expression_law_type), intent(in) :: self
-        real(wp), intent(in) :: from, to
+        real(wp), intent(in) :: from
+        real(wp), intent(inout) :: to
         real(wp), allocatable, intent(out) :: places(:)
         integer, allocatable, intent(out) :: orders(:)
         type(error_type), allocatable, intent(out) :: error
@@ -169,6 +182,13 @@ contains
 
         call self%pieces%hold(t)
     end subroutine hold_expression
+
+    logical function expression_hides(self, from, to) result(hides)
+        class(expression_law_type), intent(in) :: self
+        real(wp), intent(in) :: from, to
+
+        hides = self%pieces%hides(from, to, .false.)
+    end function expression_hides
 
     pure subroutine evaluate_friction(self, t, x, v, f)
         class(friction_law_type), intent(in) :: self

@@ -88,23 +88,10 @@ module tandem_mechanism
         !> The gradient blocks of one element, in the coordinates of the bodies that it joins.
         type(derivatives_type), private :: window
     contains
-        procedure :: define, start, composed, note_blocks, find_body_motions, pack_state, arrive, is_idle
+        procedure :: define, start, composed, note_blocks, find_body_motions, pack_state, arrive, is_idle, hides
     end type mechanism_type
 
     interface
-        !> The times where a function has a kink: steps end there, and qd jumps where the rate of a motion does.
-        module subroutine find_breakpoints(self, error)
-            implicit none (type, external)
-            class(mechanism_type), intent(inout) :: self
-            type(error_type), allocatable, intent(out) :: error
-        end subroutine find_breakpoints
-
-        !> Let the functions hold the smooth pieces of the current segment.
-        pure module subroutine hold_segment(self)
-            implicit none (type, external)
-            class(mechanism_type), intent(inout) :: self
-        end subroutine hold_segment
-
         !> Columns of the coordinates, the blocks of M, and the weights of the bodies.
         module subroutine number_coordinates(self)
             implicit none (type, external)
@@ -274,7 +261,7 @@ contains
             call set_error(error, status_invalid_model, 'the mechanism was defined before', 'define it once, after all was added')
             return
         end if
-        call find_breakpoints(self, error)
+        call self%begin_breakpoints(error)
         if (allocated(error)) return
         self%is_defined = .true.
         if (.not. allocated(self%name)) self%name = 'mechanism'
@@ -396,6 +383,23 @@ contains
             call evaluate_mechanism(self, need, t, q, qd, terms, stat)
         end select
     end subroutine evaluate
+
+    !> Let the functions hold the smooth pieces of the current segment.
+    pure subroutine hold_segment(self)
+        class(mechanism_type), intent(inout) :: self
+
+        call self%hold_pieces()
+        self%held_segment = self%segment
+        self%time_of_f = huge(self%time_of_f)
+    end subroutine hold_segment
+
+    logical function hides(self, from, to)
+        class(mechanism_type), intent(inout) :: self
+        real(wp), intent(in) :: from, to
+
+        if (self%segment /= self%held_segment) call hold_segment(self)
+        hides = self%pieces_hide(from, to)
+    end function hides
 
     subroutine evaluate_mechanism(self, need, t, q, qd, terms, stat)
         type(mechanism_type), intent(inout) :: self

@@ -13,7 +13,8 @@ module tandem_mechanism_operations
     public :: function_type, functions, find_function, branch_of, value_of, differentiate, is_commutative, has_kink, &
         kink_order
     public :: op_add, op_subtract, op_multiply, op_divide, op_power, op_power_constant, op_negate
-    public :: op_smooth_step
+    public :: op_sin, op_cos, op_tan, op_asin, op_acos, op_atan, op_atan2, op_sinh, op_cosh, op_tanh, op_exp, op_log, op_sqrt
+    public :: op_abs, op_sign, op_step, op_ramp, op_min, op_max, op_smooth_step
     public :: pi
 
     !> The constant of the language.

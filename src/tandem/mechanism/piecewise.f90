@@ -5,6 +5,7 @@ module tandem_mechanism_piecewise
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_mechanism_expression, only: expression_type
+    use tandem_mechanism_interval, only: interval_type
     use tandem_status, only: status_invalid_model
     implicit none (type, external)
     private
@@ -20,16 +21,16 @@ module tandem_mechanism_piecewise
         integer :: n_variables = 0
         logical, allocatable :: is_timed(:)
         integer, allocatable :: sides(:)
+        !> Its parts that depend on time alone, see `expression_type`.
+        integer, allocatable :: parts(:)
         !> Whether sides are held, and whether all of them are.
         logical :: holds = .false., holds_all = .false.
     contains
-        procedure :: initialize, find_kinks, hold, evaluate_value
+        procedure :: initialize, find_kinks, hides, hold, evaluate_value
         procedure :: evaluate_gradient, evaluate_along, evaluate_gradient_along
         procedure, private :: current_sides
     end type piecewise_type
 
-    !> Into how many parts the time of a run is divided by the search for kinks.
-    integer, parameter :: n_parts = 4096
     !> How often a part with a kink is divided.
     integer, parameter :: n_halvings = 80
 
@@ -52,67 +53,272 @@ contains
         self%n_variables = max(time, maxval([0, used]))
         allocate (self%is_timed(expression%n_kinks()), self%sides(expression%n_kinks()))
         self%sides = 1
+        if (time > 0) then
+            self%parts = expression%list_parts(time)
+        else
+            allocate (self%parts(0))
+        end if
         do k = 1, size(self%is_timed)
             self%is_timed(k) = time > 0 .and. .not. expression%kink_depends_on_others(k, max(1, time))
         end do
     end subroutine initialize
 
-    !> The times of the kinks within an interval, in no order, and the lowest derivative that jumps there. An argument of a kink is
-    !> looked at in 4096 parts of the interval, and where it turns back towards zero within one of them, at its extremum.
+    !> The times of the kinks within an interval, in no order, and the lowest derivative that jumps there: every change of sign of
+    !> the argument of a kink. The interval is halved until in each part each argument keeps its sign, is monotonic, or differs
+    !> from zero by no more than rounding, by bounds from interval arithmetic; then its signs at the ends of parts show the kinks.
+    !> After many kinks or much work the search ends early.
     subroutine find_kinks(self, from, to, places, orders, error)
         class(piecewise_type), intent(in) :: self
-        !> The interval; its ends do not count.
-        real(wp), intent(in) :: from, to
+        !> The interval, whose ends do not count; on return the second is how far the search went.
+        real(wp), intent(in) :: from
+        real(wp), intent(inout) :: to
         real(wp), allocatable, intent(out) :: places(:)
         integer, allocatable, intent(out) :: orders(:)
+        !> Kinks follow each other so closely that they cannot be told apart.
         type(error_type), allocatable, intent(out) :: error
-        integer, parameter :: most = 100000
-        real(wp) :: a, b, middle, at_a, at_b, slope_a, slope_b, at_middle
-        integer :: i, k
+        !> After so many kinks or parts the search ends where signs are certain, or a little later.
+        integer, parameter :: enough = 512, much = 20000, later = 64
+        !> So many parts as narrow as numbers allow, side by side, are refused.
+        integer, parameter :: most_narrow = 64
+        !> Ends of parts on the right that are still to be searched.
+        real(wp) :: ends(200), left, right, middle, of_sign(size(self%is_timed))
+        integer :: signs(size(self%is_timed)), n, n_parts, n_narrow, n_late, k
+        logical :: is_narrow
 
         allocate (places(0), orders(0))
-        if (.not. to > from) return
-        do k = 1, size(self%is_timed)
-            if (.not. self%is_timed(k)) cycle
-            b = from
-            call look(self, k, b, at_b, slope_b)
-            do i = 1, n_parts
-                a = b
-                at_a = at_b
-                slope_a = slope_b
-                b = from + (to - from)*i/n_parts
-                call look(self, k, b, at_b, slope_b)
-                if (at_a*at_b < 0.0_wp) then
-                    call add(k, zero_between(self, k, a, b, at_a))
-                else if (.not. abs(at_b) > 0.0_wp) then
-                    ! A value that is zero all along is none of a kink.
-                    if (abs(at_a) > 0.0_wp .or. abs(slope_b) > 0.0_wp) call add(k, b)
-                else if (at_a*slope_a < 0.0_wp .and. at_b*slope_b > 0.0_wp) then
-                    middle = extremum_between(self, k, a, b, slope_a)
-                    call look(self, k, middle, at_middle, slope_a)
-                    if (at_a*at_middle >= 0.0_wp) cycle
-                    call add(k, zero_between(self, k, a, middle, at_a))
-                    call add(k, zero_between(self, k, middle, b, at_middle))
+        if (.not. (to > from .and. any(self%is_timed))) return
+        left = from
+        call find_signs(self, left, signs)
+        of_sign = left
+        n = 1
+        ends(1) = to
+        n_parts = 0
+        n_narrow = 0
+        n_late = 0
+        do while (n > 0)
+            right = ends(n)
+            middle = left + (right - left)/2
+            n_parts = n_parts + 1
+            if (.not. is_simple(self, left, right)) then
+                is_narrow = n == size(ends) .or. right - left <= 4*spacing(max(abs(left), abs(right), 1.0e-3_wp*(to - from)))
+                if (.not. is_narrow) then
+                    n = n + 1
+                    ends(n) = middle
+                    cycle
                 end if
-                if (size(places) > most) then
-                    call set_error(error, status_invalid_model, 'an expression has more than '//to_text(most)// &
-                        ' kinks within the time of the run', 'make it smoother, or the run shorter')
+                n_narrow = n_narrow + 1
+                if (n_narrow > most_narrow) then
+                    call set_error(error, status_invalid_model, 'the kinks of an expression at t = '//to_text(left)// &
+                        ' are too close to each other to be told apart', &
+                        'make the expression smoother there, or end the run before')
                     return
                 end if
-            end do
+            else
+                n_narrow = 0
+            end if
+            call compare_signs()
+            left = right
+            n = n - 1
+            if (size(places) < enough .and. n_parts < much) cycle
+            n_late = n_late + 1
+            if (all(signs /= 0 .or. .not. self%is_timed) .or. n_late > later) exit
         end do
+        to = left
 
     contains
 
-        subroutine add(k, t)
-            integer, intent(in) :: k
-            real(wp), intent(in) :: t
+        !> A kink is where the sign of an argument changes.
+        subroutine compare_signs()
+            integer :: now(size(signs))
+            real(wp) :: t
 
-            if (t <= from .or. t >= to) return
-            places = [places, t]
-            orders = [orders, self%expression%kink_order(k)]
-        end subroutine add
+            call find_signs(self, right, now)
+            do k = 1, size(signs)
+                if (now(k) == 0) cycle
+                if (now(k)*signs(k) < 0) then
+                    t = zero_between(self, k, of_sign(k), right, real(signs(k), wp))
+                    if (t > from .and. t < to) then
+                        places = [places, t]
+                        orders = [orders, self%expression%kink_order(k)]
+                    end if
+                end if
+                signs(k) = now(k)
+                of_sign(k) = right
+            end do
+        end subroutine compare_signs
     end subroutine find_kinks
+
+    !> Whether each argument of a kink that depends on time alone keeps its sign within an interval, is monotonic there, or is zero
+    !> all along as far as rounding allows to say.
+    pure logical function is_simple(self, left, right)
+        class(piecewise_type), intent(in) :: self
+        real(wp), intent(in) :: left, right
+        !> Bounds that are no wider than those of one point by this factor are due to rounding.
+        real(wp), parameter :: little = 4.0_wp
+        type(interval_type), dimension(size(self%is_timed)) :: arguments, rates, middle
+        integer :: k
+
+        call self%expression%enclose_kinks(self%time, left, right, arguments, rates, middle)
+        is_simple = .true.
+        do k = 1, size(self%is_timed)
+            if (.not. self%is_timed(k)) cycle
+            if (arguments(k)%low > 0.0_wp .or. arguments(k)%high < 0.0_wp) cycle
+            if (rates(k)%low > 0.0_wp .or. rates(k)%high < 0.0_wp) cycle
+            if (arguments(k)%low >= little*middle(k)%low .and. arguments(k)%high <= little*middle(k)%high) cycle
+            ! It exists nowhere.
+            if (.not. arguments(k)%low <= arguments(k)%high) cycle
+            is_simple = .false.
+            return
+        end do
+    end function is_simple
+
+    !> The signs of the arguments at a time, zero where rounding hides them and for those that depend on something else.
+    pure subroutine find_signs(self, t, signs)
+        class(piecewise_type), intent(in) :: self
+        real(wp), intent(in) :: t
+        integer, intent(out) :: signs(:)
+        type(interval_type), dimension(size(self%is_timed)) :: arguments, rates, middle
+
+        call self%expression%enclose_kinks(self%time, t, t, arguments, rates, middle)
+        signs = merge(1, 0, self%is_timed .and. arguments%low > 0.0_wp) - &
+            merge(1, 0, self%is_timed .and. arguments%high < 0.0_wp)
+    end subroutine find_signs
+
+    !> Whether the parts that depend on time alone take values between two times that are far from those at times that a step
+    !> looks at, such as a pulse that is narrower than the step. A pulse that a step meets by chance is not seen at other times: each
+    !> of two groups of times has to show what bounds from interval arithmetic allow.
+    logical function hides(self, from, to, rates)
+        class(piecewise_type), intent(in) :: self
+        !> Two times within a smooth piece, which is held.
+        real(wp), intent(in) :: from, to
+        !> Whether derivatives count too.
+        logical, intent(in) :: rates
+        !> The two groups besides the ends, as parts of the step.
+        real(wp), parameter :: looks(3, 2) = reshape([0.5_wp, 0.29_wp, 0.77_wp, 0.62_wp, 0.13_wp, 0.91_wp], [3, 2])
+        !> How many parts of the step are looked at more closely.
+        integer, parameter :: most = 40
+        type(interval_type), dimension(2*size(self%parts)) :: at_ends, seen, allowed
+        integer :: i, j
+
+        hides = .false.
+        if (size(self%parts) == 0) return
+        at_ends = values_at(self, from)
+        call include(at_ends, values_at(self, to))
+        allowed = around(at_ends)
+        if (.not. violation(from, to) > 0.0_wp) return
+        do j = 1, size(looks, 2)
+            seen = at_ends
+            do i = 1, size(looks, 1)
+                call include(seen, values_at(self, from + looks(i, j)*(to - from)))
+            end do
+            seen = around(seen)
+            if (j == 1) then
+                allowed = seen
+            else
+                allowed%low = max(allowed%low, seen%low)
+                allowed%high = min(allowed%high, seen%high)
+            end if
+        end do
+        if (violation(from, to) > 0.0_wp) call search()
+
+    contains
+
+        !> By how much bounds exceed what is allowed, relative to that.
+        real(wp) function violation(left, right)
+            real(wp), intent(in) :: left, right
+            type(interval_type) :: bounds(2*size(self%parts))
+            integer :: k
+
+            bounds = bounds_between(self, left, right)
+            violation = 0.0_wp
+            do k = 1, merge(2, 1, rates)*size(self%parts)
+                associate (excess => max(allowed(k)%low - bounds(k)%low, bounds(k)%high - allowed(k)%high))
+                    if (excess > 0.0_wp) violation = max(violation, excess/(allowed(k)%high - allowed(k)%low))
+                end associate
+            end do
+        end function violation
+
+        !> Look for a value that was not seen, in the part with the widest bounds first, until bounds show that there is none.
+        subroutine search()
+            real(wp) :: places(2, most + 1), violations(2), middle, left, right
+            integer :: n, n_halvings, first
+
+            n = 1
+            places(:, 1) = [from, to]
+            do n_halvings = 1, most
+                if (n == 0) return
+                left = places(1, n)
+                right = places(2, n)
+                middle = left + (right - left)/2
+                n = n - 1
+                if (.not. (middle > left .and. middle < right)) cycle
+                hides = violation(middle, middle) > 0.0_wp
+                if (hides) return
+                violations = [violation(left, middle), violation(middle, right)]
+                first = maxloc(violations, dim=1)
+                if (violations(3 - first) > 0.0_wp) then
+                    n = n + 1
+                    places(:, n) = merge([left, middle], [middle, right], first == 2)
+                end if
+                if (violations(first) > 0.0_wp) then
+                    n = n + 1
+                    places(:, n) = merge([left, middle], [middle, right], first == 1)
+                end if
+            end do
+        end subroutine search
+    end function hides
+
+    !> The values of the parts that depend on time alone at one time, then their derivatives.
+    pure function values_at(self, t) result(values)
+        class(piecewise_type), intent(in) :: self
+        real(wp), intent(in) :: t
+        type(interval_type) :: values(2*size(self%parts))
+        real(wp) :: now(2*size(self%parts))
+
+        associate (m => size(self%parts))
+            if (self%holds) then
+                call self%expression%evaluate_parts(self%time, self%parts, t, now(:m), now(m + 1:), self%sides)
+            else
+                call self%expression%evaluate_parts(self%time, self%parts, t, now(:m), now(m + 1:))
+            end if
+        end associate
+        values%low = now
+        values%high = now
+    end function values_at
+
+    !> Their bounds between two times.
+    pure function bounds_between(self, left, right) result(bounds)
+        class(piecewise_type), intent(in) :: self
+        real(wp), intent(in) :: left, right
+        type(interval_type) :: bounds(2*size(self%parts))
+
+        associate (m => size(self%parts))
+            if (self%holds) then
+                call self%expression%enclose_parts(self%time, self%parts, left, right, bounds(:m), bounds(m + 1:), self%sides)
+            else
+                call self%expression%enclose_parts(self%time, self%parts, left, right, bounds(:m), bounds(m + 1:))
+            end if
+        end associate
+    end function bounds_between
+
+    !> Widen a range by another one.
+    elemental subroutine include(range, other)
+        type(interval_type), intent(inout) :: range
+        type(interval_type), intent(in) :: other
+
+        range = interval_type(min(range%low, other%low), max(range%high, other%high))
+    end subroutine include
+
+    !> What is not far from a range.
+    elemental type(interval_type) function around(range)
+        type(interval_type), intent(in) :: range
+        !> So many ranges beyond, and rounding.
+        real(wp), parameter :: beyond = 2.0_wp, rounding = 1.0e-9_wp, smallest = 1.0e-200_wp
+        real(wp) :: margin
+
+        margin = beyond*(range%high - range%low) + rounding*max(abs(range%low), abs(range%high)) + smallest
+        around = interval_type(range%low - margin, range%high + margin)
+    end function around
 
     !> The argument of a kink and its rate.
     pure subroutine look(self, k, t, value, rate)
@@ -158,28 +364,6 @@ contains
             zero_between = guess
         end do
     end function zero_between
-
-    !> Where its rate does.
-    pure real(wp) function extremum_between(self, k, from_here, to_there, slope_first)
-        class(piecewise_type), intent(in) :: self
-        integer, intent(in) :: k
-        real(wp), intent(in) :: from_here, to_there, slope_first
-        real(wp) :: low, high, value, rate
-        integer :: halving
-
-        low = from_here
-        high = to_there
-        do halving = 1, n_halvings
-            extremum_between = (low + high)/2
-            if (.not. (extremum_between > low .and. extremum_between < high)) exit
-            call look(self, k, extremum_between, value, rate)
-            if (rate*slope_first > 0.0_wp) then
-                low = extremum_between
-            else
-                high = extremum_between
-            end if
-        end do
-    end function extremum_between
 
     !> Hold the smooth piece that a time lies in, which is no kink.
     pure subroutine hold(self, t)

@@ -1,70 +1,166 @@
 ! SPDX-License-Identifier: MIT
-!> A mechanism from breakpoint to breakpoint: where its functions of time and its laws have kinks, and the smooth pieces of them
-!> that hold between two.
-submodule(tandem_mechanism) tandem_mechanism_segments
-    use tandem_error, only: to_text
+!> A mechanism from breakpoint to breakpoint: the kinks of its functions of time, of its laws and of its expressions are found as a
+!> run goes on, each of them from the time that its own search has reached.
+submodule(tandem_mechanism_drawn) tandem_mechanism_segments
+    use tandem_error, only: set_error, to_text
+    use tandem_mechanism_formula, only: formula_type
+    use tandem_status, only: status_invalid_model
     implicit none (type, external)
 
 contains
 
-    module procedure find_breakpoints
-        real(wp), allocatable :: places(:), kinks(:)
-        integer, allocatable :: orders(:)
+    module procedure begin_breakpoints
+        !> More searches than there are functions, before a run: most mechanisms have no more kinks than these find.
+        integer, parameter :: some = 16
+        integer :: n
+
+        n = size(self%motions) + size(self%laws) + size(self%formulas)
+        if (n == 0 .or. .not. self%times(2) > self%times(1)) return
+        self%searched = spread(self%times(1), 1, n)
+        self%breakpoints_until = self%times(1)
+        allocate (self%breakpoints(0), self%nu_jumps(0), self%ahead(0), self%jumps_ahead(0))
+        call search(self, huge(n), n + some, error)
+        if (allocated(error)) return
+        if (size(self%breakpoints) == 0 .and. .not. self%breakpoints_until < self%times(2)) &
+            deallocate (self%breakpoints, self%nu_jumps)
+    end procedure begin_breakpoints
+
+    module procedure know_breakpoints
+        !> So many searches without a kink are refused.
+        integer, parameter :: most = 1000
+
+        if (.not. allocated(self%searched) .or. .not. allocated(self%breakpoints)) return
+        if (size(self%breakpoints) >= number) return
+        call search(self, number, most*size(self%searched), error)
+        if (allocated(error)) return
+        if (size(self%breakpoints) < number .and. self%breakpoints_until < self%times(2)) call set_error(error, &
+            status_invalid_model, 'kinks of functions of time are sought from t = '//to_text(self%breakpoints_until)// &
+            ' on without an end', 'make the argument of abs, sign, step, ramp, min, max or smooth_step slower')
+    end procedure know_breakpoints
+
+    !> Search until a number of breakpoints is known or all are.
+    subroutine search(self, number, most, error)
+        class(drawn_type), intent(inout) :: self
+        integer, intent(in) :: number
+        !> The largest number of searches.
+        integer, intent(in) :: most
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), allocatable :: places(:)
         logical, allocatable :: jumps(:)
-        real(wp) :: first
-        integer :: i, k, n
+        integer :: i, n_searches
 
-        allocate (kinks(0), jumps(0))
-        do i = 1, size(self%motions)
-            associate (motion => self%motions(i))
-                call motion%f%find_kinks(self%times(1), self%times(2), places, orders, error)
-                if (allocated(error)) return
-                if (any(orders < motion%jump_order)) then
-                    call set_error(error, status_invalid_model, 'the motion of '//trim(motion%name)//' jumps at t = '// &
-                        to_text(places(findloc(orders, 0, dim=1))), 'let it be continuous: a smooth_step does what a step does')
-                    return
-                end if
-                kinks = [kinks, places]
-                jumps = [jumps, orders == motion%jump_order]
-            end associate
-        end do
-        do i = 1, size(self%laws)
-            call self%laws(i)%law%find_kinks(self%times(1), self%times(2), places, orders, error)
+        do n_searches = 1, most
+            if (size(self%breakpoints) >= number .or. .not. self%breakpoints_until < self%times(2)) return
+            i = minloc(self%searched, dim=1)
+            call search_function(self, i, places, jumps, error)
             if (allocated(error)) return
-            kinks = [kinks, places]
-            jumps = [jumps, spread(.false., 1, size(places))]
+            self%ahead = [self%ahead, places]
+            self%jumps_ahead = [self%jumps_ahead, jumps]
+            if (.not. minval(self%searched) > self%breakpoints_until) cycle
+            self%breakpoints_until = minval(self%searched)
+            call take_ahead(self)
         end do
-        do i = 1, size(self%formulas)
-            call self%formulas(i)%pieces%find_kinks(self%times(1), self%times(2), places, orders, error)
-            if (allocated(error)) return
-            kinks = [kinks, places]
-            jumps = [jumps, spread(.false., 1, size(places))]
-        end do
-        if (size(kinks) == 0) return
+    end subroutine search
 
-        ! In their order; those that differ by rounding alone are one.
-        allocate (self%breakpoints(size(kinks)), self%nu_jumps(size(kinks)))
+    !> Search for kinks of one function, from where it has been searched on.
+    subroutine search_function(self, i, places, jumps, error)
+        class(drawn_type), intent(inout) :: self
+        !> Its number among motions, laws and formulas, in this order.
+        integer, intent(in) :: i
+        !> The kinks, and whether qd jumps there.
+        real(wp), allocatable, intent(out) :: places(:)
+        logical, allocatable, intent(out) :: jumps(:)
+        type(error_type), allocatable, intent(out) :: error
+        integer, allocatable :: orders(:)
+        real(wp) :: from, to
+
+        from = self%searched(i)
+        to = self%times(2)
+        associate (law => i - size(self%motions), formula => i - size(self%motions) - size(self%laws))
+            if (formula > 0) then
+                call self%formulas(formula)%pieces%find_kinks(from, to, places, orders, error)
+            else if (law > 0) then
+                call self%laws(law)%law%find_kinks(from, to, places, orders, error)
+            else
+                call self%motions(i)%f%find_kinks(from, to, places, orders, error)
+            end if
+            if (allocated(error)) return
+            allocate (jumps(size(places)), source=.false.)
+            self%searched(i) = to
+            if (law > 0) return
+        end associate
+        associate (motion => self%motions(i))
+            jumps = orders == motion%jump_order
+            if (any(orders < motion%jump_order)) call set_error(error, status_invalid_model, 'the motion of '// &
+                trim(motion%name)//' jumps at t = '//to_text(places(findloc(orders < motion%jump_order, .true., dim=1))), &
+                'let it be continuous: a smooth_step does what a step does')
+        end associate
+    end subroutine search_function
+
+    !> Take the kinks ahead that no other can precede any more as breakpoints, in their order. Those that differ by rounding alone
+    !> are one.
+    subroutine take_ahead(self)
+        class(drawn_type), intent(inout) :: self
+        real(wp), parameter :: rounding = 64*epsilon(1.0_wp)
+        integer, allocatable :: order(:)
+        real(wp), allocatable :: places(:)
+        logical, allocatable :: jumps(:)
+        integer :: i, n
+
+        order = pack([(i, i=1, size(self%ahead))], self%ahead <= self%breakpoints_until)
+        call sort(order)
+        places = self%ahead(order)
+        jumps = self%jumps_ahead(order)
         n = 0
-        do while (any(kinks < huge(first)))
-            k = minloc(kinks, dim=1)
-            first = kinks(k)
+        do i = 1, size(order)
+            if (.not. places(i) < self%times(2)) exit
+            if (n > 0) then
+                if (places(i) - places(n) <= rounding*max(abs(places(i)), rounding*maxval(abs(self%times)))) then
+                    jumps(n) = jumps(n) .or. jumps(i)
+                    cycle
+                end if
+            end if
             n = n + 1
-            self%breakpoints(n) = first
-            associate (same => kinks - first <= 1.0e-12_wp*max(abs(first), self%times(2) - self%times(1)))
-                self%nu_jumps(n) = any(same .and. jumps)
-                where (same) kinks = huge(first)
-            end associate
+            places(n) = places(i)
+            jumps(n) = jumps(i)
         end do
-        self%breakpoints = self%breakpoints(:n)
-        self%nu_jumps = self%nu_jumps(:n)
-    end procedure find_breakpoints
+        self%breakpoints = [self%breakpoints, places(:n)]
+        self%nu_jumps = [self%nu_jumps, jumps(:n)]
+        self%jumps_ahead = pack(self%jumps_ahead, self%ahead > self%breakpoints_until)
+        self%ahead = pack(self%ahead, self%ahead > self%breakpoints_until)
 
-    module procedure hold_segment
+    contains
+
+        !> Sort by merging.
+        recursive subroutine sort(order)
+            integer, intent(inout) :: order(:)
+            integer :: left(size(order)/2), i, j, k
+
+            if (size(order) < 2) return
+            call sort(order(:size(left)))
+            call sort(order(size(left) + 1:))
+            left = order(:size(left))
+            i = 1
+            j = size(left) + 1
+            do k = 1, size(order)
+                if (i > size(left)) exit
+                if (j <= size(order)) then
+                    if (self%ahead(order(j)) < self%ahead(left(i))) then
+                        order(k) = order(j)
+                        j = j + 1
+                        cycle
+                    end if
+                end if
+                order(k) = left(i)
+                i = i + 1
+            end do
+        end subroutine sort
+    end subroutine take_ahead
+
+    module procedure hold_pieces
         real(wp) :: ends(2), t
         integer :: i
 
-        self%held_segment = self%segment
-        self%time_of_f = huge(t)
         if (.not. allocated(self%breakpoints)) return
         ends = self%times
         if (self%segment > 1) ends(1) = self%breakpoints(self%segment - 1)
@@ -79,5 +175,23 @@ contains
         do i = 1, size(self%formulas)
             call self%formulas(i)%pieces%hold(t)
         end do
-    end procedure hold_segment
+    end procedure hold_pieces
+
+    module procedure pieces_hide
+        integer :: i
+
+        pieces_hide = .false.
+        do i = 1, size(self%motions)
+            pieces_hide = self%motions(i)%f%hides(from, to, self%motions(i)%jump_order > 0)
+            if (pieces_hide) return
+        end do
+        do i = 1, size(self%laws)
+            pieces_hide = self%laws(i)%law%hides(from, to)
+            if (pieces_hide) return
+        end do
+        do i = 1, size(self%formulas)
+            pieces_hide = self%formulas(i)%pieces%hides(from, to, .false.)
+            if (pieces_hide) return
+        end do
+    end procedure pieces_hide
 end submodule tandem_mechanism_segments

@@ -30,7 +30,7 @@ module tandem_mechanism_table_function
         !> The lowest derivative that jumps at each point, -1 for none.
         integer, allocatable :: orders(:)
     contains
-        procedure :: initialize, piece_at, evaluate, find_kinks
+        procedure :: initialize, piece_at, evaluate, find_kinks, length_of_many
         procedure, private :: point_before
     end type table_type
 
@@ -258,6 +258,15 @@ contains
             second = 2.0_wp*c(3) + 6.0_wp*s*c(4)
         end associate
     end subroutine evaluate
+
+    !> How far a search for kinks may go at once: some thousand points of a repeated table.
+    pure real(wp) function length_of_many(self) result(length)
+        class(table_type), intent(in) :: self
+        integer, parameter :: many = 1000
+
+        length = huge(length)
+        if (self%is_repeated) length = (1 + many/self%n)*(self%x(self%n) - self%x(1))
+    end function length_of_many
 
     !> The kinks within an interval, in their order, with the lowest derivative that jumps at each: 0 is the value.
     subroutine find_kinks(self, from, to, places, orders, error)

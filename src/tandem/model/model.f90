@@ -10,10 +10,12 @@
 !> Source of the equations: E. J. Haug, An index 0 differential-algebraic equation formulation for multibody dynamics:
 !> nonholonomic constraints, Mech. Based Des. Struct. Mach., 2016, doi 10.1080/15397734.2016.1273783.
 module tandem_model
+    use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_pattern, only: pattern_type
+    use tandem_model_quantity, only: label_length, quantity_type
     use tandem_model_stiffness, only: stiffness_type
     use tandem_model_terms, only: terms_type
     use tandem_model_timer, only: timer_type
@@ -28,29 +30,8 @@ module tandem_model
     public :: direction_derivative, mass_derivative_interface, matrix_of_motion, evaluate_derivatives_interface
     public :: measure_interface, integrand_interface, change_interface, list_motions_interface, normal_forces_interface
 
-    !> Length of a coordinate's, unit's or constraint row's name.
-    integer, parameter :: label_length = 32
     !> What `composed` is asked for.
     integer, parameter :: name_of_coordinate = 1, its_unit = 2, name_of_row = 3, unit_of_its_multiplier = 4
-
-    !> Something that a model can tell of a motion besides its coordinates.
-    type :: quantity_type
-        !> `NAME/WHAT`, as files call it.
-        character(len=64) :: path = ''
-        !> How many numbers it has, 0 for a single one.
-        integer :: width = 0
-        !> Its unit, and what it is.
-        character(len=label_length) :: unit = ''
-        character(len=80) :: meaning = ''
-        !> The group of files that it stands in, none where it is blank.
-        character(len=16) :: group = 'sensors'
-        !> What a force acts between: the first on the second; and its entries that redundant constraints leave undetermined.
-        character(len=label_length) :: between(2) = '', undetermined = ''
-        !> Whether it is made of multipliers, and whether it can be told at a state without accelerations and without a history.
-        logical :: of_multipliers = .false., of_state = .true.
-    contains
-        procedure :: place
-    end type quantity_type
 
     !> A scene extends this with its parameters; sizes say what exists, procedure pointers what each term is.
     type :: model_type
@@ -91,9 +72,9 @@ module tandem_model
         !> Which smooth piece is current, 1 before the first breakpoint; set by the simulation. Procedures look at this
         !> and never compare t with a breakpoint.
         integer :: segment = 1
-        !> What `measure` gives, in its order; nothing where it is not allocated. Whether it must look at every step, since it
-        !> counts
-        !> turns.
+        !> Until when `breakpoints` has all of them; a model that looks for them as a run goes on sets it, see `know_breakpoints`.
+        real(wp) :: breakpoints_until = huge(1.0_wp)
+        !> What `measure` gives, in its order; nothing where it is not allocated. Whether it must look at every step: it counts turns.
         type(quantity_type), allocatable :: quantities(:)
         logical :: measures_every_step = .false.
         !> Whether `measure` is told the multipliers; and the only quantity that it is asked for at the moment, 0 for all.
@@ -186,7 +167,7 @@ module tandem_model
         procedure(vector_of_motion), pointer :: force_rate => null()
     contains
         procedure :: n_constraints, row_name, coordinate_label, unit_of_coordinate, unit_of_multiplier, has_units, composed
-        procedure :: scales, largest_on_scales, note_blocks, pack_state, arrive, is_idle
+        procedure :: scales, largest_on_scales, note_blocks, pack_state, arrive, is_idle, know_breakpoints, hides
     end type model_type
 
     abstract interface
@@ -401,22 +382,6 @@ module tandem_model
 
 contains
 
-    !> The length of the path in files.
-    pure integer function place_length(self)
-        class(quantity_type), intent(in) :: self
-
-        place_length = 1 + len_trim(self%group) + merge(1, 0, self%group /= '') + len_trim(self%path)
-    end function place_length
-
-    !> The path in files: /GROUP/NAME/WHAT.
-    pure function place(self)
-        class(quantity_type), intent(in) :: self
-        character(len=place_length(self)) :: place
-
-        place = '/'//trim(self%group)//merge('/', ' ', self%group /= '')
-        place = trim(place)//trim(self%path)
-    end function place
-
     !> nh + nd, the number of rows of C.
     pure integer function n_constraints(self)
         class(model_type), intent(in) :: self
@@ -594,4 +559,21 @@ contains
 
         is_idle = .false.
     end function is_idle
+
+    !> See that the first `number` breakpoints are in the list, if there are so many. Nothing to do unless overridden.
+    subroutine know_breakpoints(self, number, error)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: number
+        !> They cannot be found, or the model is wrong there.
+        type(error_type), allocatable, intent(out) :: error
+    end subroutine know_breakpoints
+
+    !> Whether functions of time take values between two times of the current segment that a step from one to the other does not
+    !> see, as those of a narrow pulse: the step should be shorter. Unknown unless overridden, which is no.
+    logical function hides(self, from, to)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: from, to
+
+        hides = .false.
+    end function hides
 end module tandem_model

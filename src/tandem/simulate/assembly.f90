@@ -7,6 +7,7 @@ module tandem_simulate_assembly
     use tandem_model, only: label_length, model_type
     use tandem_model_check, only: check_model
     use tandem_model_evaluator, only: evaluator_type
+    use tandem_model_segment, only: find_segment
     use tandem_simulate_nearest_position, only: nearest_position_type
     use tandem_simulate_nearest_velocity, only: nearest_velocity_type
     use tandem_status, only: status_inconsistent_start, status_invalid_option, status_of, status_ok, status_type
@@ -77,8 +78,8 @@ contains
         if (allocated(request%fixed_q)) fixed_q = request%fixed_q
         fixed_qd = .false.
         if (allocated(request%fixed_qd)) fixed_qd = request%fixed_qd
-        model%segment = 1
-        if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
+        call find_segment(model, t, error)
+        if (allocated(error)) return
         call evaluator%initialize(model)
 
         new_q = q

@@ -74,7 +74,7 @@ contains
         character(len=*), intent(out) :: problem
         type(options_type) :: options
         character(len=label_length) :: name
-        real(wp), allocatable :: breakpoints(:), jumps(:), scale(:), blocks(:)
+        real(wp), allocatable :: scale(:), blocks(:)
         logical :: constant_mass
         integer :: sizes(5), i
 
@@ -108,13 +108,7 @@ contains
         if (problem == '' .and. (constant_mass .neqv. self%model%constant_mass)) problem = 'its mass matrix is '// &
             trim(merge('constant    ', 'not constant', constant_mass))
         if (problem /= '') return
-        ! The number of the segment has a meaning among these alone.
-        breakpoints = [real(wp) ::]
-        jumps = [real(wp) ::]
-        if (allocated(self%model%breakpoints)) breakpoints = self%model%breakpoints
-        if (allocated(self%model%nu_jumps)) jumps = merge(1.0_wp, 0.0_wp, self%model%nu_jumps)
-        call compare_numbers(pack, breakpoints, 'breakpoints', problem)
-        call compare_numbers(pack, jumps, 'jumps of nu', problem)
+        call compare_breakpoints(pack, self%model, problem)
         if (problem /= '') return
         call compare(pack, sizes(5), 'events watched', problem)
         do i = 1, sizes(5)
@@ -123,6 +117,56 @@ contains
             call compare_text(pack, name, 'event '//to_text(i), problem)
         end do
     end subroutine pack_identity
+
+    !> Breakpoints that must be the same, but for rounding: from the last that was passed on, until one of the two models knows no
+    !> more, as where the end of a run was put off. The number of the segment has a meaning among these alone.
+    subroutine compare_breakpoints(pack, model, problem)
+        type(pack_type), intent(inout) :: pack
+        class(model_type), intent(inout) :: model
+        character(len=*), intent(inout) :: problem
+        real(wp), parameter :: rounding = 1.0e-12_wp
+        real(wp), allocatable :: ours(:), theirs(:), our_jumps(:), their_jumps(:)
+        type(error_type), allocatable :: error
+        real(wp) :: until
+        integer :: first, n
+
+        first = max(1, model%segment - 1)
+        call pack%item(first)
+        theirs = [real(wp) ::]
+        their_jumps = [real(wp) ::]
+        if (.not. pack%is_reading) then
+            if (allocated(model%breakpoints)) theirs = model%breakpoints(first:)
+            if (allocated(model%nu_jumps)) their_jumps = merge(1.0_wp, 0.0_wp, model%nu_jumps(first:))
+        end if
+        call pack%item(theirs)
+        call pack%item(their_jumps)
+        until = model%breakpoints_until
+        call pack%item(until)
+        if (.not. pack%is_reading .or. problem /= '' .or. pack%has_failed) return
+        call model%know_breakpoints(first + size(theirs), error)
+        if (allocated(error)) then
+            problem = error%message
+            return
+        end if
+        ours = [real(wp) ::]
+        our_jumps = [real(wp) ::]
+        if (allocated(model%breakpoints)) ours = model%breakpoints(min(first, size(model%breakpoints) + 1):)
+        if (allocated(model%nu_jumps)) our_jumps = merge(1.0_wp, 0.0_wp, model%nu_jumps(min(first, size(model%nu_jumps) + 1):))
+        until = min(until, model%breakpoints_until)
+        n = count(ours < until)
+        if (n /= count(theirs < until)) then
+            problem = 'it was made with other breakpoints'
+        else if (any(abs(ours(:n) - theirs(:n)) > rounding*abs(ours(:n)))) then
+            problem = 'it was made with other breakpoints'
+        else
+            n = min(n, size(our_jumps), size(their_jumps))
+            if (size(our_jumps) == 0 .neqv. size(their_jumps) == 0) then
+                problem = 'it was made with other jumps of nu'
+            else if (any(abs(our_jumps(:n) - their_jumps(:n)) > 0.0_wp)) then
+                problem = 'it was made with other jumps of nu'
+            end if
+        end if
+    end subroutine compare_breakpoints
 
     !> A number that must be the same.
     subroutine compare(pack, number, what, problem)
@@ -195,6 +239,7 @@ contains
         call self%lost_rank%pack_state(pack)
         call pack%item(self%hindrance)
         call pack%item(self%is_interrupted, self%try_has_failed)
+        call pack%item(self%has_overlooked)
         call pack%item(self%tries)
         call pack%item(self%tries_from, self%creeps_from)
         call self%stepper%pack_state(pack)

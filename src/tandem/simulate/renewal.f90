@@ -96,6 +96,9 @@ contains
         logical :: jumps
         integer :: stat
 
+        ! The end of the next segment says which smooth pieces hold within it.
+        call self%model%know_breakpoints(self%model%segment + 1, error)
+        if (allocated(error)) return
         call self%part_end()
         associate (model => self%model, state => self%state)
             qd = state%qd

@@ -3,6 +3,7 @@
 submodule(tandem_simulation) tandem_simulate_setup
     use tandem_option_rules, only: complete_options
     use tandem_model_terms, only: need_nu
+    use tandem_model_segment, only: find_segment
     implicit none (type, external)
 
 contains
@@ -44,8 +45,8 @@ contains
         else
             self%is_sparse = wants_sparse(model, self%options, self%method%implicit)
         end if
-        model%segment = 1
-        if (allocated(model%breakpoints)) model%segment = 1 + count(model%breakpoints <= t)
+        call find_segment(model, t, error)
+        if (allocated(error)) return
         ! Where the run keeps them: copies would leave holes in the memory.
         call self%state%begin(t, q, qd)
         call model%arrive(t, self%state%q, .true.)

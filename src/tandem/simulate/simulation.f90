@@ -102,6 +102,8 @@ module tandem_simulation
         integer, private :: hindrance = status_ok
         !> Whether a limit on the work has ended the tries of a controlled step, and whether one of those had failed.
         logical, private :: is_interrupted = .false., try_has_failed = .false.
+        !> Whether a fixed step was found to pass over values of functions of time.
+        logical, private :: has_overlooked = .false.
         !> Tries of controlled steps since a time; the time of the last look whether steps creep.
         integer, private :: tries = 0
         real(wp), private :: tries_from = 0.0_wp, creeps_from = 0.0_wp

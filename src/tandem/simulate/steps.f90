@@ -240,9 +240,19 @@ contains
             return
         end if
         call note_local_error(self, h)
+        if (.not. self%has_overlooked) call look_between(self)
         self%on_grid = ends_on_grid
         if (ends_on_grid) self%grid_steps = self%grid_steps + 1
     end subroutine try_fixed_step
+
+    !> Warn where the fixed step to self%next passes over values of functions of time.
+    subroutine look_between(self)
+        class(simulation_type), intent(inout) :: self
+
+        self%has_overlooked = self%model%hides(self%state%t, self%next%t)
+        if (self%has_overlooked) call self%warn('between t = '//to_text(self%state%t)//' and t = '//to_text(self%next%t)// &
+            ' a function of time has values that the fixed step passes over; set rtol, or take a smaller step')
+    end subroutine look_between
 
     !> Steps of falling size until one meets the tolerances, into self%next.
     subroutine try_controlled_steps(self, t_limit, ends_at_breakpoint, error)
@@ -326,6 +336,13 @@ contains
             if (self%state%t + 1.8_wp*h > stop_at) h = 0.5_wp*(stop_at - self%state%t)
             self%next%t = self%state%t + h
         end if
+        ! Nor may it pass over what functions of time are in between, such as a pulse that is narrower than the step.
+        do while (self%model%hides(self%state%t, self%next%t))
+            h = 0.5_wp*(self%next%t - self%state%t)
+            if (.not. h > 4.0_wp*spacing(abs(self%state%t))) exit
+            is_cut = .false.
+            self%next%t = self%state%t + h
+        end do
         ! Asked before the times round h: a step that is short by that alone was tried in full.
         is_short = is_cut .or. h < self%control%h
         h = self%next%t - self%state%t

@@ -1,0 +1,436 @@
+! SPDX-License-Identifier: MIT
+!> Interval arithmetic for the operations of expressions: bounds of values and of first partial derivatives, where the operands vary
+!> within bounds. Results are widened by more than their rounding errors, so that the bounds hold for exact arithmetic and for values
+!> as they are computed. An empty interval, whose bounds are not numbers, stands for a result that does not exist.
+module tandem_mechanism_interval
+    use tandem_kinds, only: long, wp
+    use tandem_mechanism_operations, only: branch_of, op_abs, op_acos, op_add, op_asin, op_atan, op_atan2, op_cos, op_cosh, &
+        op_divide, op_exp, op_log, op_max, op_min, op_multiply, op_negate, op_power, op_power_constant, op_ramp, op_sign, op_sin, &
+        op_sinh, op_smooth_step, op_sqrt, op_step, op_subtract, op_tan, op_tanh, pi, value_of
+    implicit none (type, external)
+    private
+
+    public :: interval_type, nothing, exact, add, subtract, multiply, common_part, enclose_value, enclose_slopes, branches_between
+
+    !> All numbers between two bounds.
+    type :: interval_type
+        real(wp) :: low, high
+    end type interval_type
+
+    !> No bound is known.
+    type(interval_type), parameter :: whole = interval_type(-huge(1.0_wp), huge(1.0_wp))
+    real(wp), parameter :: rounding = 2.0_wp*epsilon(1.0_wp), half_pi = pi/2
+
+contains
+
+    !> Two bounds, widened by the rounding error of their computation.
+    elemental type(interval_type) function widened(low, high) result(f)
+        real(wp), intent(in) :: low, high
+
+        f = interval_type(low - rounding*abs(low), high + rounding*abs(high))
+        ! What overflows is beyond the largest number; what is not a number stays that.
+        if (low > huge(low)) f%low = huge(low)
+        if (high < -huge(high)) f%high = -huge(high)
+        if (f%low < -huge(low)) f%low = -huge(low)
+        if (f%high > huge(high)) f%high = huge(high)
+    end function widened
+
+    !> Whether an interval is empty.
+    elemental logical function is_empty(a)
+        type(interval_type), intent(in) :: a
+
+        is_empty = .not. a%low <= a%high
+    end function is_empty
+
+    !> The empty interval.
+    pure type(interval_type) function nothing()
+        use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+
+        nothing%low = ieee_value(0.0_wp, ieee_quiet_nan)
+        nothing%high = nothing%low
+    end function nothing
+
+    !> a + b.
+    elemental type(interval_type) function add(a, b) result(f)
+        type(interval_type), intent(in) :: a, b
+
+        f = widened(a%low + b%low, a%high + b%high)
+    end function add
+
+    !> a - b.
+    elemental type(interval_type) function subtract(a, b) result(f)
+        type(interval_type), intent(in) :: a, b
+
+        f = widened(a%low - b%high, a%high - b%low)
+    end function subtract
+
+    !> a b.
+    elemental type(interval_type) function multiply(a, b) result(f)
+        type(interval_type), intent(in) :: a, b
+        real(wp) :: p(4)
+
+        f = nothing()
+        if (is_empty(a) .or. is_empty(b)) return
+        p = [product_of(a%low, b%low), product_of(a%low, b%high), product_of(a%high, b%low), product_of(a%high, b%high)]
+        f = widened(min(p(1), p(2), p(3), p(4)), max(p(1), p(2), p(3), p(4)))
+    end function multiply
+
+    !> A product in which zero times an unbounded number is zero.
+    elemental real(wp) function product_of(x, y)
+        real(wp), intent(in) :: x, y
+
+        product_of = 0.0_wp
+        if (abs(x) > 0.0_wp .and. abs(y) > 0.0_wp) product_of = x*y
+    end function product_of
+
+    !> a a, which is not negative.
+    elemental type(interval_type) function square(a) result(f)
+        type(interval_type), intent(in) :: a
+
+        f = widened(smallest_size(a)**2, max(abs(a%low), abs(a%high))**2)
+    end function square
+
+    !> The distance of an interval from zero.
+    elemental real(wp) function smallest_size(a)
+        type(interval_type), intent(in) :: a
+
+        smallest_size = 0.0_wp
+        if (a%low > 0.0_wp .or. a%high < 0.0_wp) smallest_size = min(abs(a%low), abs(a%high))
+    end function smallest_size
+
+    !> 1/a.
+    elemental type(interval_type) function inverse(a) result(f)
+        type(interval_type), intent(in) :: a
+
+        f = whole
+        if (a%low > 0.0_wp .or. a%high < 0.0_wp) then
+            f = widened(1.0_wp/a%high, 1.0_wp/a%low)
+        else if (a%low < 0.0_wp .and. .not. a%high > 0.0_wp) then
+            f%high = 1.0_wp/a%low
+        else if (a%high > 0.0_wp .and. .not. a%low < 0.0_wp) then
+            f%low = 1.0_wp/a%high
+        end if
+    end function inverse
+
+    !> A number as an interval.
+    elemental type(interval_type) function exact(x) result(f)
+        real(wp), intent(in) :: x
+
+        f = interval_type(x, x)
+    end function exact
+
+    !> All that lies in two intervals, of which one may be wider by rounding: where they miss each other, the first.
+    elemental type(interval_type) function common_part(a, b) result(f)
+        type(interval_type), intent(in) :: a, b
+
+        f = a
+        if (max(a%low, b%low) <= min(a%high, b%high) .and. .not. is_empty(a)) &
+            f = interval_type(max(a%low, b%low), min(a%high, b%high))
+    end function common_part
+
+    !> sin a.
+    elemental type(interval_type) function sine(a) result(f)
+        type(interval_type), intent(in) :: a
+        real(wp), parameter :: largest = 1.0e15_wp
+        real(wp) :: slack, s, c
+
+        f = interval_type(-1.0_wp, 1.0_wp)
+        if (.not. (a%high - a%low < 4*half_pi .and. max(abs(a%low), abs(a%high)) < largest)) return
+        s = sin(a%low)
+        c = sin(a%high)
+        f = widened(min(s, c), max(s, c))
+        slack = 4*rounding*max(abs(a%low), abs(a%high))
+        if (passes(half_pi)) f%high = 1.0_wp
+        if (passes(-half_pi)) f%low = -1.0_wp
+        f%high = min(f%high, 1.0_wp)
+        f%low = max(f%low, -1.0_wp)
+
+    contains
+
+        !> Whether an angle or one that differs by whole turns lies within a.
+        pure logical function passes(angle)
+            real(wp), intent(in) :: angle
+
+            passes = angle + 4*half_pi*real(ceiling((a%low - slack - angle)/(4*half_pi), long), wp) <= a%high + slack
+        end function passes
+    end function sine
+
+    !> cos a.
+    elemental type(interval_type) function cosine(a) result(f)
+        type(interval_type), intent(in) :: a
+
+        f = sine(add(a, exact(half_pi)))
+    end function cosine
+
+    !> a to a constant power.
+    elemental type(interval_type) function power(a, b) result(f)
+        type(interval_type), intent(in) :: a
+        real(wp), intent(in) :: b
+        real(wp), parameter :: large = 1.0e6_wp
+        type(interval_type) :: base
+        integer :: n
+
+        base = a
+        if (.not. abs(b - anint(b)) > 0.0_wp .and. abs(b) < large) then
+            n = nint(b)
+            if (n < 0) base = inverse(a)
+            n = abs(n)
+            if (modulo(n, 2) == 0) base = interval_type(smallest_size(base), max(abs(base%low), abs(base%high)))
+            f = widened(base%low**n, base%high**n)
+        else
+            base%low = max(base%low, 0.0_wp)
+            if (b < 0.0_wp) base = inverse(base)
+            base%low = max(base%low, 0.0_wp)
+            f = widened(base%low**abs(b), base%high**abs(b))
+        end if
+        ! Powers are computed with more than one rounding.
+        f = widened(f%low, f%high)
+    end function power
+
+    !> Logarithm of what of a is above zero.
+    elemental type(interval_type) function logarithm(a) result(f)
+        type(interval_type), intent(in) :: a
+
+        f = whole
+        if (a%high > 0.0_wp) f%high = log(a%high) + rounding*(1.0_wp + abs(log(a%high)))
+        if (a%low > 0.0_wp) f%low = log(a%low) - rounding*(1.0_wp + abs(log(a%low)))
+    end function logarithm
+
+    !> e to the power a.
+    elemental type(interval_type) function exponential(a) result(f)
+        type(interval_type), intent(in) :: a
+
+        f = widened(exp(a%low), exp(a%high))
+        f = widened(f%low, f%high)
+    end function exponential
+
+    !> The branches of an operation with a kink that its operands may take: lowest and highest.
+    pure function branches_between(operation, a, b) result(branches)
+        integer, intent(in) :: operation
+        !> The operands.
+        type(interval_type), intent(in) :: a, b
+        integer :: branches(2)
+
+        branches = [branch_of(operation, a%low, b%high), branch_of(operation, a%high, b%low)]
+    end function branches_between
+
+    !> Bounds of the value of an operation.
+    pure type(interval_type) function enclose_value(operation, a, b, branches) result(f)
+        integer, intent(in) :: operation
+        type(interval_type), intent(in) :: a, b
+        !> The lowest and the highest branch that it may be on.
+        integer, intent(in) :: branches(2)
+        real(wp) :: low, high
+
+        f = nothing()
+        if (is_empty(a) .or. is_empty(b)) return
+        if (operation >= op_abs) then
+            call enclose_kinked(operation, a, b, branches, f)
+            return
+        end if
+        select case (operation)
+        case (op_add)
+            f = add(a, b)
+        case (op_subtract)
+            f = subtract(a, b)
+        case (op_multiply)
+            f = multiply(a, b)
+        case (op_divide)
+            f = multiply(a, inverse(b))
+        case (op_power_constant)
+            if (a%high < 0.0_wp .and. abs(b%low - anint(b%low)) > 0.0_wp) return
+            f = power(a, b%low)
+        case (op_power)
+            if (a%high < 0.0_wp) then
+                f = whole
+            else
+                f = exponential(multiply(logarithm(a), b))
+                if (.not. a%low > 0.0_wp) f = whole
+            end if
+        case (op_negate)
+            f = interval_type(-a%high, -a%low)
+        case (op_sin)
+            f = sine(a)
+        case (op_cos)
+            f = cosine(a)
+        case (op_tan)
+            f = whole
+            if (smallest_size(cosine(a)) > 0.0_wp .and. a%high - a%low < 2*half_pi) f = widened(tan(a%low), tan(a%high))
+        case (op_asin, op_acos)
+            if (a%high < -1.0_wp .or. a%low > 1.0_wp) return
+            low = max(a%low, -1.0_wp)
+            high = min(a%high, 1.0_wp)
+            f = widened(asin(low), asin(high))
+            if (operation == op_acos) f = widened(acos(high), acos(low))
+        case (op_atan)
+            f = widened(atan(a%low), atan(a%high))
+        case (op_atan2)
+            f = interval_type(-2*half_pi, 2*half_pi)
+            ! Monotonic in each operand, unless the origin or the jump behind it is among them.
+            if (b%low > 0.0_wp .or. smallest_size(a) > 0.0_wp) then
+                associate (corners => [atan2(a%low, b%low), atan2(a%low, b%high), atan2(a%high, b%low), atan2(a%high, b%high)])
+                    f = widened(minval(corners), maxval(corners))
+                end associate
+            end if
+        case (op_sinh)
+            f = widened(sinh(a%low), sinh(a%high))
+        case (op_cosh)
+            f = widened(cosh(smallest_size(a)), cosh(max(abs(a%low), abs(a%high))))
+        case (op_tanh)
+            f = widened(tanh(a%low), tanh(a%high))
+        case (op_exp)
+            f = exponential(a)
+        case (op_log)
+            if (a%high < 0.0_wp) return
+            f = logarithm(a)
+        case (op_sqrt)
+            if (a%high < 0.0_wp) return
+            f = widened(sqrt(max(a%low, 0.0_wp)), sqrt(a%high))
+        end select
+    end function enclose_value
+
+    !> Bounds of the value of an operation with kinks.
+    pure subroutine enclose_kinked(operation, a, b, branches, f)
+        integer, intent(in) :: operation
+        type(interval_type), intent(in) :: a, b
+        integer, intent(in) :: branches(2)
+        type(interval_type), intent(inout) :: f
+        type(interval_type) :: piece
+        integer :: branch
+
+        do branch = branches(1), branches(2)
+            select case (operation)
+            case (op_min, op_max)
+                piece = merge(a, b, (operation == op_max) .eqv. (branch == 1))
+            case (op_abs)
+                piece = merge(a, interval_type(-a%high, -a%low), branch == 1)
+            case (op_ramp)
+                piece = merge(a, exact(0.0_wp), branch == 1)
+            case (op_smooth_step)
+                piece = exact(real(branch/2, wp))
+                ! It ascends.
+                if (branch == 1) piece = widened(value_of(operation, a%low, 0.0_wp, 1), value_of(operation, a%high, 0.0_wp, 1))
+            case default
+                piece = exact(value_of(operation, 0.0_wp, 0.0_wp, branch))
+            end select
+            if (branch == branches(1)) then
+                f = piece
+            else
+                f = interval_type(min(f%low, piece%low), max(f%high, piece%high))
+            end if
+        end do
+        if (branches(1) == branches(2)) return
+        ! Beyond their kinks, pieces do not count.
+        select case (operation)
+        case (op_abs, op_ramp)
+            f%low = max(f%low, 0.0_wp)
+        case (op_min)
+            f%high = min(a%high, b%high)
+        case (op_max)
+            f%low = max(a%low, b%low)
+        case (op_smooth_step)
+            f = interval_type(value_of(operation, a%low, 0.0_wp, branch_of(operation, a%low, 0.0_wp)), &
+                value_of(operation, a%high, 0.0_wp, branch_of(operation, a%high, 0.0_wp)))
+            f = widened(f%low, f%high)
+        end select
+    end subroutine enclose_kinked
+
+    !> Bounds of the partial derivatives of an operation; unbounded where its value may jump.
+    pure subroutine enclose_slopes(operation, a, b, f, branches, by_a, by_b)
+        integer, intent(in) :: operation
+        !> The operands, and the value.
+        type(interval_type), intent(in) :: a, b, f
+        integer, intent(in) :: branches(2)
+        type(interval_type), intent(out) :: by_a, by_b
+        type(interval_type) :: s
+        logical :: is_sure
+
+        by_a = nothing()
+        by_b = by_a
+        if (is_empty(f)) return
+        by_b = exact(0.0_wp)
+        is_sure = branches(1) == branches(2)
+        select case (operation)
+        case (op_add)
+            by_a = exact(1.0_wp)
+            by_b = by_a
+        case (op_subtract)
+            by_a = exact(1.0_wp)
+            by_b = exact(-1.0_wp)
+        case (op_multiply)
+            by_a = b
+            by_b = a
+        case (op_divide)
+            by_a = inverse(b)
+            by_b = multiply(interval_type(-f%high, -f%low), by_a)
+        case (op_power_constant)
+            by_a = multiply(b, power(a, b%low - 1.0_wp))
+        case (op_power)
+            by_a = whole
+            by_b = whole
+            if (a%low > 0.0_wp) then
+                by_a = multiply(b, multiply(f, inverse(a)))
+                by_b = multiply(f, logarithm(a))
+            end if
+        case (op_negate)
+            by_a = exact(-1.0_wp)
+        case (op_sin)
+            by_a = cosine(a)
+        case (op_cos)
+            s = sine(a)
+            by_a = interval_type(-s%high, -s%low)
+        case (op_tan)
+            by_a = add(square(f), exact(1.0_wp))
+            if (f%low <= -huge(1.0_wp)) by_a = whole
+        case (op_asin, op_acos)
+            s = subtract(exact(1.0_wp), square(a))
+            by_a = power(inverse(interval_type(max(s%low, 0.0_wp), max(s%high, 0.0_wp))), 0.5_wp)
+            by_a%high = max(by_a%high, by_a%low)
+            if (.not. s%low > 0.0_wp) by_a%high = huge(1.0_wp)
+            if (operation == op_acos) by_a = interval_type(-by_a%high, -by_a%low)
+        case (op_atan)
+            by_a = inverse(add(square(a), exact(1.0_wp)))
+        case (op_atan2)
+            by_a = whole
+            by_b = whole
+            if (b%low > 0.0_wp .or. smallest_size(a) > 0.0_wp) then
+                s = inverse(add(square(a), square(b)))
+                by_a = multiply(b, s)
+                by_b = multiply(interval_type(-a%high, -a%low), s)
+            end if
+        case (op_sinh)
+            by_a = widened(cosh(smallest_size(a)), cosh(max(abs(a%low), abs(a%high))))
+        case (op_cosh)
+            by_a = widened(sinh(a%low), sinh(a%high))
+        case (op_tanh)
+            s = subtract(exact(1.0_wp), square(f))
+            by_a = interval_type(max(s%low, 0.0_wp), max(s%high, 0.0_wp))
+        case (op_exp)
+            by_a = f
+        case (op_log)
+            by_a = inverse(interval_type(max(a%low, 0.0_wp), max(a%high, 0.0_wp)))
+        case (op_sqrt)
+            by_a = multiply(exact(0.5_wp), inverse(f))
+        case (op_abs)
+            by_a = interval_type(merge(1.0_wp, -1.0_wp, branches(1) == 1), merge(1.0_wp, -1.0_wp, branches(2) == 1))
+        case (op_ramp)
+            by_a = interval_type(merge(1.0_wp, 0.0_wp, branches(1) == 1), merge(1.0_wp, 0.0_wp, branches(2) == 1))
+        case (op_min, op_max)
+            by_a = interval_type(0.0_wp, 1.0_wp)
+            if (is_sure) by_a = exact(merge(1.0_wp, 0.0_wp, (operation == op_max) .eqv. (branches(1) == 1)))
+            by_b = subtract(exact(1.0_wp), by_a)
+            if (is_sure) by_b = exact(1.0_wp - by_a%low)
+        case (op_sign, op_step)
+            by_a = exact(0.0_wp)
+            if (.not. is_sure) by_a = whole
+        case default
+            ! 30 (a (1 - a))^2, between its kinks no more than 15/8.
+            by_a = exact(0.0_wp)
+            if (is_sure .and. branches(1) == 1) then
+                by_a = multiply(exact(30.0_wp), square(multiply(a, subtract(exact(1.0_wp), a))))
+            else if (.not. is_sure) then
+                by_a = interval_type(0.0_wp, 1.875_wp)
+            end if
+        end select
+    end subroutine enclose_slopes
+end module tandem_mechanism_interval
