@@ -16,8 +16,8 @@ module tandem_mechanism_coordinate
     implicit none (type, external)
     private
 
-    public :: coordinate_type, begin_turns, count_turns, end_search, measure, differentiate_coordinate, find_slope
-    public :: is_way, is_distance, is_angle, is_tilt
+    public :: coordinate_type, begin_turns, count_turns, end_search, measure, measure_apart, differentiate_coordinate, find_slope
+    public :: pi, is_way, is_distance, is_angle, is_tilt
 
     !> The kinds are a way (one.d, m); a distance (m); an angle (rad) with the cosine `one` and the sine `other`, in the plane the
     !> difference of two angles; the small turn (one - other)/2, which is the sine of the angle about the third axis where that is
@@ -44,6 +44,7 @@ module tandem_mechanism_coordinate
         real(wp) :: begun = 0.0_wp
     end type coordinate_type
 
+    !> Half a turn (rad).
     real(wp), parameter :: pi = acos(-1.0_wp)
 
 contains
@@ -54,8 +55,22 @@ contains
         type(pose_type), intent(in) :: pose(0:)
         !> x (m or rad).
         real(wp), intent(out) :: x
+        real(wp) :: turns
+
+        call measure_apart(self, pose, x, turns)
+        x = x + 2*pi*turns
+    end subroutine measure
+
+    !> The value without the whole turns of an angle in space, and their number. In the plane angles are coordinates of bodies and
+    !> whole.
+    pure subroutine measure_apart(self, pose, x, turns)
+        type(coordinate_type), intent(inout) :: self
+        type(pose_type), intent(in) :: pose(0:)
+        !> x (m or rad), and what is to be added to it in turns.
+        real(wp), intent(out) :: x, turns
         real(wp) :: a(3, 0:2), d(3, 0:2), way(3)
 
+        turns = 0.0_wp
         select case (self%kind)
         case (is_distance)
             way = span_way(self%span, pose, 0)
@@ -68,8 +83,8 @@ contains
                 x = product_rate(a, d, 0)
                 call dot_curve(self%other, pose, 0, a, d)
                 x = atan2(product_rate(a, d, 0), x)
-                x = x + 2*pi*anint((self%last - x)/(2*pi))
-                if (.not. self%waits) self%last = x
+                turns = anint((self%last - x)/(2*pi))
+                if (.not. self%waits) self%last = x + 2*pi*turns
             end if
         case default
             call dot_curve(self%one, pose, 0, a, d)
@@ -80,7 +95,7 @@ contains
             end if
         end select
         x = x - self%offset
-    end subroutine measure
+    end subroutine measure_apart
 
     !> Count turns from where the first run started, at every point of the search for a start.
     pure subroutine begin_turns(self, pose, f)
@@ -209,7 +224,7 @@ contains
 
     !> Value and gradient with derivatives along the motion, as the poses have them, and if wanted the second gradient. A distance
     !> of zero has none of these: they are no finite numbers.
-    pure subroutine differentiate_coordinate(self, pose, last, gradients, x, gradient, second)
+    pure subroutine differentiate_coordinate(self, pose, last, gradients, x, gradient, second, turns)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
         !> The highest derivatives that are wanted, of x and of its gradient, 0 to 2.
@@ -219,14 +234,21 @@ contains
         !> x_q and its derivatives.
         real(wp), intent(inout) :: gradient(n_local, 0:2)
         real(wp), intent(out), optional :: second(n_local, n_local)
+        !> The whole turns of an angle in space, which x is then without.
+        real(wp), intent(out), optional :: turns
         real(wp) :: a(3, 0:2), d(3, 0:2)
         integer :: k
 
+        if (present(turns)) turns = 0.0_wp
         select case (self%kind)
         case (is_distance)
             call differentiate_distance(self, pose, max(last, gradients), x, gradient, second)
         case (is_angle)
-            call measure(self, pose, x(0))
+            if (present(turns)) then
+                call measure_apart(self, pose, x(0), turns)
+            else
+                call measure(self, pose, x(0))
+            end if
             if (is_planar(self, pose)) then
                 x(1:2) = pose(self%second)%p(1, 1:2) - pose(self%first)%p(1, 1:2)
                 gradient = 0.0_wp

@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Rows that hold a sum of coordinates of joints, Phi = sum of factor_i x_i(q) - f(t) - at: gears, racks, belts, screws. Angles
-!> among them are counted over any number of turns.
+!> among them are counted over any number of turns. Turns are summed apart from the rest and without an error: a pair of gears
+!> that has turned a million times meets as exactly as one that has not.
 !>
 !> A row that events lock and free is there all the time, since a model does not change its size. While it is free it holds a
 !> coordinate of its own, the slack s = 0 of unit mass, and the joints are free; while it is locked it holds the joints, and the
@@ -9,8 +10,8 @@
 !> The row of an imposed angle in space is one of them, Phi = phi - f(t) between -pi and pi: its only root is phi = f(t) but for
 !> whole turns, which have no meaning in the orientations of bodies.
 module tandem_mechanism_coupling
-    use tandem_kinds, only: wp
-    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, measure
+    use tandem_kinds, only: sp, wp
+    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, measure_apart, pi
     use tandem_mechanism_pair, only: add_holonomic, add_row, columns, columns_of_c, n_local
     use tandem_mechanism_pose, only: pose_type
     use tandem_model_derivatives, only: derivatives_type
@@ -22,7 +23,6 @@ module tandem_mechanism_coupling
 
     !> The most coordinates of one row.
     integer, parameter :: max_coupled = 4
-    real(wp), parameter :: full_turn = 2*acos(-1.0_wp)
 
     type :: coupling_type
         !> The row of Phi, and how many coordinates there are.
@@ -38,7 +38,36 @@ module tandem_mechanism_coupling
         real(wp) :: at = 0.0_wp
     end type coupling_type
 
+    !> A sum of factors times numbers of turns with what rounding takes from it.
+    type :: turns_type
+        real(wp) :: total = 0.0_wp, rest = 0.0_wp
+    end type turns_type
+
 contains
+
+    !> Add factor*turns. The leading 24 bits of the factor times the whole number are exact, and so is what is left of it, for
+    !> numbers up to 2**24; beyond these an error is no larger than that of the plain sum.
+    pure subroutine add_turns(self, factor, turns)
+        type(turns_type), intent(inout) :: self
+        real(wp), intent(in) :: factor, turns
+        real(wp) :: leading, part, sum, back
+
+        if (.not. abs(turns) > 0.0_wp) return
+        leading = 0.0_wp
+        if (abs(factor) < huge(1.0_sp)) leading = real(real(factor, sp), wp)
+        part = leading*turns
+        sum = self%total + part
+        back = sum - self%total
+        self%rest = self%rest + ((self%total - (sum - back)) + (part - back)) + (factor - leading)*turns
+        self%total = sum
+    end subroutine add_turns
+
+    !> The sum as an angle (rad), as far as it has one.
+    pure real(wp) function angle_of(self)
+        type(turns_type), intent(in) :: self
+
+        angle_of = 2*pi*(self%total + self%rest)
+    end function angle_of
 
     !> Every row's part of the terms; the Jacobian is zero before.
     pure subroutine evaluate_couplings(couplings, need, q, pose, f, terms)
@@ -50,7 +79,8 @@ contains
         !> Values and derivatives of the functions of time.
         real(wp), intent(in), contiguous :: f(0:, :)
         type(terms_type), intent(inout) :: terms
-        real(wp) :: x(0:2), sum(0:2), c(0:2), gradient(n_local, 0:2)
+        real(wp) :: x(0:2), sum(0:2), c(0:2), gradient(n_local, 0:2), counted
+        type(turns_type) :: turns
         integer :: i, k, last
 
         last = merge(2, 0, iand(need, need_gamma) /= 0)
@@ -63,23 +93,30 @@ contains
                     cycle
                 end if
                 sum = 0.0_wp
+                turns = turns_type()
                 do k = 1, it%n
                     if (iand(need, need_jacobian + need_gamma) == 0) then
-                        call measure(it%coordinates(k), pose, x(0))
+                        call measure_apart(it%coordinates(k), pose, x(0), counted)
                         sum(0) = sum(0) + it%factors(k)*x(0)
+                        call add_turns(turns, it%factors(k), counted)
                         cycle
                     end if
                     x = 0.0_wp
-                    call differentiate_coordinate(it%coordinates(k), pose, last, 0, x, gradient)
+                    call differentiate_coordinate(it%coordinates(k), pose, last, 0, x, gradient, turns=counted)
                     sum = sum + it%factors(k)*x
+                    call add_turns(turns, it%factors(k), counted)
                     if (iand(need, need_jacobian) /= 0) call add_row(columns_of_c(pose(it%coordinates(k)%first), &
                         pose(it%coordinates(k)%second)), it%factors(k), gradient(:, 0), it%row, terms%jacobian)
                 end do
                 c = 0.0_wp
                 if (it%motion > 0) c = f(:, it%motion)
                 if (iand(need, need_phi) /= 0) then
-                    terms%phi(it%row) = sum(0) - c(0) - it%at
-                    if (it%drops_turns) terms%phi(it%row) = terms%phi(it%row) - full_turn*anint(terms%phi(it%row)/full_turn)
+                    if (it%drops_turns) then
+                        terms%phi(it%row) = sum(0) - it%at - c(0)
+                        terms%phi(it%row) = terms%phi(it%row) - 2*pi*anint(terms%phi(it%row)/(2*pi))
+                    else
+                        terms%phi(it%row) = sum(0) + ((angle_of(turns) - it%at) - c(0))
+                    end if
                 end if
                 if (iand(need, need_nu) /= 0) terms%nu(it%row) = c(1)
                 if (iand(need, need_gamma) /= 0) terms%gamma(it%row) = sum(2) - c(2)
@@ -115,15 +152,18 @@ contains
         type(pose_type), intent(in) :: pose(0:)
         !> Values and derivatives of the functions of time.
         real(wp), intent(in) :: f(0:, :)
-        real(wp) :: x
+        real(wp) :: x, counted
+        type(turns_type) :: turns
         integer :: k
 
         coupling%at = 0.0_wp
         if (coupling%motion > 0) coupling%at = -f(0, coupling%motion)
         do k = 1, coupling%n
-            call measure(coupling%coordinates(k), pose, x)
+            call measure_apart(coupling%coordinates(k), pose, x, counted)
             coupling%at = coupling%at + coupling%factors(k)*x
+            call add_turns(turns, coupling%factors(k), counted)
         end do
+        coupling%at = coupling%at + angle_of(turns)
         coupling%is_locked = .true.
     end subroutine lock_coupling
 end module tandem_mechanism_coupling

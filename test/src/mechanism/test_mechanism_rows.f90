@@ -5,7 +5,8 @@ module test_mechanism_rows
     use asserts, only: check_below, check_count, check_no_failure, check_true
     use mechanism_checks, only: check_drawing, draw, verify
     use tandem, only: expression_type, failure_type => error_type, finding_type, mechanism_type, options_type, parse_expression, &
-        polynomial_type, ramp, simulation_type, sine_type, verify_model, wp
+        polynomial_type, ramp, simulation_type, sine_type, terms_type, verify_model, wp
+    use terms_at, only: get_terms
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -26,11 +27,59 @@ contains
             new_unittest('couplings', test_couplings), &
             new_unittest('a-check-leaves-turns-as-they-were', test_turns_after_check), &
             new_unittest('turns-are-counted-where-steps-arrive', test_turns_of_steps), &
+            new_unittest('turns-of-gears-are-summed-without-rounding', test_many_turns), &
             new_unittest('rows-by-expression', test_rate_rows), &
             new_unittest('ellipsoids-round-rims-moving-planes', test_rolling), &
             new_unittest('names-and-units', test_names), &
             new_unittest('what-cannot-be', test_words)]
     end subroutine collect_mechanism_rows
+
+    !> Two gears of 7 to 3 after so many turns that an angle has no digit below 1e-11 rad left: beside their meshing position they
+    !> miss it as exactly as at the start.
+    subroutine test_many_turns(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type) :: mechanism
+        type(failure_type), allocatable :: failure
+        type(terms_type) :: terms
+        real(wp), parameter :: pi = acos(-1.0_wp), z(3) = [0.0_wp, 0.0_wp, 1.0_wp], beside(2) = [0.2_wp, 0.1_wp]
+        integer, parameter :: last = 200000
+        real(wp), allocatable :: q(:), qd(:)
+        integer :: i, stat
+
+        call mechanism%add_body('a', 1.0_wp, [0.0_wp, 0.0_wp, 0.0_wp], failure, inertia=[0.1_wp, 0.1_wp, 0.2_wp])
+        call mechanism%add_body('b', 1.0_wp, [1.0_wp, 0.0_wp, 0.0_wp], failure, inertia=[0.1_wp, 0.1_wp, 0.2_wp])
+        call mechanism%add_joint('ja', 'revolute', 'ground', 'a', failure, at=[0.0_wp, 0.0_wp, 0.0_wp], axis=z)
+        call mechanism%add_joint('jb', 'revolute', 'ground', 'b', failure, at=[1.0_wp, 0.0_wp, 0.0_wp], axis=z)
+        call mechanism%add_coupling('gear', ['ja', 'jb'], [7.0_wp, 3.0_wp], failure)
+        call check_no_failure(error, failure)
+        call mechanism%define(failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        allocate (q(mechanism%n), qd(mechanism%n))
+        call mechanism%start(q, qd)
+        call mechanism%arrive(q, .true.)
+        do i = 1, last
+            q(4:7) = parameters(0.15_wp*modulo(i, 20))
+            q(11:14) = parameters(-0.35_wp*modulo(i, 20))
+            call mechanism%arrive(q, .false.)
+        end do
+        q(4:7) = parameters(beside(1)/(2*pi))
+        q(11:14) = parameters(beside(2)/(2*pi))
+        call get_terms(mechanism, 0.0_wp, q, qd, terms, stat)
+        call check_count(error, stat, 0, 'status')
+        ! Rounding of two angles and two products.
+        call check_below(error, abs(terms%phi(11) - (7*beside(1) + 3*beside(2))), 8*epsilon(1.0_wp), 'the row')
+
+    contains
+
+        !> Euler parameters of so many turns about z.
+        function parameters(turns)
+            real(wp), intent(in) :: turns
+            real(wp) :: parameters(4)
+
+            parameters = [cos(pi*turns), 0.0_wp, 0.0_wp, sin(pi*turns)]
+        end function parameters
+    end subroutine test_many_turns
 
     !> Every freedom alone, with and without a motion, and all pairs; revolute joints as primitives have the same rows.
     subroutine test_primitive(error)
