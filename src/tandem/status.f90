@@ -62,36 +62,38 @@ module tandem_status
             'the model lacks a procedure, or its sizes or its mass matrix cannot be', 'complete the model as the message says'), &
         status_type(status_inconsistent_start, 'inconsistent_start', .true., &
             'the start violates the constraints', &
-            'give q0 and qd0 that satisfy the constraint row that the message names, or let the start be assembled'), &
+            'correct the position or velocity that the message names, or let the start be assembled'), &
         status_type(status_rank_deficient, 'rank_deficient', .false., &
-            'constraint rows depend on each other', 'remove the row that the message names, or the state where it degenerates'), &
+            'constraint rows depend on each other', &
+            'remove a row that repeats others, or end the run before the configuration where they become dependent'), &
         status_type(status_singular_mass, 'singular_mass', .false., &
             'the mass matrix is not positive definite on the null space of the constraints', &
             'give every free direction a mass, and check the sign and symmetry of M'), &
         status_type(status_callback_failed, 'callback_failed', .false., &
             'a model procedure asked to stop', 'see why the procedure that the message names returned a negative status'), &
         status_type(status_not_evaluable, 'not_evaluable', .false., &
-            'a model procedure could not be evaluated at a point of the step', 'take a smaller step'), &
+            'the model could not be evaluated at a point of the step', 'take a smaller step'), &
         status_type(status_not_finite, 'not_finite', .false., &
-            'a NaN or an infinity came out of a model procedure or out of the step', &
-            'take a smaller step; if it persists, check the model procedures there'), &
+            'a NaN or an infinity came out of the model or out of the step', &
+            'take a smaller step; if it persists, look for what has no value there'), &
         status_type(status_position_diverged, 'position_diverged', .false., &
             'the iteration for the position constraints did not converge', &
-            'take a smaller step, or renew the chart more often'), &
+            'take a smaller step; if none helps, see whether the constraints allow no motion there'), &
         status_type(status_chart_left, 'chart_left', .false., &
-            'the step left the domain of its chart', 'take a smaller step, or renew the chart more often'), &
+            'the step left the domain of its chart', &
+            'take a smaller step; if none helps, see whether the constraints allow no motion there'), &
         status_type(status_constraints_not_held, 'constraints_not_held', .false., &
             'a constraint error exceeds its tolerance at an accepted step', &
             'loosen constraint_tolerance, or remove the near-redundancy of the constraints'), &
         status_type(status_step_underflow, 'step_underflow', .false., &
             'the step no longer changes the time', 'take a larger step or a shorter span'), &
         status_type(status_step_limit, 'step_limit', .false., &
-            'max_steps were taken before the end', 'raise max_steps, or take larger steps'), &
+            'max_steps were taken before the end', 'raise max_steps, or loosen the tolerances'), &
         status_type(status_output_failed, 'output_failed', .false., &
             'the results could not be written', 'check the disk and the path of the output file'), &
         status_type(status_newton_failed, 'newton_failed', .false., &
             'the iteration for an implicit stage did not converge', &
-            'take a smaller step; check the derivatives of the model'), &
+            'take a smaller step; check the derivatives of a model of your own'), &
         status_type(status_inconsistent_rows, 'inconsistent_rows', .true., &
             'constraint rows depend on each other and contradict each other', &
             'remove or correct one of the rows that the message names'), &

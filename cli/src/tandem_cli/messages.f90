@@ -72,8 +72,10 @@ contains
         character(len=:), allocatable :: text
 
         text = error%message
-        if (error%stat == status_inconsistent_start) text = text//new_line('a')// &
-            'In a scene, q0 and qd0 are the keys q and qd of [initial], and assemble = true there lets the start be assembled.'
+        if (error%stat /= status_inconsistent_start) return
+        text = text//new_line('a')//'In a scene, [initial] assemble = true lets the start be assembled'
+        if (index(error%message, 'q0 and qd0') > 0) text = text//'; q0 and qd0 are the keys q and qd there'
+        text = text//'.'
     end function in_scene_words
 
     !> A text with blanks behind it up to a width; a longer one as it is.

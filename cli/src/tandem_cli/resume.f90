@@ -31,6 +31,8 @@ contains
         type(error_type), allocatable :: error
 
         call check_settings(arguments%settings, error)
+        ! Before anything is read of it: another process could change it meanwhile.
+        if (.not. allocated(error)) call trajectory%claim(arguments%scene, error)
         if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, global_error, error)
         if (allocated(error)) then
             call complain(error%message)
@@ -48,7 +50,11 @@ contains
 
         do i = 1, size(settings)
             length = max(0, index(settings(i), '=') - 1)
+            if (length == 0) length = len_trim(settings(i))
             if (any(settings(i) (:length) == may_change)) cycle
+            if (index(settings(i), '--unset ') == 1) then
+                if (any(settings(i) (len('--unset ') + 1:) == may_change(2:))) cycle
+            end if
             call set_error(error, status_invalid_option, 'resume cannot set '//settings(i) (:length)// &
                 ', which would make another run of it', 'set '//listed(may_change)//' only')
             return
@@ -71,6 +77,10 @@ contains
         if (.not. allocated(error)) call read_scene('the scene in '//arguments%scene, arguments%settings, scene, error, &
             snapshot%scene, arguments%models)
         if (.not. allocated(error)) call set_up(scene, simulation, global_error, error)
+        if (.not. allocated(error) .and. snapshot%is_before_start) then
+            call begin_anew(arguments%scene, scene, simulation, trajectory, global_error, error)
+            return
+        end if
         if (.not. allocated(error)) call simulation%restore_state(snapshot%simulation, error)
         if (allocated(error)) return
         call pack%begin_reading('watcher', snapshot%watcher, problem)
@@ -86,6 +96,21 @@ contains
         call watch_signals()
         call trajectory%go_on(scene%output, simulation, snapshot, scene%text, error, global_error)
     end subroutine prepare
+
+    !> Begin a run that was killed before its first state was saved.
+    subroutine begin_anew(path, scene, simulation, trajectory, global_error, error)
+        character(len=*), intent(in) :: path
+        type(scene_type), intent(inout), target :: scene
+        type(simulation_type), intent(in) :: simulation
+        type(trajectory_type), intent(inout) :: trajectory
+        type(interruptible_error_type), intent(inout), target :: global_error
+        type(error_type), allocatable, intent(out) :: error
+
+        scene%output%file = path
+        call watch_signals()
+        call trajectory%open(scene%output, simulation, error, scene%text, 'tandem resume '//path, force=.true., &
+            watcher=global_error)
+    end subroutine begin_anew
 
     !> Refuse to go on with a run that is complete, unless it has got a later end, and to end a run before the time that it has
     !> reached. One that was killed between its end and its report is there too, and has the end that it was saved with. A

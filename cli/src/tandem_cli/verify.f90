@@ -3,18 +3,51 @@
 module tandem_cli_verify
     use tandem, only: error_type, to_text
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, input_wrong, run_failed, say
+    use tandem_cli_messages, only: complain, done, input_wrong, run_failed, say, signalled
     use tandem_cli_report, only: count_text, counted
     use tandem_io, only: finding_type, json_type, verify_result
+    use, intrinsic :: iso_c_binding, only: c_int
     implicit none (type, external)
     private
 
     public :: verify_file
 
+    interface
+        !> Fork (child.c): -1 in the child, which does the work; in the parent its exit code, or 1000 and the signal that ended it.
+        function c_fork_and_wait() result(outcome) bind(c, name='tandem_fork_and_wait')
+            import :: c_int
+            implicit none (type, external)
+            integer(c_int) :: outcome
+        end function c_fork_and_wait
+    end interface
+
 contains
 
-    !> Verify a file. The exit code is 1 where it is damaged, 2 where it is no result or cannot be verified.
+    !> Verify a file in a child process, since HDF5 may crash on a damaged file. The exit code is 1 if it is damaged, 2 if it is no
+    !> result or cannot be verified.
     subroutine verify_file(arguments, code)
+        type(arguments_type), intent(in) :: arguments
+        !> Exit code.
+        integer, intent(out) :: code
+        !> Signals by which a user ends the program: SIGHUP, SIGINT, SIGQUIT, SIGKILL, SIGTERM.
+        integer, parameter :: killed = 1000, from_users(5) = [1, 2, 3, 9, 15]
+
+        code = int(c_fork_and_wait())
+        if (code < 0) then
+            call read_file(arguments, code)
+        else if (code > killed) then
+            code = code - killed
+            if (any(code == from_users)) then
+                code = signalled + code
+                return
+            end if
+            call complain(arguments%scene//' is damaged: HDF5 crashes when it reads the file (signal '//to_text(code)//')')
+            code = run_failed
+        end if
+    end subroutine verify_file
+
+    !> Read a file and report.
+    subroutine read_file(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
         integer, intent(out) :: code
@@ -47,7 +80,7 @@ contains
                 count_text(finding%rows_behind))
             code = done
         end if
-    end subroutine verify_file
+    end subroutine read_file
 
     !> What was found as one object.
     subroutine print_json(path, finding, status)

@@ -259,7 +259,11 @@ contains
         if (self%planar) then
             frame = reshape([a, cross(z, a), z], [3, 3])
         else if (kind%name == 'universal') then
-            if (.not. present(across) .or. abs(dot_product(a, b)) > tolerance) then
+            if (.not. present(across)) then
+                call refuse(label//' has one axis, and a universal joint has two: across is missing', &
+                    'give axis on the first body and across on the second, at 90 degrees in the drawing', error)
+                return
+            else if (abs(dot_product(a, b)) > tolerance) then
                 call refuse(label//' has axes that are not perpendicular: their cosine is '//to_text(dot_product(a, b)), &
                     'give axis on the first body and across on the second, at 90 degrees in the drawing', error)
                 return

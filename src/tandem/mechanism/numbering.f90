@@ -47,6 +47,7 @@ contains
         end do
         self%n = n
         self%composes_labels = .true.
+        self%is_ready_made = .true.
         self%mass_blocks = pack(blocks, blocks > 0)
         allocate (self%weight(n), source=0.0_wp)
         k = merge(2, 3, self%planar)

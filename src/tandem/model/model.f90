@@ -63,8 +63,9 @@ module tandem_model
         character(len=label_length), allocatable :: holonomic_name(:), nonholonomic_name(:)
         !> Units of the multipliers (nh + nd), for files: J over that of a row of Phi, W over that of a row of E qd.
         character(len=label_length), allocatable :: multiplier_unit(:)
-        !> Whether names and units that are not given there are those of `composed`.
-        logical :: composes_labels = .false.
+        !> Names and units that are not given there are those of `composed`; the procedures come with tandem, so that no message
+        !> asks users to check them.
+        logical :: composes_labels = .false., is_ready_made = .false.
         !> Ascending times at which a function of time has a kink or a jump: steps end there exactly.
         real(wp), allocatable :: breakpoints(:)
         !> Whether nu jumps at each breakpoint, so that qd must jump with it; default false.

@@ -70,6 +70,7 @@ contains
         statistics_%event_evaluations = self%watch%evaluations
         statistics_%switches = self%switching%switches
         statistics_%implicit_steps = self%switching%count_implicit(self%tally%steps)
+        if (associated(self%model)) statistics_%has_ready_made_model = self%model%is_ready_made
         if (associated(self%model) .and. .not. self%switching%is_on) call weigh_implicit(self, statistics_)
         if (allocated(self%chart)) statistics_%counts_type = self%chart%counts
         associate (local => self%local_error)

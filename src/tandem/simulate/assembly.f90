@@ -92,7 +92,7 @@ contains
             call set_error(error, stat, 'no consistent position near the start: constraint "'// &
                 model%row_name(position%failed_row)//'" stays off by '// &
                 trim(off_by(position%failed_amount, position%failed_value))//' after '//to_text(position%trials)//' iterations'// &
-                trim(while_fixed(model, fixed_q)), trim(advice_for(fixed_q, 'coordinates', 'q0')))
+                trim(while_fixed(model, fixed_q)), trim(advice_for(fixed_q, 'coordinates', 'position')))
         else if (stat /= status_ok) then
             call fail(evaluator, stat, 'while the position was assembled', error)
         else
@@ -108,7 +108,7 @@ contains
         if (stat == status_inconsistent_start) then
             call set_error(error, stat, 'no velocity satisfies all constraints: "'//model%row_name(velocity%failed_row)// &
                 '" stays off by '//trim(off_by(velocity%failed_amount, velocity%failed_value))// &
-                trim(while_fixed(model, fixed_qd)), trim(advice_for(fixed_qd, 'velocities', 'qd0')))
+                trim(while_fixed(model, fixed_qd)), trim(advice_for(fixed_qd, 'velocities', 'velocity')))
         else if (stat /= status_ok) then
             call fail(evaluator, stat, 'while the velocity was assembled', error)
         else

@@ -31,9 +31,10 @@ contains
         !> The error of the whole run, where it was asked for, and why it was not found, where it was not.
         class(global_error_type), intent(in), optional :: global_error
         type(error_type), allocatable, intent(in), optional :: failure
-        character(len=*), parameter :: contradicted = ', since the model contradicts itself', &
-            suspect = ', or see whether a procedure of the model is wrong (tandem check, verify_model)'
-        character(len=:), allocatable :: advice, cause
+        character(len=*), parameter :: contradicted = ', since the model contradicts itself'
+        !> An error that the motion of a ready-made model amplifies up to this part of the state is no reason for doubt.
+        real(wp), parameter :: amplified = 1.0e-7_wp
+        character(len=:), allocatable :: advice, cause, suspect, jump
         real(wp) :: limit, tolerance
         logical :: is_contradicted
 
@@ -41,6 +42,12 @@ contains
         tolerance = options%relative_tolerance()
         advice = ': take smaller steps'
         if (options%is_adaptive()) advice = ': tighten rtol'
+        suspect = ''
+        jump = 'see whether a velocity is imposed that jumps there; else '
+        if (.not. statistics%has_ready_made_model) then
+            suspect = ', or see whether a procedure of the model is wrong (tandem check, verify_model)'
+            jump = 'where the velocity constraints jump, give the model a breakpoint with nu_jumps; else '
+        end if
         ! First what may have caused all the rest.
         is_contradicted = statistics%contradiction /= ''
         if (is_contradicted) call add_warning(doubts, trim(statistics%contradiction))
@@ -52,8 +59,7 @@ contains
         end if
         limit = warning_limit(options)
         if (statistics%velocity_gap > limit) then
-            cause = ': where the velocity constraints jump, give the model a breakpoint with nu_jumps; else '// &
-                advice(3:)//suspect
+            cause = ': '//jump//advice(3:)//suspect
             if (is_contradicted) cause = contradicted
             call add_warning(doubts, 'the velocity changes by '//two_digits(statistics%velocity_gap)// &
                 ' of itself without an acceleration in the step to t = '//to_text(statistics%t_gap)//cause)
@@ -71,6 +77,7 @@ contains
             ! The local errors are root mean squares, of which a largest one of 2 n errors is less than sqrt(2 n).
             if (statistics%local_error_steps > 0 .and. &
                 largest > sqrt(2.0_wp*global_error%n)*statistics%local_error_sum) then
+                if (statistics%has_ready_made_model .and. largest <= amplified) return
                 cause = ', since the motion amplifies what steps leave'//advice//suspect
             else if (statistics%local_error_steps > 0) then
                 cause = ', to which the errors of its steps add up'//advice

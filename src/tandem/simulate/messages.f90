@@ -2,6 +2,7 @@
 !> What a simulation says: errors that tell where it happened and which constraint is to blame, and warnings.
 submodule(tandem_simulation) tandem_simulate_messages
     use tandem_model_consistency, only: find_contradiction
+    use tandem_simulate_advice, only: advice_on_failure, anywhere
     use tandem_simulate_warning, only: add_warning
     use tandem_status, only: status_invalid_model, status_name, status_not_evaluable, status_of, status_singular_mass, &
         status_type
@@ -11,7 +12,10 @@ contains
 
     module procedure fail
         character(len=:), allocatable :: message
+        integer :: circumstance_
 
+        circumstance_ = anywhere
+        if (present(circumstance)) circumstance_ = circumstance
         message = trim(adjustl(meaning(stat)))//' '//where_
         if (self%chart%failed_row > 0) then
             message = message//', constraint "'//self%model%row_name(self%chart%failed_row)//'"'
@@ -38,7 +42,8 @@ contains
             allocated(self%chart%failed_term)) then
             message = message//', term '//self%chart%failed_term
         end if
-        call set_error(error, stat, message)
+        call set_error(error, stat, message, trim(advice_on_failure(stat, circumstance_, self%model, self%options, self%method, &
+            self%chart%failed_row > 0)))
     end procedure fail
 
     module procedure explain

@@ -13,6 +13,7 @@ module tandem_simulation
     use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_event, by_failure, by_fbar, by_iterations, &
         by_start, by_step, by_v, by_w, statistics_type
     use tandem_simulate_local_error, only: local_error_type, steps_of_window
+    use tandem_simulate_advice, only: advice_on_limit, at_smallest_step, before_steps, in_first_step, in_step
     use tandem_simulate_assembly, only: assemble, assembly_type
     use tandem_simulate_step_control, only: step_control_type
     use tandem_simulate_warning, only: warning_limit, warning_type
@@ -422,13 +423,15 @@ module tandem_simulation
         end subroutine underflow
 
         !> Turn a status of the chart or the stepper into an error that says where it happened and which row is to blame.
-        module subroutine fail(self, stat, where_, error)
+        module subroutine fail(self, stat, where_, error, circumstance)
             implicit none (type, external)
             class(simulation_type), intent(in) :: self
             integer, intent(in) :: stat
             !> The place in words.
             character(len=*), intent(in) :: where_
             type(error_type), allocatable, intent(out) :: error
+            !> That of `tandem_simulate_advice`; default `anywhere`.
+            integer, intent(in), optional :: circumstance
         end subroutine fail
 
         !> A procedure of the model that contradicts others is the cause of an error of a step: the message names it first.

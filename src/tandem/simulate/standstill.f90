@@ -14,6 +14,7 @@ contains
         integer, parameter :: few = 1000
         real(wp), parameter :: collapsed = 0.01_wp
         real(wp) :: hopeful, tries, way
+        character(len=64) :: suspect
 
         self%tries = self%tries + 1
         if (modulo(self%tries, few) == 0) then
@@ -30,16 +31,27 @@ contains
         associate (t => self%state%t, from => self%tries_from)
             if (.not. t - from > hopeful*(t_limit - t)) then
                 call name_near_loss(self, error)
+                suspect = ', or a procedure that is wrong (tandem check, verify_model)'
+                if (self%model%is_ready_made) suspect = ''
                 if (.not. allocated(error)) call set_error(error, status_step_underflow, 'the last '// &
                     to_text(many)//' tries of steps got from t = '//to_text(from)//' to t = '//to_text(t)//', '// &
                     to_text(t - from)//' further', &
-                    'see what makes steps fail or errors large there: a singularity, or a procedure that is wrong '// &
-                    '(tandem check, verify_model)')
+                    'see what makes steps fail or errors large there: a singularity'//trim(suspect)//trim(for_stiffness(self)))
             end if
             from = t
         end associate
         self%tries = 0
     end procedure check_progress
+
+    !> Advice for a model that was found to be stiff.
+    pure function for_stiffness(self) result(advice)
+        class(simulation_type), intent(in) :: self
+        character(len=64) :: advice
+
+        advice = ''
+        if (self%stiffness%is_stiff .and. .not. self%switching%is_on) &
+            advice = '; the model is stiff: choose an implicit stepper ('//implicit_advice//')'
+    end function for_stiffness
 
     !> Steps have become hopelessly short: a loss of rank may be why.
     subroutine name_near_loss(self, error)
@@ -80,10 +92,12 @@ contains
             why = self%lost_rank%was_met(self%state%t)
             if (why == status_ok) why = reason
             if (why /= status_ok) then
-                call self%fail(why, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error)
+                call self%fail(why, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error, &
+                    at_smallest_step)
             else
                 call set_error(error, status_step_underflow, 'h = '//to_text(h)//' at t = '//to_text(self%state%t)// &
-                    ' still misses the tolerance', 'loosen rtol and atol, or look for a singularity there')
+                    ' still misses the tolerance', 'loosen rtol and atol, or look for a singularity there'// &
+                    trim(for_stiffness(self)))
             end if
         end subroutine name_failure
     end procedure underflow

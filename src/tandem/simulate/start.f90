@@ -36,19 +36,22 @@ contains
             if (stat == status_ok) call measure(self, rows, stat)
         end if
         if (stat /= status_ok) then
-            call self%fail(stat, 'at the start', error)
+            call self%fail(stat, 'at the start', error, before_steps)
             return
         end if
         do i = 1, 2
             if (self%errors(i) <= self%options%start_tolerance) cycle
             call set_error(error, status_inconsistent_start, 'the start violates the '//trim(level_name(i))// &
                 ' constraint "'//self%model%row_name(rows(i))//'" by '//to_text(self%errors(i))// &
-                ' of its natural scale (allowed: '//to_text(self%options%start_tolerance)//')')
+                ' of its natural scale (allowed: '//to_text(self%options%start_tolerance)//')', &
+                trim(merge('correct the position or velocity that it restricts', &
+                'give q0 and qd0 that satisfy it                   ', self%model%is_ready_made))// &
+                ', or let the start be assembled')
             return
         end do
         if (any(self%errors(1:2) > self%options%constraint_tolerance)) call remove_errors(self, stat)
         if (stat /= status_ok) then
-            call self%fail(stat, 'at the start', error)
+            call self%fail(stat, 'at the start', error, before_steps)
             return
         end if
         self%tally%start_moved_q = maxval(abs(self%next%dq - self%state%q))
@@ -59,7 +62,7 @@ contains
             call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
         end associate
         if (stat /= status_ok) then
-            call self%fail(stat, 'at the start', error)
+            call self%fail(stat, 'at the start', error, before_steps)
             return
         end if
         call self%measure_errors(error)
@@ -212,10 +215,15 @@ contains
                 return
             else if (stat == status_rank_deficient .or. (is_deficient .and. stat == status_ok .and. &
                 size(redundancy%dropped) == 0)) then
-                call self%fail(status_rank_deficient, 'at the start, though not beside it (a singular configuration)', error)
+                if (self%chart%failed_row == 0 .and. redundancy%failed_row > 0) then
+                    self%chart%failed_row = redundancy%failed_row
+                    self%chart%failed_rows = redundancy%partners(findloc(redundancy%dropped, redundancy%failed_row, dim=1))
+                end if
+                call self%fail(status_rank_deficient, 'at the start, though not beside it (a singular configuration)', error, &
+                    before_steps)
                 return
             else if (stat /= status_ok) then
-                call self%fail(stat, 'at the start', error)
+                call self%fail(stat, 'at the start', error, before_steps)
                 return
             end if
             ! What is off by more than the tolerance is not moved silently: it is refused with the rows that are left.

@@ -64,6 +64,8 @@ module tandem_simulate_statistics
         !> Which procedure of the model contradicts others, as a run has noticed on its way; blank where none was seen to. What it
         !> evaluates to look for one is among the terms counted.
         character(len=contradiction_length) :: contradiction = ''
+        !> The procedures of the model come with tandem.
+        logical :: has_ready_made_model = .false.
         !> Seconds spent in `integrate`, observers included.
         real(wp) :: wall_seconds = 0.0_wp, cpu_seconds = 0.0_wp
         !> Whether that is now, and when the time that these do not have yet began.

@@ -74,7 +74,8 @@ contains
 
         if (self%tally%steps >= self%options%max_steps) then
             call set_error(error, status_step_limit, to_text(self%options%max_steps)//' steps were taken, t = '// &
-                to_text(self%state%t))
+                to_text(self%state%t), trim(advice_on_limit('max_steps', self%options, self%stiffness%is_stiff .and. &
+                .not. self%switching%is_on)))
         else if (self%work%is_set) then
             call check_work(self, error)
         end if
@@ -230,7 +231,8 @@ contains
             end if
         end if
         if (stat /= status_ok) then
-            call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error)
+            call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error, &
+                merge(in_first_step, in_step, self%tally%steps == 0))
             ! A shorter step that follows must find no trace of this one.
             call self%chart%retry_step()
             if (has_spoilt(self, stat)) then
@@ -496,7 +498,9 @@ contains
 
         associate (evaluations => self%chart%counts%right_hand_sides)
             if (self%work%is_spent(evaluations)) call set_error(error, status_work_limit, &
-                trim(self%work%describe(evaluations))//', t = '//to_text(self%state%t))
+                trim(self%work%describe(evaluations))//', t = '//to_text(self%state%t), &
+                trim(advice_on_limit('this limit', self%options, self%stiffness%is_stiff .and. &
+                .not. self%switching%is_on)))
         end associate
     end subroutine check_work
 

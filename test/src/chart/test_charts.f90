@@ -6,8 +6,8 @@ module test_charts
     use model_knife_edge, only: knife_edge_type
     use model_pendulum, only: pendulum_type
     use runs, only: choose, get_start, new_scene, run, run_to
-    use tandem, only: at_start, at_step, basis_methods, chart_policies, failure_type => error_type, model_type, options_type, &
-        refresh_modes, simulation_type, statistics_type, stepper_names, wp
+    use tandem, only: change_stepper, at_start, at_step, basis_methods, chart_policies, failure_type => error_type, model_type, &
+        options_type, refresh_modes, simulation_type, statistics_type, stepper_names, wp
     use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_fbar, by_iterations, by_start, by_step, by_v, by_w
     use testdrive, only: error_type, new_unittest, unittest_type
     use watch, only: energy_watch_type, error_watch_type
@@ -334,7 +334,7 @@ contains
                     call new_scene(trim(scenes(i)), model)
                     call get_start(trim(scenes(i)), q, qd)
                     options = choose(step=4.0e-3_wp, chart='paper', stepper=stepper_names(j))
-                    if (k == 2) options%rtol = 1.0e-6_wp
+                    if (k == 2) call change_stepper(options, options%stepper, rtol=1.0e-6_wp)
                     call run(simulation, model, options, 0.0_wp, q, qd, t_end, failure)
                     call check_no_failure(error, failure)
                     if (allocated(error)) return

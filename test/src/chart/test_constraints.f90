@@ -179,7 +179,7 @@ contains
                             refresh=refresh_modes(k), v_limit=0.5_wp)
                         options%basis = basis_methods(l)
                         call check_scene('disk', options, 4.0_wp, promised, error)
-                        options%v_limit = 20.0_wp
+                        if (chart_policies(j) == 'paper') options%v_limit = 20.0_wp
                         call check_scene('motorcycle', options, 7.0_wp, promised, error)
                         call name_options(error, options)
                         if (allocated(error)) return

@@ -6,8 +6,9 @@ module test_coordinate_scale
     use model_pendulum, only: pendulum_type
     use model_rod, only: rod_type
     use runs, only: choose, run
-    use tandem, only: articulated_vehicle_type, chart_policies, failure_type => error_type, model_type, motorcycle_type, &
-        find_error_warnings, options_type, refresh_modes, rolling_disk_type, simulation_type, statistics_type, warning_type, wp
+    use tandem, only: change_stepper, articulated_vehicle_type, chart_policies, failure_type => error_type, model_type, &
+        motorcycle_type, find_error_warnings, options_type, refresh_modes, rolling_disk_type, simulation_type, statistics_type, &
+        warning_type, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -217,7 +218,7 @@ contains
         end associate
         allocate (model%coordinate_scale, source=scale)
         options = choose(stepper=stepper)
-        options%rtol = 1.0e-6_wp
+        call change_stepper(options, options%stepper, rtol=1.0e-6_wp)
         call run(simulation, model, options, 0.0_wp, q, qd, 5.0_wp, failure)
         call check_no_failure(error, failure)
         y = [simulation%state%q/scale, simulation%state%qd/scale]

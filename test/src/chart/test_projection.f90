@@ -167,7 +167,7 @@ contains
                         options%step = 0.02_wp
                         options%chart = chart_policies(j)
                         options%refresh = refresh_modes(k)
-                        options%v_limit = 0.5_wp
+                        if (chart_policies(j) == 'paper') options%v_limit = 0.5_wp
                         call run(simulation, model, options, 0.0_wp, q, qd, 4.0_wp, failure)
                         call check_no_failure(error, failure)
                         if (allocated(error)) return

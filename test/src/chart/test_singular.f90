@@ -12,8 +12,8 @@ module test_singular
     use rank_checks, only: all_warnings, check_multipliers, check_same_motion, n_warnings
     use ranks, only: bricard_angle
     use runs, only: choose, run
-    use tandem, only: chart_policies, failure_type => error_type, options_type, rolling_disk_type, simulation_type, stepper_names, &
-        wp
+    use tandem, only: change_stepper, chart_policies, failure_type => error_type, options_type, rolling_disk_type, &
+        simulation_type, stepper_names, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     use watch, only: energy_watch_type, error_watch_type
     implicit none (type, external)
@@ -84,7 +84,7 @@ contains
             do j = 5, 8
                 do i = 0, merge(60, 10, k == 1)
                     options = choose(stepper=trim(controlled(k)))
-                    options%rtol = 10.0_wp**(-j)
+                    call change_stepper(options, options%stepper, rtol=10.0_wp**(-j))
                     call model%start(1.0_wp, -3.0_wp - 0.2_wp*i, q, qd)
                     call run(simulation, model, options, 0.0_wp, q, qd, 2.0_wp, failure)
                     call check_failure(error, failure, 'rank_deficient', 'depend')
@@ -113,7 +113,7 @@ contains
             options = choose(stepper=merge('dopri5', 'dop853', k == 1))
             do i = 0, 59
                 angle = 0.4_wp + 0.012_wp*i
-                options%rtol = 10.0_wp**(-3.0_wp - 0.05_wp*i)
+                call change_stepper(options, options%stepper, rtol=10.0_wp**(-3.0_wp - 0.05_wp*i))
                 options%atol = options%rtol
                 model%k = 0.02_wp + 0.004_wp*i
                 call model%define()
@@ -169,7 +169,7 @@ contains
         do l = 1, size(steppers)
             options = choose(stepper=trim(steppers(l)), step=1.0e-2_wp)
             if (steppers(l) == 'dop853') then
-                options%rtol = 1.0e-8_wp
+                call change_stepper(options, options%stepper, rtol=1.0e-8_wp)
                 options%max_step = 0.1_wp
             end if
             do i = 1, size(ahead)
@@ -202,7 +202,7 @@ contains
         do l = 1, size(steppers)
             options = choose(stepper=trim(steppers(l)), step=1.3e-2_wp)
             if (steppers(l) == 'dop853') then
-                options%rtol = 1.0e-8_wp
+                call change_stepper(options, options%stepper, rtol=1.0e-8_wp)
                 options%max_step = 0.1_wp
             end if
             call check_through_flat(options, 0.3_wp, 0.3_wp, error)
@@ -225,7 +225,7 @@ contains
         do i = 1, 2
             do l = 1, size(steppers)
                 options = choose(stepper=trim(steppers(l)), step=5.0e-3_wp, chart=chart_policies(i))
-                if (steppers(l) == 'dop853') options%rtol = 1.0e-8_wp
+                if (steppers(l) == 'dop853') call change_stepper(options, options%stepper, rtol=1.0e-8_wp)
                 call run(simulation, model, options, 0.0_wp, q, qd, 2.5_wp, failure)
                 call check_no_failure(error, failure)
                 call check_count(error, n_warnings(simulation), 0, 'warnings of the crank-rocker')
@@ -254,7 +254,7 @@ contains
         call fewer%define()
         do l = 2, 3
             options = choose(stepper=trim(steppers(l)), step=1.0e-2_wp)
-            if (steppers(l) == 'dop853') options%rtol = 1.0e-8_wp
+            if (steppers(l) == 'dop853') call change_stepper(options, options%stepper, rtol=1.0e-8_wp)
             call run(without, fewer, options, 0.0_wp, q, qd, 2.0_wp, failure)
             call check_no_failure(error, failure)
             errors = error_watch_type()
@@ -296,7 +296,7 @@ contains
         do l = 2, 3
             options = choose(stepper=trim(steppers(l)), step=1.0e-2_wp)
             if (steppers(l) == 'dop853') then
-                options%rtol = 1.0e-8_wp
+                call change_stepper(options, options%stepper, rtol=1.0e-8_wp)
                 options%max_step = 0.05_wp
             end if
             call run(simulation, model, options, 0.0_wp, q, qd, 2.0_wp, failure)
@@ -334,7 +334,7 @@ contains
                 ! It would take so many steps that nobody waits for them.
                 if (stepper_names(l) == 'trapezoid' .and. tolerances(i) < 1.0e-7_wp) cycle
                 options = choose(stepper=trim(stepper_names(l)))
-                options%rtol = tolerances(i)
+                call change_stepper(options, options%stepper, rtol=tolerances(i))
                 options%atol = tolerances(i)
                 call check_flat_disk(options, error)
                 if (allocated(error)) return
@@ -387,7 +387,7 @@ contains
         call disk%start([0.3_wp, 0.0_wp, 0.0_wp], 0.5_wp, q0, qd0)
         do k = 1, 2
             options = choose(stepper=merge('dop853', 'dopri5', k == 1))
-            options%rtol = 1.0e-10_wp
+            call change_stepper(options, options%stepper, rtol=1.0e-10_wp)
             options%atol = 1.0e-10_wp
             call run(simulation, disk, options, 0.0_wp, q0, qd0, 1.2_wp, failure)
             call check_no_failure(error, failure)

@@ -222,7 +222,8 @@ contains
 
         do k = 1, 2
             do i = 1, size(scenes)
-                call begin(scenes(i), 400, options_type(stepper=steppers(k), step=1.0e-3_wp, chart_kind='sparse'), mechanism, simulation, error)
+                call begin(scenes(i), 400, options_type(stepper=steppers(k), step=1.0e-3_wp, chart_kind='sparse'), mechanism, &
+                    simulation, error)
                 call go_on(simulation, 0.02_wp, error)
                 if (allocated(error)) return
                 statistics = simulation%statistics()
@@ -435,7 +436,8 @@ contains
         type(error_type), allocatable, intent(out) :: error
 
         call check_timed('sprung_chain', options_type(stepper='sdirk54', step=1.0e-3_wp, chart_kind='sparse'), error)
-        if (.not. allocated(error)) call check_timed('sprung_chain', options_type(stepper='radau5', step=1.0e-3_wp, chart_kind='sparse'), error)
+        if (.not. allocated(error)) call check_timed('sprung_chain', options_type(stepper='radau5', step=1.0e-3_wp, &
+            chart_kind='sparse'), error)
     end subroutine test_profile
 
     !> What cannot be had is refused by name.
@@ -460,7 +462,8 @@ contains
             real(wp) :: q(mechanism%n), qd(mechanism%n)
 
             call mechanism%start(q, qd)
-            call simulation%initialize(mechanism, options_type(stepper=stepper, step=1.0e-3_wp, chart_kind='sparse'), 0.0_wp, q, qd, failure)
+            call simulation%initialize(mechanism, options_type(stepper=stepper, step=1.0e-3_wp, chart_kind='sparse'), 0.0_wp, &
+                q, qd, failure)
         end subroutine initialize
     end subroutine test_refusals
 end module test_sparse_implicit

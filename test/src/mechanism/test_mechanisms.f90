@@ -8,7 +8,7 @@ module test_mechanisms
     use ranks, only: bricard_angle, check_state, cut, judge, travel_time
     use runs, only: choose, run
     use svd, only: get_null_space
-    use tandem, only: failure_type => error_type, options_type, simulation_type, terms_type, wp
+    use tandem, only: change_stepper, failure_type => error_type, options_type, simulation_type, terms_type, wp
     use terms_at, only: get_terms
     use testdrive, only: error_type, new_unittest, unittest_type
     use watch, only: energy_watch_type
@@ -75,7 +75,7 @@ contains
         call model%define()
         call model%start(0.4_wp, 1.0_wp, q, qd)
         options = choose(stepper='dop853')
-        options%rtol = 1.0e-10_wp
+        call change_stepper(options, options%stepper, rtol=1.0e-10_wp)
         call run(simulation, model, options, 0.0_wp, q, qd, 2.0_wp, failure)
         call check_no_failure(error, failure)
         call model%start(2.4_wp, 1.0_wp, q, qd)
@@ -121,7 +121,7 @@ contains
         do i = 1, 3
             call model%start(0.3_wp, 8.0_wp, q, qd)
             options = choose(stepper=stepper(i), step=1.0e-3_wp)
-            if (stepper(i) == 'dop853') options%rtol = 1.0e-10_wp
+            if (stepper(i) == 'dop853') call change_stepper(options, options%stepper, rtol=1.0e-10_wp)
             call run(simulation, model, options, 0.0_wp, q, qd, 1.0_wp, failure, energy)
             call check_no_failure(error, failure)
             call check_true(error, simulation%state%q(3) > 2*pi, 'the crank turns round')

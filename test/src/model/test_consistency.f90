@@ -13,8 +13,9 @@ module test_consistency
     use model_sleigh, only: sleigh_type
     use runs, only: get_start, new_scene, run, scene_names
     use subjects, only: new_subject, subject_names
-    use tandem, only: chart_policies, failure_type => error_type, find_error_warnings, global_error_type, model_type, &
-        new_stepper, options_type, properties_type, simulation_type, statistics_type, stepper_names, warning_type, wp
+    use tandem, only: change_stepper, chart_policies, failure_type => error_type, find_error_warnings, global_error_type, &
+        model_type, new_stepper, options_type, properties_type, simulation_type, statistics_type, stepper_names, warning_type, &
+        wp
     use tandem_io, only: read_scene, scene_type
     use tandem_io_study_cases, only: build_case, case_groups, case_names, case_type
     use tandem_model_consistency, only: contradiction_length, find_contradiction
@@ -73,7 +74,7 @@ contains
                 do k = 1, 2
                     if (k == 2 .and. properties%estimate_order == 0) cycle
                     options = options_type(stepper=stepper_names(i), step=1.0e-3_wp)
-                    if (k == 2) options%rtol = 1.0e-6_wp
+                    if (k == 2) call change_stepper(options, options%stepper, rtol=1.0e-6_wp)
                     call model%wrap(pendulum)
                     model%of_gamma = factors(j)
                     call run(simulation, model, options, 0.0_wp, q, qd, 1.0e-2_wp, failure)
@@ -191,7 +192,7 @@ contains
             model%column = 3
             model%of_jacobian = 1.2_wp
             options = options_type(stepper='dop853', step=1.0e-3_wp, start_tolerance=1.0e-2_wp)
-            if (i == 2) options%rtol = 1.0e-6_wp
+            if (i == 2) call change_stepper(options, options%stepper, rtol=1.0e-6_wp)
             ! The start satisfies the rows that there are.
             qd = 0.0_wp
             call run(simulation, model, options, 0.0_wp, q, qd, 0.1_wp, failure)
@@ -219,7 +220,7 @@ contains
             call model%wrap(pendulum)
             model%of_jacobian = -1.0_wp
             options = options_type(stepper='dopri5', step=0.2_wp)
-            if (i == 2) options%rtol = 1.0e-6_wp
+            if (i == 2) call change_stepper(options, options%stepper, rtol=1.0e-6_wp)
             call run(simulation, model, options, 0.0_wp, q, qd, 1.0_wp, failure)
             call check_named(error, simulation, failure, 'the Jacobian of the constraint "rod" gives ')
             if (allocated(error)) return
@@ -301,8 +302,8 @@ contains
                 if (j > 1 .and. properties%estimate_order == 0) cycle
                 options = options_type(stepper=stepper_names(i), step=span/100.0_wp, max_steps=400, &
                     chart=chart_policies(1 + mod(i, 2)))
-                if (j == 2) options%rtol = 1.0e-3_wp
-                if (j == 3) options%rtol = 1.0e-8_wp
+                if (j == 2) call change_stepper(options, options%stepper, rtol=1.0e-3_wp)
+                if (j == 3) call change_stepper(options, options%stepper, rtol=1.0e-8_wp)
                 looker = looker_type()
                 call run(simulation, model, options, t, q, qd, t + span, failure, looker)
                 call check_clean(error, simulation, looker, trim(model%name)//', '//trim(stepper_names(i)))
@@ -380,7 +381,7 @@ contains
                 if (allocated(error)) return
                 options = subject%options
                 options%stepper = trim(merge('sdirk54', 'dopri5 ', j == 2))
-                options%rtol = merge(1.0e-4_wp, subject%rtol, j == 3)
+                call change_stepper(options, options%stepper, rtol=merge(1.0e-4_wp, subject%rtol, j == 3))
                 options%max_steps = 1000
                 looker = looker_type(pause=7)
                 call run(simulation, subject%model, options, subject%t_start, subject%q, subject%qd, subject%t_end, failure, looker)
@@ -497,7 +498,7 @@ contains
                 if (allocated(error)) return
                 options = subject%options
                 options%stepper = stepper_names(j)
-                if (stepper_names(j) /= 'rk4') options%rtol = 1.0e-6_wp
+                if (stepper_names(j) /= 'rk4') call change_stepper(options, options%stepper, rtol=1.0e-6_wp)
                 looker = looker_type(pause=1)
                 options%max_steps = 2000
                 call run(simulation, subject%model, options, subject%t_start, subject%q, subject%qd, subject%t_end, failure, looker)

@@ -8,8 +8,8 @@ module test_rank
     use model_turning_rows, only: turning_rows_type
     use rank_checks, only: all_warnings, check_multipliers, check_same_motion, n_warnings
     use runs, only: choose, get_start, new_scene, run
-    use tandem, only: basis_methods, chart_policies, failure_type => error_type, model_type, options_type, refresh_modes, &
-        simulation_type, terms_type, wp
+    use tandem, only: change_stepper, basis_methods, chart_policies, failure_type => error_type, model_type, options_type, &
+        refresh_modes, simulation_type, terms_type, wp
     use terms_at, only: get_terms
     use testdrive, only: error_type, new_unittest, unittest_type
     use watch, only: error_watch_type, natural_errors
@@ -54,7 +54,7 @@ contains
         type(options_type) :: options
 
         options = choose(stepper=stepper, step=1.0e-3_wp)
-        if (stepper == 'dop853') options%rtol = 1.0e-10_wp
+        if (stepper == 'dop853') call change_stepper(options, options%stepper, rtol=1.0e-10_wp)
     end function short_run
 
     !> A model with a redundant row, one of `n_copies`.
@@ -441,7 +441,7 @@ contains
                         if (k == 1 .and. steppers(i) == 'rk4') cycle
                         options = choose(stepper=trim(steppers(i)), step=1.0e-2_wp, chart=chart_policies(j))
                         if (chart_policies(j) == 'paper') options%v_limit = 0.1_wp
-                        if (k == 1) options%rtol = 1.0e-9_wp
+                        if (k == 1) call change_stepper(options, options%stepper, rtol=1.0e-9_wp)
                         call run(simulation, model, options, 0.0_wp, [1.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 1.0_wp, 0.0_wp], &
                             t_end, failure)
                         call check_no_failure(error, failure)

@@ -2,7 +2,7 @@
 !> Dense output: times between the steps, on the manifold, of the stepper's order, without influence on the steps.
 module test_dense
     use asserts, only: check_below, check_between, check_failure, check_no_failure, check_true
-    use runs, only: run
+    use runs, only: choose, run
     use tandem, only: failure_type => error_type, motorcycle_type, options_type, rolling_disk_type, simulation_type, &
         stepper_names, wp
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -136,7 +136,7 @@ contains
         do k = 1, size(stepper_names)
             do j = 1, size(policies)
                 do i = 1, 2
-                    options = options_type(stepper=stepper_names(k), step=0.01_wp, chart=policies(j), v_limit=0.3_wp)
+                    options = choose(stepper=stepper_names(k), step=0.01_wp, chart=policies(j), v_limit=0.3_wp)
                     if (i == 2) options%refresh = 'refine'
                     if (j == 4) options%iteration_limit = 2
                     call start_disk(disk, simulation, options, failure)

@@ -7,8 +7,8 @@ module test_event_actions
     use model_particle, only: particle_type
     use model_pendulum, only: pendulum_type
     use event_witness, only: witness_type
-    use runs, only: get_start, new_scene
-    use tandem, only: chart_policies, failure_type => error_type, model_type, options_type, refresh_modes, &
+    use runs, only: choose, get_start, new_scene
+    use tandem, only: change_stepper, chart_policies, failure_type => error_type, model_type, options_type, refresh_modes, &
         simulation_type, statistics_type, stepper_names, threshold_event_type, wp
     use tandem_simulate_statistics, only: by_event
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -72,7 +72,7 @@ contains
         do k = 1, size(stepper_names)
             do j = 1, size(chart_policies)
                 do i = 1, size(refresh_modes)
-                    options = options_type(stepper=stepper_names(k), step=0.01_wp, chart=chart_policies(j), &
+                    options = choose(stepper=stepper_names(k), step=0.01_wp, chart=chart_policies(j), &
                         refresh=refresh_modes(i), v_limit=0.2_wp)
                     call start_pendulum(model, simulation, options, failure)
                     call simulation%add_event(event)
@@ -205,7 +205,7 @@ contains
                 associate (j => 1 + mod(i - 1, size(r)))
                     options = options_type(stepper=stepper_names(k), step=0.01_wp)
                     if (i > size(r) .and. stepper_names(k) /= 'rk4') then
-                        options%rtol = 1.0e-6_wp
+                        call change_stepper(options, options%stepper, rtol=1.0e-6_wp)
                         options%max_step = 0.01_wp
                     end if
                     wall = bounce_type(name='wall', direction=1, changes=.true., quantity='q', index=1, value=1.0_wp, &

@@ -5,9 +5,10 @@ module test_events
     use event_kinds, only: new_time_event, time_event_type
     use model_knife_edge, only: knife_edge_type
     use model_particle, only: particle_type
-    use runs, only: get_start, new_scene
-    use tandem, only: at_step, chart_policies, event_type, failure_type => error_type, model_type, observer_type, options_type, &
-        refresh_modes, rolling_disk_type, simulation_type, statistics_type, stepper_names, threshold_event_type, wp
+    use runs, only: choose, get_start, new_scene
+    use tandem, only: change_stepper, at_step, chart_policies, event_type, failure_type => error_type, model_type, &
+        observer_type, options_type, refresh_modes, rolling_disk_type, simulation_type, statistics_type, stepper_names, &
+        threshold_event_type, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -131,7 +132,7 @@ contains
         do k = 1, size(stepper_names), 2
             do j = 1, size(chart_policies)
                 do i = 1, size(refresh_modes)
-                    call compare(options_type(stepper=stepper_names(k), step=0.01_wp, chart=chart_policies(j), v_limit=0.2_wp, &
+                    call compare(choose(stepper=stepper_names(k), step=0.01_wp, chart=chart_policies(j), v_limit=0.2_wp, &
                         refresh=refresh_modes(i)), 1.0e-5_wp, error)
                     if (allocated(error)) return
                 end do
@@ -473,9 +474,9 @@ contains
         do k = 1, size(stepper_names)
             do j = 1, size(chart_policies)
                 do i = 1, 3
-                    options = options_type(stepper=stepper_names(k), step=0.02_wp, chart=chart_policies(j), v_limit=0.1_wp)
+                    options = choose(stepper=stepper_names(k), step=0.02_wp, chart=chart_policies(j), v_limit=0.1_wp)
                     if (i == 2) options%refresh = 'refine'
-                    if (i == 3 .and. stepper_names(k) /= 'rk4') options%rtol = 1.0e-5_wp
+                    if (i == 3 .and. stepper_names(k) /= 'rk4') call change_stepper(options, options%stepper, rtol=1.0e-5_wp)
                     do l = 1, 3
                         call simulation%initialize(disk, options, 0.0_wp, q, qd, failure)
                         if (l > 1 .and. .not. allocated(failure)) then
@@ -559,7 +560,8 @@ contains
         call watch_time(events, 0.1_wp, 1.0_wp, simulation, failure)
         call check_failure(error, failure, 'callback_failed', 'event "stat" returned the status 7')
         call model%define(.true.)
-        call simulation%initialize(model, options_type(step=1.0e-3_wp), 0.0_wp, [0.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 0.0_wp], failure)
+        call simulation%initialize(model, options_type(step=1.0e-3_wp), 0.0_wp, [0.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, &
+            0.0_wp], failure)
         threshold = threshold_event_type(name='far', quantity='q', index=4)
         call simulation%add_event(threshold)
         call simulation%integrate(1.0_wp, failure)

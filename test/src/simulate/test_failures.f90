@@ -485,7 +485,8 @@ contains
         call model%define()
         do j = 1, size(modes)
             call model%start(0.0_wp, 12.0_wp, q, qd)
-            call run(simulation, model, choose(step=1.0e-3_wp, chart='paper', refresh=modes(j), v_limit=1.0e9_wp), 0.0_wp, q, qd, 2.0_wp, failure)
+            call run(simulation, model, choose(step=1.0e-3_wp, chart='paper', refresh=modes(j), v_limit=1.0e9_wp), 0.0_wp, q, &
+                qd, 2.0_wp, failure)
             call check_stopped(error, failure, piece='renew the chart more often', place=modes(j))
             ! The quarter turn is reached at t = 0.15; all before it is accurate.
             call check_true(error, simulation%state%t > 0.1_wp .and. simulation%state%t < 0.2_wp, 'the time left behind')

@@ -9,8 +9,8 @@ module test_faults
     use model_perturbed, only: perturbed_type
     use model_spy, only: fault_infinity, fault_nan, fault_retry, fault_stop, spy_type
     use runs, only: choose, run
-    use tandem, only: assembly_type, derivative_name, failure_type => error_type, is_input_error, model_type, n_derivatives, &
-        n_terms, need_nu, options_type, rolling_disk_type, simulation_type, statistics_type, term_name, wp
+    use tandem, only: change_stepper, assembly_type, derivative_name, failure_type => error_type, is_input_error, model_type, &
+        n_derivatives, n_terms, need_nu, options_type, rolling_disk_type, simulation_type, statistics_type, term_name, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -391,7 +391,7 @@ contains
         do k = 2, size(steppers)
             do j = 1, size(policies)
                 options = choose(stepper=steppers(k), chart=policies(j), refresh='refine')
-                options%rtol = 1.0e-6_wp
+                call change_stepper(options, options%stepper, rtol=1.0e-6_wp)
                 options%first_step = 0.3_wp
                 call run(simulation, model, options, 0.0_wp, q, qd, 1.0_wp, failure)
                 call check_no_failure(error, failure)

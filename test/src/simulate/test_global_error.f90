@@ -111,7 +111,7 @@ contains
             options = options_type()
             options%stepper = cases(i)%stepper
             options%rtol = cases(i)%rtol
-            if (cases(i)%step > 0.0_wp) options%step = cases(i)%step
+            if (.not. cases(i)%rtol > 0.0_wp) options%step = merge(cases(i)%step, 1.0e-3_wp, cases(i)%step > 0.0_wp)
             options%max_step = cases(i)%max_step
             call estimate_error(trim(cases(i)%scene), options, global_error, true, failure)
             call check_no_failure(error, failure)
@@ -171,7 +171,7 @@ contains
             options = options_type()
             options%stepper = c%stepper
             options%rtol = c%rtol
-            if (c%step > 0.0_wp) options%step = c%step
+            if (.not. c%rtol > 0.0_wp) options%step = merge(c%step, 1.0e-3_wp, c%step > 0.0_wp)
             call global_error%initialize(size(q), 0.0_wp, c%t_end)
             call run(simulation, model, options, 0.0_wp, q, qd, c%t_end, failure, global_error)
             found = [simulation%state%q, simulation%state%qd]

@@ -48,13 +48,14 @@ contains
         state = reshape([simulation%state%q, simulation%state%qd], [model%n, 2])
     end subroutine run_to
 
-    !> Options with some of them chosen; v_limit with the chart that has it.
+    !> Options for fixed steps, of 1 ms if not given, with some others chosen; v_limit only with the chart that has it.
     function choose(step, chart, refresh, v_limit, tolerance, stepper) result(options)
         real(wp), intent(in), optional :: step, v_limit, tolerance
         character(len=*), intent(in), optional :: chart, refresh, stepper
         type(options_type) :: options
 
         if (present(stepper)) options%stepper = stepper
+        options%step = 1.0e-3_wp
         if (present(step)) options%step = step
         if (present(chart)) options%chart = chart
         if (present(refresh)) options%refresh = refresh

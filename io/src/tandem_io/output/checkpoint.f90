@@ -35,6 +35,8 @@ module tandem_io_output_checkpoint
         !> The status in the file, blank where it cannot be read, and whether it says that the run has reached its end.
         character(len=:), allocatable :: status
         logical :: is_complete = .false.
+        !> The run was killed before its first state was saved: all that is known is its scene.
+        logical :: is_before_start = .false.
         !> How often the run was taken up before.
         integer :: times_resumed = 0
         !> Running number.
@@ -123,7 +125,8 @@ contains
         type(pack_type) :: pack
         integer(long), allocatable :: words(:)
         integer(long) :: format
-        logical :: is_there
+        logical :: is_there, is_empty
+        character(len=:), allocatable :: scene
         character(len=96) :: problem, first_problem
         character(len=64) :: reason
         integer :: i
@@ -138,10 +141,12 @@ contains
             return
         end if
         first_problem = ''
+        is_empty = .true.
         do i = 1, size(paths)
             if (allocated(file%problem)) exit
             call file%get_words(trim(paths(i)), words)
             if (allocated(file%problem)) exit
+            is_empty = is_empty .and. size(words) == 0
             call pack%begin_reading(kind_of_row, words, reason)
             problem = ''
             if (reason /= '') problem = 'its checkpoint cannot be read: '//reason
@@ -151,10 +156,14 @@ contains
             if (problem == '' .and. candidate%number > snapshot%number) snapshot = candidate
         end do
         call file%get_text('/', 'status', snapshot%status)
+        call file%get_text('/', 'scene', scene)
         call file%close()
+        snapshot%is_before_start = is_empty .and. snapshot%status == 'running' .and. scene /= ''
         snapshot%is_complete = snapshot%status == 'complete'
         if (allocated(file%problem)) then
             call refuse('it has no checkpoint, or is damaged: '//file%problem)
+        else if (snapshot%is_before_start) then
+            snapshot%scene = scene
         else if (snapshot%number == 0) then
             call refuse(trim(first_problem))
         end if

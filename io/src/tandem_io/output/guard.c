@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* What keeps a result file safe that HDF5 does not do: a lock while it is written, a look whether it is still there and has room,
    an end that is ahead of what is written, and the system's reason where it refuses to write. */
+#define _GNU_SOURCE
 #include "superblock.h"
 #include <errno.h>
 #include <fcntl.h>
@@ -18,6 +19,23 @@ int tandem_guard_take(const char *path)
 
     if (file >= 0)
         flock(file, LOCK_SH | LOCK_NB);
+    return file;
+}
+
+/* A descriptor of the file that no other process can get meanwhile, until it is released; -2 if another one has it, -1 if the file
+   cannot be opened. The lock is on a byte far behind the end, so that it hinders no reader. A file system without locks has
+   none. */
+int tandem_guard_claim(const char *path)
+{
+    int file = open(path, O_RDWR | O_CLOEXEC | O_NONBLOCK);
+#ifdef F_OFD_SETLK
+    struct flock lock = {.l_type = F_WRLCK, .l_whence = SEEK_SET, .l_start = INT64_MAX - 1, .l_len = 1};
+
+    if (file >= 0 && fcntl(file, F_OFD_SETLK, &lock) != 0 && (errno == EAGAIN || errno == EACCES)) {
+        close(file);
+        return -2;
+    }
+#endif
     return file;
 }
 

@@ -6,7 +6,7 @@ module tandem_io_output_guard
     implicit none (type, external)
     private
 
-    public :: guard_type, is_taken, system_reason, forget_reason
+    public :: claim_type, guard_type, is_taken, system_reason, forget_reason
 
     !> The guard of one file.
     type :: guard_type
@@ -16,7 +16,22 @@ module tandem_io_output_guard
         procedure :: take, mend, trim => trim_file, has_room, is_there, is_whole, release
     end type guard_type
 
+    !> The claim of this process to change a file; others that want to change it too find it claimed.
+    type :: claim_type
+        integer(c_int), private :: file = -1_c_int
+        character(len=:), allocatable, private :: path
+    contains
+        procedure :: make => make_claim, drop => drop_claim
+    end type claim_type
+
     interface
+        function c_claim(path) result(file) bind(c, name='tandem_guard_claim')
+            import :: c_char, c_int
+            implicit none (type, external)
+            character(kind=c_char), intent(in) :: path(*)
+            integer(c_int) :: file
+        end function c_claim
+
         function c_take(path) result(file) bind(c, name='tandem_guard_take')
             import :: c_char, c_int
             implicit none (type, external)
@@ -87,6 +102,31 @@ module tandem_io_output_guard
     end interface
 
 contains
+
+    !> Claim a file, unless that was done before.
+    subroutine make_claim(self, path, is_refused)
+        class(claim_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        !> Another process has claimed it.
+        logical, intent(out) :: is_refused
+
+        is_refused = .false.
+        if (self%file >= 0) then
+            if (self%path == path) return
+        end if
+        call self%drop()
+        self%path = path
+        self%file = c_claim(path//c_null_char)
+        is_refused = self%file < -1_c_int
+    end subroutine make_claim
+
+    !> Drop the claim.
+    subroutine drop_claim(self)
+        class(claim_type), intent(inout) :: self
+
+        if (self%file >= 0) call c_release(self%file)
+        self%file = -1_c_int
+    end subroutine drop_claim
 
     !> Lock a file against other writers, unless it is; readers may come.
     subroutine take(self, path)

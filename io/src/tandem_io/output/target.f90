@@ -11,7 +11,10 @@ module tandem_io_output_target
     implicit none (type, external)
     private
 
-    public :: check_source, check_target, is_result, is_hdf5, remove_file
+    public :: check_source, check_target, in_use, is_result, is_hdf5, remove_file
+
+    !> Reason to leave a file alone.
+    character(len=*), parameter :: in_use = 'it is in use: another run is writing it, or somebody reads it'
 
 contains
 
@@ -112,7 +115,7 @@ contains
             return
         end if
         if (is_taken(path)) then
-            call refuse('it is in use: another run is writing it, or somebody reads it')
+            call refuse(in_use)
             return
         end if
         if (.not. present(purpose) .and. is_marked(path)) then

@@ -13,11 +13,13 @@ module tandem_io_output_trajectory
     use tandem_io_output_events, only: event_output_type, event_paths
     use tandem_io_output_fields, only: field_kinetic_energy, field_potential_energy, field_q, field_qd, fields, index_of, &
         output_type
+    use tandem_io_output_guard, only: claim_type
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_io_output_profile, only: write_profile
     use tandem_io_output_report, only: write_global_error, write_report
     use tandem_io_output_series, only: label_columns, series_type, width_of
-    use tandem_io_output_target, only: check_target, remove_file
+    use tandem_io_output_target, only: check_target, in_use, remove_file
+    use tandem_io_path, only: is_regular
     use tandem_status, only: status_interrupted, status_invalid_checkpoint, status_invalid_option
     implicit none (type, external)
     private
@@ -51,6 +53,7 @@ module tandem_io_output_trajectory
         !> Where the time of writing is booked, if anybody takes it.
         type(profile_type), pointer :: profile => null()
         type(hdf5_type), private :: file
+        type(claim_type), private :: file_claim
         !> Where and what the run would go on from, and when that was written last; what watches the run besides.
         type(checkpoint_type), private :: checkpoint
         type(checksums_type), private :: checksums
@@ -79,7 +82,7 @@ module tandem_io_output_trajectory
         integer(long), private :: intervals = 0
         character(len=:), allocatable, private :: path
     contains
-        procedure :: open, go_on, observe, close, add_error, add_profile, release
+        procedure :: claim, open, go_on, observe, close, add_error, add_profile, release
         procedure, private :: gather, gather_between, measure, integrate, write_rows, bring
         procedure, private :: watch, save, save_simulation, close_datasets, prepare, fail
     end type trajectory_type
@@ -158,6 +161,20 @@ module tandem_io_output_trajectory
 
 contains
 
+    !> Claim an existing file before it is read and changed; other processes cannot do that until `release`.
+    subroutine claim(self, path, error)
+        class(trajectory_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        !> Another process is writing the file.
+        type(error_type), allocatable, intent(out) :: error
+        logical :: is_refused
+
+        if (.not. is_regular(path)) return
+        call self%file_claim%make(path, is_refused)
+        if (is_refused) call set_error(error, status_output_failed, 'cannot write '//path//': '//in_use, &
+            'wait until it has ended, or choose another file')
+    end subroutine claim
+
     !> Make the file for a simulation that is initialized. On an error nothing is left behind.
     subroutine open(self, output, simulation, error, scene, command, force, watcher)
         class(trajectory_type), intent(inout) :: self
@@ -181,6 +198,7 @@ contains
             return
         end if
         call check_target(output%file, force_, is_new, error)
+        if (.not. allocated(error)) call self%claim(output%file, error)
         if (allocated(error)) return
         self%path = output%file
         self%first_time = simulation%state%t
@@ -209,6 +227,7 @@ contains
             call self%fail(error)
             call self%file%close()
             if (is_new) call remove_file(self%path)
+            call self%file_claim%drop()
         end if
     end subroutine open
 
@@ -286,6 +305,7 @@ contains
             call set_error(error, status_invalid_checkpoint, 'cannot go on from '//self%path//': '//reason)
             call self%close_datasets()
             call self%file%close()
+            call self%file_claim%drop()
         end subroutine refuse
     end subroutine go_on
 
@@ -467,6 +487,7 @@ contains
         if (allocated(self%series)) call self%checksums%write(self%file, self%rows, self%events%rows, sums_of(self))
         call self%close_datasets()
         if (.not. allocated(self%file%problem)) call write_outcome(self, simulation, run_error)
+        if (.not. self%more_follows) call self%file_claim%drop()
         if (.not. allocated(self%file%problem)) return
         call self%fail(error)
         message = error%message
@@ -538,6 +559,7 @@ contains
 
         self%more_follows = .false.
         call self%file%let_go()
+        call self%file_claim%drop()
     end subroutine release
 
     !> Close all datasets.

@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: MIT */
+/* A child process for work that may end in a crash of a library, such as HDF5 with a damaged file. */
+#include <errno.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/types.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+enum { in_child = -1, killed = 1000 };
+
+/* Fork. In the child -1, and the caller goes on with its work there; a crash then ends it silently, without a core. In the parent,
+   once the child has ended, its exit code, or 1000 and the signal that ended it. Without a child (no memory, no processes) the
+   caller does the work itself: -1. */
+int tandem_fork_and_wait(void)
+{
+    static const int crashes[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
+    const struct rlimit none = {0, 0};
+    int status = 0;
+    pid_t child = fork(), ended;
+
+    if (child < 0)
+        return in_child;
+    if (child == 0) {
+        for (size_t i = 0; i < sizeof crashes / sizeof *crashes; i++)
+            signal(crashes[i], SIG_DFL);
+        setrlimit(RLIMIT_CORE, &none);
+        return in_child;
+    }
+    do
+        ended = waitpid(child, &status, 0);
+    while (ended < 0 && errno == EINTR);
+    if (ended < 0)
+        return killed;
+    return WIFSIGNALED(status) ? killed + WTERMSIG(status) : WEXITSTATUS(status);
+}

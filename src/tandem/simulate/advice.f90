@@ -1,0 +1,130 @@
+! SPDX-License-Identifier: MIT
+!> Advice for the user of a run that has failed: chosen by the cause, and by what can be changed (a mechanism has no procedures).
+module tandem_simulate_advice
+    use tandem_model, only: model_type
+    use tandem_options, only: options_type
+    use tandem_simulate_stiffness, only: implicit_advice
+    use tandem_status, only: status_chart_left, status_newton_failed, status_not_evaluable, status_not_finite, status_of, &
+        status_position_diverged, status_rank_deficient, status_type
+    use tandem_stepper, only: properties_type
+    implicit none (type, external)
+    private
+
+    public :: advice_on_failure, advice_on_limit, advice_length
+    public :: anywhere, before_steps, in_first_step, in_step, at_smallest_step
+
+    !> Circumstances of a failure: between steps, at the start of the run, in its first step, in a step, or in a step that cannot be
+    !> shorter.
+    integer, parameter :: anywhere = 0, before_steps = 1, in_first_step = 2, in_step = 3, at_smallest_step = 4
+
+    !> Texts have a fixed length, since a deferred one would be static memory (see `tandem_status`).
+    integer, parameter :: advice_length = 280
+
+    character(len=*), parameter :: jam = &
+        'the constraints allow no motion there (a dead point, a stop, or a motion that drives too far)'
+    character(len=*), parameter :: procedures = ' (tandem check, verify_model)'
+
+contains
+
+    !> The remedy for a failure with a status.
+    pure function advice_on_failure(stat, circumstance, model, options, method, names_row) result(advice)
+        integer, intent(in) :: stat
+        !> `anywhere`, `before_steps`, `in_first_step`, `in_step` or `at_smallest_step`.
+        integer, intent(in) :: circumstance
+        class(model_type), intent(in) :: model
+        type(options_type), intent(in) :: options
+        type(properties_type), intent(in) :: method
+        !> The message names a constraint row.
+        logical, intent(in) :: names_row
+        character(len=advice_length) :: advice
+        type(status_type) :: row
+
+        select case (stat)
+        case (status_rank_deficient)
+            advice = on_rank_loss(circumstance, names_row)
+        case (status_position_diverged, status_chart_left)
+            advice = on_lost_position(circumstance, model, options, method)
+        case (status_not_evaluable, status_not_finite)
+            advice = on_lost_value(circumstance, model, options, method)
+        case (status_newton_failed)
+            advice = 'take a smaller step'
+            if (circumstance == at_smallest_step) advice = 'look for a singularity or a jump of a force there'
+            if (.not. model%is_ready_made) advice = trim(advice)//'; check the derivatives of the model'//procedures
+        case default
+            row = status_of(stat)
+            advice = row%advice
+        end select
+    end function advice_on_failure
+
+    !> The remedy for a run that has reached a limit on its steps or its work.
+    pure function advice_on_limit(option, options, is_stiff) result(advice)
+        !> Name of the limit.
+        character(len=*), intent(in) :: option
+        type(options_type), intent(in) :: options
+        !> Stability limits the steps of an explicit method.
+        logical, intent(in) :: is_stiff
+        character(len=advice_length) :: advice
+
+        advice = 'raise '//option//', or '//trim(merge('loosen the tolerances', 'take larger steps    ', options%is_adaptive()))
+        if (is_stiff) advice = 'choose an implicit stepper ('//implicit_advice//'), since the model is stiff: stability limits '// &
+            'the steps; or raise '//option
+    end function advice_on_limit
+
+    pure function on_rank_loss(circumstance, names_row) result(advice)
+        integer, intent(in) :: circumstance
+        logical, intent(in) :: names_row
+        character(len=advice_length) :: advice
+
+        if (circumstance == before_steps) then
+            advice = 'start beside this configuration'
+            if (names_row) advice = trim(advice)//', or remove one of these rows'
+        else
+            advice = 'end the run before this configuration, behind which the motion is not determined'
+            if (names_row) advice = trim(advice)//', or remove one of these rows if it is redundant'
+            if (any(circumstance == [in_first_step, in_step])) advice = trim(advice)// &
+                '; take a smaller step if the motion does not come near it'
+        end if
+    end function on_rank_loss
+
+    pure function on_lost_position(circumstance, model, options, method) result(advice)
+        integer, intent(in) :: circumstance
+        class(model_type), intent(in) :: model
+        type(options_type), intent(in) :: options
+        type(properties_type), intent(in) :: method
+        character(len=advice_length) :: advice
+
+        select case (circumstance)
+        case (before_steps)
+            advice = 'correct the start'
+        case (at_smallest_step)
+            advice = 'see whether '//jam
+            if (.not. model%is_ready_made) advice = trim(advice)//', or a procedure of the model is wrong'//procedures
+        case default
+            advice = 'take a smaller step'
+            if (options%chart /= 'every_step') advice = trim(advice)//', or renew the chart more often (chart = "every_step")'
+            if (.not. method%implicit) advice = trim(advice)//', or choose an implicit stepper ('//implicit_advice// &
+                ') if the model is stiff'
+            if (circumstance == in_first_step) advice = trim(advice)//'; if no step helps, see whether '//jam
+        end select
+    end function on_lost_position
+
+    pure function on_lost_value(circumstance, model, options, method) result(advice)
+        integer, intent(in) :: circumstance
+        class(model_type), intent(in) :: model
+        type(options_type), intent(in) :: options
+        type(properties_type), intent(in) :: method
+        character(len=advice_length) :: advice
+        character(len=*), parameter :: mine = 'check the procedures of the model there', &
+            ready_made = 'look for numbers, functions or laws without a value there'
+
+        advice = mine
+        if (model%is_ready_made) advice = ready_made
+        if (all(circumstance /= [in_first_step, in_step])) return
+        if (method%implicit .or. options%is_adaptive()) then
+            advice = 'take a smaller step; if it persists, '//advice
+        else
+            advice = 'take a smaller step, or choose an implicit stepper ('//implicit_advice// &
+                ') if the model is stiff; if it persists, '//advice
+        end if
+    end function on_lost_value
+end module tandem_simulate_advice
