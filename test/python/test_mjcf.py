@@ -168,7 +168,7 @@ class Models(Mechanism):
         for text, message in {
             "<robot/>": "not <mujoco>", "<mujoco": "no XML", body("<geom size='1'/>"): "nothing moves",
             body('<body name="b"><joint/></body>'): "no mass", body('<body><joint axis="0 0 0"/><geom size="1"/></body>'): "length zero",
-            body('<body><joint type="screw"/><geom size="1"/></body>'): 'the type "screw"',
+            body('<body><joint type="screw"/><geom size="1"/></body>'): 'screw" is unknown',
             body('<body><freejoint/><geom type="box" size="1"/></body>'): "3 sizes",
             body('<body><freejoint/><geom type="mesh" mesh="m"/></body>'): "is a mesh",
             body('<body><freejoint/><geom size="1" class="none"/></body>'): 'no default class "none"',

@@ -17,24 +17,31 @@ from __future__ import annotations
 
 import math
 import sys
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 try:
+    from .markup import Budget, InputError, guarded, keyword, known, number, numbers, parse, say
+    from .mjcf_schema import ATTRIBUTES, AUTO, ORIENTATIONS, TRUTH
     from .mjcf_text import to_toml
-    from .urdf import Body, Link, Pose, UrdfError, add, numbers, parse_coordinates, turned
+    from .urdf import Body, Link, Pose, add, parse_coordinates, turned
 except ImportError:  # as a script
+    from markup import Budget, InputError, guarded, keyword, known, number, numbers, parse, say
+    from mjcf_schema import ATTRIBUTES, AUTO, ORIENTATIONS, TRUTH
     from mjcf_text import to_toml
-    from urdf import Body, Link, Pose, UrdfError, add, numbers, parse_coordinates, turned
+    from urdf import Body, Link, Pose, add, parse_coordinates, turned
 
 #: Files in files, no deeper than this.
 DEEPEST = 10
-ORIENTATIONS = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
+#: Flags that switch off what is taken, one of them is enough, and that.
+OFF = ((("spring", "passive"), "springs of joints"), (("damper", "passive"), "dampers of joints"), (("constraint", "equality"), "equalities"),
+       (("constraint", "limit"), "limits of joints"), (("actuation",), "actuators"))
 #: What would change a model and is not taken.
 REFUSED = ("composite", "flexcomp", "replicate", "attach", "flex")
+#: What a body may have besides geoms, sites, frames and bodies.
+INSIDE = ("joint", "freejoint", "inertial", "camera", "light", "plugin")
 #: Sections of a file that are taken, or that do not matter to how it moves.
 KNOWN = {"compiler", "option", "size", "statistic", "default", "asset", "worldbody", "equality", "actuator", "contact", "sensor", "keyframe",
          "visual", "custom", "extension"}
@@ -68,71 +75,127 @@ class Model:
     sites: dict = field(default_factory=dict)
     equalities: list = field(default_factory=list)
     motors: list = field(default_factory=list)
-    notes: list = field(default_factory=list)
+    #: Texts in the order in which they came up, each once.
+    notes: dict = field(default_factory=dict)
     #: Where each joint with one coordinate is drawn.
     at: dict = field(default_factory=dict)
 
     def note(self, text: str) -> None:
-        if text not in self.notes:
-            self.notes.append(text)
+        self.notes[text] = None
 
 
-def expanded(path, depth=0):
-    """The root of a file, with what it includes in its place."""
-    if depth > DEEPEST:
-        raise UrdfError(f"{path}: files include each other {DEEPEST} deep; do they go round?")
-    try:
-        root = ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
-        raise UrdfError(f"{path} is no XML: {error}") from error
-    for parent in list(root.iter()):
-        for k in reversed(range(len(parent))):
-            if parent[k].tag == "include":
-                inner = expanded(Path(path).parent / parent[k].get("file", ""), depth + 1)
-                parent[k:k + 1] = list(inner)
-    return root
+class Includes:
+    """Puts what a file includes in its place. MuJoCo looks for a file beside the first one, then beside the one that includes it, and takes
+    each file once."""
+
+    def __init__(self, path):
+        self.folder, self.budget, self.seen = Path(path).parent, Budget(), set()
+        self.root = self.expanded(Path(path), 0)
+
+    def expanded(self, path, depth):
+        if path.resolve() in self.seen:
+            raise InputError(f"{path} is included twice, or files go round; MuJoCo takes each file once")
+        if depth > DEEPEST:
+            raise InputError(f"{path}: files include each other {DEEPEST} deep; put some of them together")
+        self.seen.add(path.resolve())
+        root = parse(path, self.budget)
+        for parent in list(root.iter()):
+            if all(child.tag != "include" for child in parent):
+                continue
+            content = list(parent)
+            parent[:] = []
+            for child in content:
+                if child.tag == "include":
+                    known(child.attrib, ("file", "prefix"), f"{path}, include")
+                    if not child.get("file") or child.get("prefix"):
+                        raise InputError(f"{path}: an include names no file, or has a prefix, which is not taken")
+                    first = self.folder / child.get("file")
+                    parent.extend(self.expanded(first if first.exists() else path.parent / child.get("file"), depth + 1))
+                else:
+                    parent.append(child)
+        return root
 
 
 class Reader:
     """Reads a file into a model."""
 
     def __init__(self, path, at=None, state=None):
-        self.root = expanded(path)
+        self.root = Includes(path).root
         if self.root.tag != "mujoco":
-            raise UrdfError(f"{path} is no MJCF: its first element is <{self.root.tag}>, not <mujoco>")
-        self.compiler = {key: value for element in self.root.findall("compiler") for key, value in element.attrib.items()}
-        self.per_degree = math.pi/180 if self.compiler.get("angle", "degree") == "degree" else 1.0
-        self.groups = numbers(self.compiler.get("inertiagrouprange"), 2, (0, 5), "compiler, inertiagrouprange")
-        self.sequence = self.compiler.get("eulerseq", "xyz")
-        if len(self.sequence) != 3 or set(self.sequence.lower()) - set("xyz"):
-            raise UrdfError(f'compiler, eulerseq: "{self.sequence}" should be three of x, y, z, X, Y, Z')
-        if self.compiler.get("coordinate", "local") != "local":
-            raise UrdfError("compiler, coordinate: global coordinates are of old versions; let MuJoCo save the model anew")
+            raise InputError(f"{path} is no MJCF: its first element is <{self.root.tag}>, not <mujoco>")
+        known(self.root.attrib, ATTRIBUTES["mujoco"], "mujoco")
+        self.compiler, option = self.merged("compiler"), self.merged("option")
+        self.read_compiler()
+        #: Of the flags those that are set, and what they switch off.
+        self.flags = {key: keyword(value, ("enable", "disable"), "", f"flag, {key}") for key, value in self.merged("option/flag").items()}
         self.classes = {"main": {}}
         for element in self.root.findall("default"):
-            self.read_defaults(element, None)
-        gravity = numbers(next((o.get("gravity") for o in self.root.findall("option") if o.get("gravity")), None), 3, (0, 0, -9.81),
-                          "option, gravity")
-        disabled = any(f.get("gravity") == "disable" for o in self.root.findall("option") for f in o.findall("flag"))
-        self.model = Model(self.root.get("model") or Path(path).stem, 0*gravity if disabled else gravity)
+            self.read_defaults(element)
+        gravity = numbers(option.get("gravity"), 3, (0, 0, -9.81), "option, gravity")
+        self.model = Model(self.root.get("model") or Path(path).stem, 0*gravity if self.disabled("gravity") else gravity)
+        if any(number(option.get(key), 0, f"option, {key}", 0) for key in ("density", "viscosity")):
+            self.model.note("the medium around (option density, viscosity) is left out")
+        for flags, what in OFF:
+            if self.disabled(*flags):
+                self.model.note(f"{what} are left out: the flag {next(flag for flag in flags if self.flags.get(flag) == 'disable')} disables them")
         self.at, self.state, self.used = dict(at or {}), dict(state or {}), set()
+        self.named = {element.get("name") for element in self.root.iter("body")}
 
-    def read_defaults(self, element, parent):
-        name = element.get("class") or ("main" if parent is None else "")
-        content = {tag: dict(values) for tag, values in self.classes.get(name if parent is None else parent, {}).items()}
-        for child in element:
-            if child.tag != "default":
-                content.setdefault(child.tag, {}).update(child.attrib)
-        self.classes[name] = content
-        for child in element.findall("default"):
-            self.read_defaults(child, name)
+    def merged(self, path):
+        """The attributes of all elements of a kind; later ones count."""
+        found = {}
+        for element in self.root.findall(path):
+            known(element.attrib, ATTRIBUTES[element.tag], element.tag)
+            found |= element.attrib
+        return found
 
-    def attributes(self, element, given_class):
-        """The attributes of an element, with those of its class; an orientation takes the place of any other one."""
+    def disabled(self, *flags):
+        return any(self.flags.get(flag) == "disable" for flag in flags)
+
+    def read_compiler(self):
+        given = self.compiler
+        self.per_degree = math.pi/180 if keyword(given.get("angle"), ("degree", "radian"), "degree", "compiler, angle") == "degree" else 1.0
+        self.groups = numbers(given.get("inertiagrouprange"), 2, (0, 5), "compiler, inertiagrouprange")
+        self.sequence = given.get("eulerseq", "xyz")
+        if len(self.sequence) != 3 or set(self.sequence.lower()) - set("xyz"):
+            raise InputError(f'compiler, eulerseq: "{self.sequence[:20]}" should be three of x, y, z, X, Y, Z')
+        if keyword(given.get("coordinate"), ("local", "global"), "local", "compiler, coordinate") != "local":
+            raise InputError("compiler, coordinate: global coordinates are of old versions; let MuJoCo save the model anew")
+        self.limited_by_range = keyword(given.get("autolimits"), TRUTH, "true", "compiler, autolimits") == "true"
+        self.from_geoms = keyword(given.get("inertiafromgeom"), AUTO, "auto", "compiler, inertiafromgeom")
+        self.balances = keyword(given.get("balanceinertia"), TRUTH, "false", "compiler, balanceinertia") == "true"
+        self.least = [number(given.get(key), 0, f"compiler, {key}", 0) for key in ("boundmass", "boundinertia")]
+        self.total_mass = number(given.get("settotalmass"), -1, "compiler, settotalmass")
+
+    def read_defaults(self, element):
+        """The classes of a <default>, each of which begins with what its parent has."""
+        waiting = [(element, None)]
+        while waiting:
+            element, parent = waiting.pop()
+            known(element.attrib, ATTRIBUTES["default"], "default")
+            name = element.get("class") or ("main" if parent is None else "")
+            if not name or (name in self.classes and parent is not None):
+                raise InputError(f'the default class "{name}" has no name of its own; give it one')
+            content = {tag: dict(values) for tag, values in self.classes.get(name if parent is None else parent, {}).items()}
+            for child in element:
+                if child.tag != "default":
+                    if child.tag in ATTRIBUTES:
+                        known(child.attrib, ATTRIBUTES[child.tag], f"class {name}, {child.tag}")
+                    content.setdefault(child.tag, {}).update(child.attrib)
+            self.classes[name] = content
+            waiting += [(child, name) for child in reversed(element.findall("default"))]
+
+    def attributes(self, element, given_class, kind=None):
+        """The attributes of an element, with those of its class; an orientation takes the place of any other one. `kind` is that of its
+        defaults, if its tag does not say."""
+        kind = kind or element.tag
+        tag = f"{kind} {element.tag}" if f"{kind} {element.tag}" in ATTRIBUTES else element.tag
+        if tag in ATTRIBUTES:
+            known(element.attrib, ATTRIBUTES[tag], f"{element.tag} {element.get('name', '')}".rstrip())
         name = element.get("class") or given_class or "main"
         if name not in self.classes:
-            raise UrdfError(f'there is no default class "{name}"; correct the name')
-        defaults = self.classes[name].get(element.tag, {})
+            raise InputError(f'there is no default class "{name}"; correct the name')
+        defaults = self.classes[name].get(kind, {})
         if any(key in element.attrib for key in ORIENTATIONS):
             defaults = {key: value for key, value in defaults.items() if key not in ORIENTATIONS}
         return {**defaults, **element.attrib}
@@ -140,7 +203,7 @@ class Reader:
     def pose(self, given, where) -> Pose:
         r = numbers(given.get("pos"), 3, (0, 0, 0), f"{where}, pos")
         if "quat" in given:
-            return Pose(r, rotation_of(numbers(given["quat"], 4, (1, 0, 0, 0), f"{where}, quat")))
+            return Pose(r, rotation_of(unit(numbers(given["quat"], 4, (), f"{where}, quat"), f"{where}, quat")))
         if "axisangle" in given:
             *axis, angle = numbers(given["axisangle"], 4, (), f"{where}, axisangle")
             return Pose(r, turned(unit(axis, f"{where}, axisangle"), angle*self.per_degree))
@@ -162,62 +225,95 @@ class Reader:
     def read(self) -> Model:
         ground = Body("ground", ["world"], Pose())
         self.model.places["world"] = (ground, Pose())
-        for world in self.root.findall("worldbody"):
-            self.read_content(world, ground, Pose(), None, "world", counts=False)
-        self.scale_masses()
-        for name in (*self.at, *self.state):
-            if name not in self.used:
-                raise UrdfError(f"there is no joint {name} that turns or slides; correct the name")
         for element in self.root:
             if element.tag not in KNOWN:
                 self.model.note(f"<{element.tag}> is left out")
-        for section in self.root.findall("equality"):
-            self.model.equalities += [(e.tag, self.attributes(e, None)) for e in section if e.get("active", "true") == "true"]
-        for section in self.root.findall("actuator"):
-            for element in section:
-                given = self.attributes(element, None)
-                if element.tag == "motor" and "joint" in given:
-                    self.model.motors.append(given)
-                else:
-                    self.model.note(f"actuator {given.get('name', element.tag)} is left out: motors of joints alone are taken")
-        for section in self.root.findall("option"):
-            if any(float(numbers(section.get(key), 1, (0,), f"option, {key}")[0]) for key in ("density", "viscosity")):
-                self.model.note("the medium around (option density, viscosity) is left out")
+        for world in self.root.findall("worldbody"):
+            self.read_bodies(world, ground)
+        self.scale_masses()
+        for name in (*self.at, *self.state):
+            if name not in self.used:
+                raise InputError(f"there is no joint {name} that turns or slides; correct the name")
+        if not self.disabled("constraint", "equality"):
+            for section in self.root.findall("equality"):
+                self.read_equalities(section)
+        if not self.disabled("actuation"):
+            for section in self.root.findall("actuator"):
+                self.read_actuators(section)
         return self.model
 
-    def read_content(self, element, body, pose, given_class, name, counts=True):
-        """Geoms, sites, frames and bodies inside of an element; `pose` is that of its frame in `body`."""
-        geoms = []
-        for child in element:
+    def read_equalities(self, section):
+        for element in section:
+            given = self.attributes(element, None, "equality")
+            if keyword(given.get("active"), TRUTH, "true", f"equality {given.get('name', element.tag)}, active") == "true":
+                self.model.equalities.append((element.tag, given))
+
+    def read_actuators(self, section):
+        for element in section:
+            given = self.attributes(element, None)
+            if element.tag == "motor" and "joint" in given:
+                self.model.motors.append(given)
+            else:
+                self.model.note(f"actuator {given.get('name', element.tag)} is left out: motors of joints alone are taken")
+
+    def read_bodies(self, world, ground):
+        """All bodies, each before those that it carries, in the order of the file."""
+        known(world.attrib, ATTRIBUTES["worldbody"], "worldbody")
+        waiting = [(world, ground, Pose(), world.get("childclass"), "world")]
+        while waiting:
+            element, body, pose, given_class, name = waiting.pop()
+            if element is not world:
+                body, pose, given_class, name = self.read_body(element, body, pose, given_class)
+            geoms, inner = self.content(element, body, pose, given_class, name)
+            if body.name != "ground":
+                self.weigh(element, geoms, body, pose, name)
+            elif geoms:
+                self.model.note("contacts are left out, and with them the geoms of the world")
+                for child, of_geom, frame in geoms:
+                    self.add_geom(child, of_geom, Body("", [], Pose()), frame, name, False)
+            waiting += reversed(inner)
+
+    def content(self, element, body, pose, given_class, name):
+        """Geoms inside of an element and of its frames, whose pose is that in `body`, and bodies, each with what carries it."""
+        geoms, inner = [], []
+        waiting = [(child, pose, given_class, False) for child in reversed(element)]
+        while waiting:
+            child, pose, given_class, in_frame = waiting.pop()
+            if in_frame and child.tag in ("joint", "freejoint", "inertial"):
+                raise InputError(f"body {name} has a <{child.tag}> in a <frame>, which is not taken; put it into the body")
             if child.tag in REFUSED:
-                raise UrdfError(f"body {name} has a <{child.tag}>, which is not taken; let MuJoCo save the model expanded")
+                raise InputError(f"body {name} has a <{child.tag}>, which is not taken; let MuJoCo save the model expanded")
             if child.tag == "geom":
                 geoms.append((child, given_class, pose))
             elif child.tag == "site":
                 given = self.attributes(child, given_class)
-                self.model.sites[given.get("name", "")] = (body, pose @ self.pose(given, f"site {given.get('name', '')}"))
+                site = given.get("name", "")
+                if site and site in self.model.sites:
+                    raise InputError(f"there are two sites {site}; give one another name")
+                self.model.sites[site] = (body, pose @ self.pose(given, f"site {site}"))
             elif child.tag == "frame":
-                geoms += self.read_content(child, body, pose @ self.pose(child.attrib, f"frame in {name}"),
-                                           child.get("childclass") or given_class, name, None)
+                known(child.attrib, ATTRIBUTES["frame"], f"frame in {name}")
+                place, of_frame = pose @ self.pose(child.attrib, f"frame in {name}"), child.get("childclass") or given_class
+                waiting += [(one, place, of_frame, True) for one in reversed(child)]
             elif child.tag == "body":
-                self.read_body(child, body, pose, given_class)
-        if counts is None:
-            return geoms
-        if counts:
-            self.weigh(element, geoms, body, pose, name)
-        elif geoms:
-            self.model.note("contacts are left out, and with them the geoms of the world")
-        return []
+                inner.append((child, body, pose, given_class, ""))
+            elif child.tag not in INSIDE:
+                raise InputError(f"body {name} has a <{child.tag}>, which MJCF does not have there; remove it")
+        return geoms, inner
 
     def read_body(self, element, parent, frame, given_class):
-        name = element.get("name") or f"body{len(self.model.places)}"
+        """A body: what it is part of, its pose in that, the class of its content, and its name."""
+        known(element.attrib, ATTRIBUTES["body"], f"body {element.get('name', '')}".rstrip())
+        name, count = element.get("name"), len(self.model.places)
+        while not name or (name in self.named and not element.get("name")):
+            name, count = f"body{count}", count + 1
         if name in self.model.places:
-            raise UrdfError(f"there are two bodies {name}; give one another name")
+            raise InputError(f"there are two bodies {name}; give one another name")
         given_class = element.get("childclass") or given_class
         rest = frame @ self.pose(element.attrib, f"body {name}")
         joints = [self.read_joint(child, given_class, name, k) for k, child in enumerate(
             child for child in element if child.tag in ("joint", "freejoint"))]
-        if float(element.get("gravcomp", 0)):
+        if number(element.get("gravcomp"), 0, f"body {name}, gravcomp"):
             self.model.note(f"gravcomp of body {name} is left out")
         body, pose = parent, rest
         if joints:
@@ -227,34 +323,46 @@ class Reader:
         elif body.name != "ground":
             body.links.append(name)
         self.model.places[name] = (body, pose)
-        self.read_content(element, body, pose, given_class, name, counts=body.name != "ground")
+        return body, pose, given_class, name
 
     def read_joint(self, element, given_class, body, k) -> Joint:
-        given = element.attrib if element.tag == "freejoint" else self.attributes(element, given_class)
+        if element.tag == "freejoint":
+            known(element.attrib, ATTRIBUTES["freejoint"], f"freejoint of body {body}")
+            given, kind = element.attrib, "free"
+        else:
+            given = self.attributes(element, given_class)
+            kind = keyword(given.get("type"), ("ball", "free", "hinge", "slide"), "hinge", f"joint {given.get('name', 'of ' + body)}, type")
         name = given.get("name") or f"{body}_joint{k or ''}"
         where = f"joint {name}"
-        kind = "free" if element.tag == "freejoint" else given.get("type", "hinge")
-        if kind not in ("hinge", "slide", "ball", "free"):
-            raise UrdfError(f'{where} has the type "{kind}"; take one of ball, free, hinge, slide')
+        if name in self.used:
+            raise InputError(f"there are two joints {name}; give one another name")
+        self.used.add(name)
         scale = self.per_degree if kind == "hinge" else 1.0
-
-        def number(key):
-            return float(numbers(given.get(key), 1, (0,), f"{where}, {key}")[0])
-
         joint = Joint(name, kind, numbers(given.get("pos"), 3, (0, 0, 0), f"{where}, pos"),
-                      unit(numbers(given.get("axis"), 3, (0, 0, 1), f"{where}, axis"), f"{where}, axis"), number("ref")*scale,
-                      number("springref")*scale, float(given.get("stiffness", "0").split()[0]), float(given.get("damping", "0").split()[0]))
-        if given.get("springdamper", "0 0").split() != ["0", "0"]:
-            self.model.note(f"springdamper of joint {name} is left out: give stiffness and damping")
-        for key in ("stiffness", "damping"):
-            if any(float(x) for x in given.get(key, "0").split()[1:]):
+                      unit(numbers(given.get("axis"), 3, (0, 0, 1), f"{where}, axis"), f"{where}, axis"),
+                      number(given.get("ref"), 0, f"{where}, ref")*scale, number(given.get("springref"), 0, f"{where}, springref")*scale)
+        for key, off in (("stiffness", "spring"), ("damping", "damper")):
+            first, *others = numbers(given.get(key), (1, 5), (0,), f"{where}, {key}")
+            if self.disabled(off, "passive"):
+                continue
+            setattr(joint, key, float(first))
+            if any(others):
                 self.model.note(f"of the {key} of joint {name} what is not linear is left out")
-        limited = given.get("limited", "auto")
-        if "range" in given and (limited == "true" or limited == "auto" and self.compiler.get("autolimits", "true") == "true"):
-            joint.range = tuple(numbers(given["range"], 2, (), f"{where}, range")*scale)
-        for key, what in (("armature", "armatures (inertias of rotors)"), ("frictionloss", "friction of joints")):
-            if number(key):
-                self.model.note(f"{what} are left out" if key == "armature" else f"{what} is left out")
+        if any(numbers(given.get("springdamper"), 2, (0, 0), f"{where}, springdamper")) and not self.disabled("spring", "damper", "passive"):
+            self.model.note(f"springdamper of joint {name} is left out: give stiffness and damping")
+        limited = keyword(given.get("limited"), AUTO, "auto", f"{where}, limited")
+        ends = numbers(given.get("range"), 2, (0, 0), f"{where}, range")*scale
+        if "range" in given and (limited == "true" or limited == "auto" and self.limited_by_range) and kind != "free":
+            if not ends[0] < ends[1] and kind != "ball":
+                raise InputError(f'{where}, range: "{given["range"]}" does not ascend')
+            if not self.disabled("constraint", "limit"):
+                joint.range = tuple(ends)
+        if number(given.get("armature"), 0, f"{where}, armature", 0):
+            self.model.note("armatures (inertias of rotors) are left out")
+        if any(numbers(given.get("frictionloss"), (1, 3), (0,), f"{where}, frictionloss", 0)):
+            self.model.note("friction of joints is left out")
+        if number(given.get("springyield"), 0, f"{where}, springyield"):
+            self.model.note(f"springyield of joint {name} is left out")
         return joint
 
     def move(self, name, joints, parent, rest) -> Body:
@@ -263,7 +371,6 @@ class Reader:
         omega, velocity = parent.omega, parent.velocity + np.cross(parent.omega, here.r - parent.pose.r)
         for joint in joints:
             q, rate = self.state.get(joint.name, (None, None))
-            self.used.add(joint.name)
             if joint.type == "free":
                 if q is not None:
                     here = Pose(np.array(q[:3], float), rotation_of(q[3:]))
@@ -292,14 +399,15 @@ class Reader:
 
     def weigh(self, element, geoms, body, pose, name):
         """The inertial of a body, or its geoms; looks are of its geoms."""
-        inertial, from_geoms = element.find("inertial"), self.compiler.get("inertiafromgeom", "auto")
-        by_geoms = from_geoms == "true" or from_geoms == "auto" and inertial is None
+        inertial = element.find("inertial")
+        by_geoms = self.from_geoms == "true" or self.from_geoms == "auto" and inertial is None
         link = Link(name)
         if inertial is not None and not by_geoms:
+            known(inertial.attrib, ATTRIBUTES["inertial"], f"body {name}, inertial")
             place = self.pose(inertial.attrib, f"body {name}, inertial")
-            link.mass, link.centre = float(numbers(inertial.get("mass"), 1, (0,), f"body {name}, mass")[0]), place.r
+            link.mass, link.centre = number(inertial.get("mass"), 0, f"body {name}, mass", 0), place.r
             xx, yy, zz, xy, xz, yz = numbers(inertial.get("fullinertia"), 6, (*numbers(
-                inertial.get("diaginertia"), 3, (0, 0, 0), f"body {name}, diaginertia"), 0, 0, 0), f"body {name}, fullinertia")
+                inertial.get("diaginertia"), 3, (0, 0, 0), f"body {name}, diaginertia", 0), 0, 0, 0), f"body {name}, fullinertia")
             link.inertia = place.a @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ place.a.T
         whole = Body(name, [], Pose())
         add(whole, link, Pose())
@@ -317,28 +425,28 @@ class Reader:
         place, size = self.geom_place(given, kind, where)
         if kind in ("plane", "hfield"):
             return
-        group = int(numbers(given.get("group"), 1, (0,), f"{where}, group")[0])
-        weighs = weighs and self.groups[0] <= group <= self.groups[1]
-        mass = None if "mass" not in given else float(numbers(given["mass"], 1, (0,), f"{where}, mass")[0])
-        density = float(numbers(given.get("density"), 1, (1000,), f"{where}, density")[0])
+        weighs = weighs and self.groups[0] <= number(given.get("group"), 0, f"{where}, group") <= self.groups[1]
+        mass = None if "mass" not in given else number(given["mass"], 0, f"{where}, mass", 0)
+        density = number(given.get("density"), 1000, f"{where}, density", 0)
+        shell = keyword(given.get("shellinertia"), TRUTH, "false", f"{where}, shellinertia") == "true"
         look = None
         if kind in ("mesh", "sdf"):
             if weighs and mass != 0 and density != 0:
-                raise UrdfError(f"{where} is a mesh that gives body {name} its mass; give the body an <inertial>, or let MuJoCo save the model")
+                raise InputError(f"{where} is a mesh that gives body {name} its mass; give the body an <inertial>, or let MuJoCo save the model")
             own, principal = 0.0, np.zeros(3)
         else:
             volume, per_mass, look = solid(kind, size, where)
             own = density*volume if mass is None else mass
             principal = own*np.array(per_mass)
-            if weighs and given.get("shellinertia", "false") == "true":
-                raise UrdfError(f"{where} has shellinertia, which is not taken; give body {name} an <inertial>")
+            if weighs and shell:
+                raise InputError(f"{where} has shellinertia, which is not taken; give body {name} an <inertial>")
         if not weighs:
             own, principal = 0.0, np.zeros(3)
         add(body, Link(name, own, np.zeros(3), np.diag(principal), [(*look, Pose())] if look else []), frame @ place)
 
     def geom_place(self, given, kind, where):
         """The frame of a geom, and its half sizes."""
-        size = [float(x) for x in given.get("size", "").split()]
+        size = list(numbers(given.get("size"), (1, 3), (), f"{where}, size"))
         if "fromto" not in given or kind in ("sphere", "plane", "mesh"):
             return self.pose(given, where), size
         ends = numbers(given["fromto"], 6, (), f"{where}, fromto").reshape(2, 3)
@@ -348,20 +456,19 @@ class Reader:
 
     def bound(self, body):
         """What the compiler asks of masses and inertias."""
-        least = [float(numbers(self.compiler.get(key), 1, (0,), f"compiler, {key}")[0]) for key in ("boundmass", "boundinertia")]
-        body.mass = max(body.mass, least[0])
-        if least[1] or self.compiler.get("balanceinertia") == "true":
+        body.mass = max(body.mass, self.least[0])
+        if self.least[1] or self.balances:
             values, axes = np.linalg.eigh(body.inertia)
-            values = np.maximum(values, least[1])
-            if self.compiler.get("balanceinertia") == "true" and values[0] + values[1] < values[2]:
+            values = np.maximum(values, self.least[1])
+            if self.balances and values[0] + values[1] < values[2]:
                 values[:] = values.mean()
             body.inertia = axes @ np.diag(values) @ axes.T
 
     def scale_masses(self):
-        total = float(numbers(self.compiler.get("settotalmass"), 1, (-1,), "compiler, settotalmass")[0])
-        if total > 0:
+        whole = sum(body.mass for body in self.model.bodies)
+        if self.total_mass > 0 and whole > 0:
             self.model.note("settotalmass counts bodies that move alone")
-            factor = total/sum(body.mass for body in self.model.bodies)
+            factor = self.total_mass/whole
             for body in self.model.bodies:
                 body.mass, body.inertia = factor*body.mass, factor*body.inertia
 
@@ -370,9 +477,9 @@ def solid(kind, size, where):
     """Volume, principal inertias for a mass of 1, and what it looks like, by half sizes."""
     needed = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}.get(kind)
     if needed is None:
-        raise UrdfError(f'{where} has the type "{kind}", which is not taken; give its body an <inertial>')
+        raise InputError(f'{where} has the type "{kind}", which is not taken; give its body an <inertial>')
     if len(size) < needed or min(size[:needed]) <= 0:
-        raise UrdfError(f"{where}: a {kind} needs {needed} sizes above zero")
+        raise InputError(f"{where}: a {kind} needs {needed} sizes above zero")
     r, h, c = [*size, 0, 0][:3]
     if kind == "sphere":
         return 4/3*math.pi*r**3, [0.4*r*r]*3, ("sphere", [r])
@@ -390,7 +497,7 @@ def solid(kind, size, where):
 def unit(v, where):
     v = np.array(v, float)
     if not np.linalg.norm(v) > 0:
-        raise UrdfError(f"{where} has the length zero; give a direction")
+        raise InputError(f"{where} has the length zero; give a direction")
     return v/np.linalg.norm(v)
 
 
@@ -429,20 +536,19 @@ def main(words=None) -> int:
     parser.add_argument("--at", metavar="JOINT=X,...", help="draw joints there (rad, m), not at their references")
     parser.add_argument("--force", action="store_true", help="overwrite a file that exists")
     given = parser.parse_args(words)
-    try:
-        target = Path(given.output or Path(given.file).with_suffix(".toml").name)
-        if target.exists() and not given.force:
-            raise UrdfError(f"{target} exists; name another by --output, or overwrite it by --force")
-        model = read(given.file, parse_coordinates(given.at))
-        text = to_toml(model, source=Path(given.file).name)
-        target.write_text(text, encoding="utf-8")
-        for note in model.notes:
-            print(f"tandem: {note}", file=sys.stderr)
-        print(target)
-        return 0
-    except (OSError, ValueError) as error:
-        print(f"tandem: {error}", file=sys.stderr)
-        return 2
+    return guarded(lambda: run(given))
+
+
+def run(given) -> None:
+    target = Path(given.output or Path(given.file).with_suffix(".toml").name)
+    if target.exists() and not given.force:
+        raise InputError(f"{target} exists; name another by --output, or overwrite it by --force")
+    model = read(given.file, parse_coordinates(given.at))
+    text = to_toml(model, source=Path(given.file).name)
+    target.write_text(text, encoding="utf-8")
+    for note in model.notes:
+        say(note)
+    print(target)
 
 
 if __name__ == "__main__":

@@ -6,9 +6,11 @@ from __future__ import annotations
 import numpy as np
 
 try:
-    from .urdf import LONGEST_EVENT, Names, UrdfError, body_lines, printable, quoted, text_of
+    from .markup import InputError, numbers
+    from .urdf import LONGEST_EVENT, Names, body_lines, printable, quoted, text_of
 except ImportError:  # as a script
-    from urdf import LONGEST_EVENT, Names, UrdfError, body_lines, printable, quoted, text_of
+    from markup import InputError, numbers
+    from urdf import LONGEST_EVENT, Names, body_lines, printable, quoted, text_of
 
 #: Cosines below this are right angles.
 RIGHT = 1e-9
@@ -25,22 +27,22 @@ def joined(name, joints, body, parent, rest):
     if free or ways == 3 and angles == 3:
         return None
     if any(np.linalg.norm(joint.pos - turns[0].pos) > 1e-12 for joint in turns):
-        raise UrdfError(f"{named}: their points differ; put bodies with masses between them")
+        raise InputError(f"{named}: their points differ; put bodies with masses between them")
     if joints != slides + turns:
-        raise UrdfError(f"{named}: slides come first")
+        raise InputError(f"{named}: slides come first")
     first = parent.pose.a @ rest.a
     anchor = body.pose.r + body.pose.a @ (turns[0].pos if turns else np.zeros(3))
     axes = [first @ joint.axis for joint in slides]
     if ways == 0 and angles == 3:
         if len(turns) == 3 and abs(np.linalg.det([joint.axis for joint in turns])) < RIGHT:
-            raise UrdfError(f"{named}: their axes are in a plane")
+            raise InputError(f"{named}: their axes are in a plane")
         return "spherical", {"at": anchor}
     if ways == 0 and angles == 2:
         if abs(turns[0].axis @ turns[1].axis) > RIGHT:
-            raise UrdfError(f"{named}: their axes are not at right angles")
+            raise InputError(f"{named}: their axes are not at right angles")
         return "universal", {"at": anchor, "axis": first @ turns[0].axis, "across": body.pose.a @ turns[1].axis}
     if angles > 1:
-        raise UrdfError(f"{named}: at most one hinge goes with slides")
+        raise InputError(f"{named}: at most one hinge goes with slides")
     if angles:
         axes_of_turns = [body.pose.a @ turns[0].axis]
     elif ways == 1:
@@ -58,7 +60,7 @@ def combined(ways, turns, anchor, named):
     for axis in (*turns, *ways):
         if not any(abs(abs(axis @ other) - 1) < RIGHT for other in frame):
             if any(abs(axis @ other) > RIGHT for other in frame):
-                raise UrdfError(f"{named}: their axes are not at right angles")
+                raise InputError(f"{named}: their axes are not at right angles")
             frame.append(axis)
     z = frame[0]
     x = frame[1] if len(frame) > 1 else np.cross(z, np.eye(3)[np.argmin(abs(z))])
@@ -119,7 +121,7 @@ class Writer:
             if joint not in self.scalar:
                 self.model.note(f"motor {label} is left out: {joint} is no joint of its own here")
                 continue
-            gear = float(given.get("gear", "1").split()[0])
+            gear = float(numbers(given.get("gear"), (1, 6), (1,), f"motor {label}, gear")[0])
             parameter = self.names.take("".join(x if x.isascii() and x.isalnum() else "_" for x in f"ctrl_{label}"))
             self.parameters.append(parameter)
             self.add("force", self.names.take(label, "_motor"), {"type": '"torsion"', "joint": quoted(self.scalar[joint][0]),
@@ -138,8 +140,10 @@ class Writer:
     def coupling(self, label, given):
         ends = [given[key] for key in ("joint1", "joint2") if key in given]
         missing = [end for end in ends if end not in self.scalar]
-        factors = [float(x) for x in given.get("polycoef", "0 1 0 0 0").split()] + [0.0]*5
-        if missing or any(factors[2:5]):
+        factors = [0.0, 1.0, 0.0, 0.0, 0.0]
+        given_factors = numbers(given.get("polycoef"), (1, 5), (), f"equality {label}, polycoef")
+        factors[:len(given_factors)] = map(float, given_factors)
+        if missing or any(factors[2:]):
             self.model.note(f"equality {label} is left out: "
                             + (f"{missing[0]} is no joint of its own here" if missing else "it is not linear"))
             return
@@ -147,7 +151,7 @@ class Writer:
         ways = [self.model.at[end] - joint.ref for end, (_, joint) in zip(ends, joints)]
         weights = [1.0] if len(ends) == 1 or factors[1] == 0 else [1.0, -factors[1]]
         if abs(sum(weight*way for weight, way in zip(weights, ways)) - factors[0]) > 1e-12:
-            raise UrdfError(f"equality {label} does not hold where {' and '.join(ends)} are drawn; draw them elsewhere by --at")
+            raise InputError(f"equality {label} does not hold where {' and '.join(ends)} are drawn; draw them elsewhere by --at")
         self.add("constraint", self.names.take(label), {
             "type": '"coupling"', "joints": f"[{', '.join(quoted(name) for name, _ in joints[:len(weights)])}]", "factors": text_of(weights)})
 
@@ -156,20 +160,18 @@ class Writer:
         if "site1" in given:
             ends = [self.model.sites.get(given.get(key, "")) for key in ("site1", "site2")]
             if None in ends:
-                raise UrdfError(f"equality {label} names a site that there is not; correct the name")
+                raise InputError(f"equality {label} names a site that there is not; correct the name")
         else:
             ends = [self.model.places.get(given.get(key, default)) for key, default in (("body1", ""), ("body2", "world"))]
             if None in ends:
-                raise UrdfError(f"equality {label} names a body that there is not; correct the name")
+                raise InputError(f"equality {label} names a body that there is not; correct the name")
             # A weld is at the second body, a connection at its anchor in the first.
             here, there = (rest_of(self.model, body) @ pose for body, pose in ends)
-            if kind == "weld":
-                place = there.a @ np.array([float(x) for x in given.get("anchor", "0 0 0").split()]) + there.r
-            else:
-                place = here.a @ np.array([float(x) for x in given.get("anchor", "0 0 0").split()]) + here.r
+            carrier = there if kind == "weld" else here
+            place = carrier.a @ numbers(given.get("anchor"), 3, (0, 0, 0), f"equality {label}, anchor") + carrier.r
             ends = [(body, type(pose)(pose.r + pose.a @ (frame.a.T @ (place - frame.r)), pose.a))
                     for (body, pose), frame in zip(ends, (here, there))]
-        if kind == "weld" and any(float(x) for x in given.get("relpose", "0 1 0 0 0 0 0").split()[3:]):
+        if kind == "weld" and any(numbers(given.get("relpose"), 7, (0,)*7, f"equality {label}, relpose")[3:]):
             self.model.note(f"relpose of {label} is left out: its bodies are welded as they are drawn")
         if ends[0][0] is ends[1][0]:
             self.model.note(f"equality {label} is left out: both sides are of one body")
@@ -191,19 +193,23 @@ class Writer:
 
 def rest_of(model, body):
     """The frame of a body in the world where all joints are at their references."""
-    if body.name == "ground":
-        return body.pose
-    _, parent, rest = model.joints[body.name]
-    return rest_of(model, parent) @ rest
+    chain = []
+    while body.name != "ground":
+        _, body, rest = model.joints[body.name]
+        chain.append(rest)
+    pose = body.pose
+    for rest in reversed(chain):
+        pose = pose @ rest
+    return pose
 
 
 def to_toml(model, source="", looks=True) -> str:
     """The text of a scene; notes of the model become comments."""
     if not model.bodies:
-        raise UrdfError("nothing moves: no body has a joint")
+        raise InputError("nothing moves: no body has a joint")
     for body in model.bodies:
         if not body.mass > 0:
-            raise UrdfError(f"body {body.name} moves and has no mass; give it an <inertial> or geoms")
+            raise InputError(f"body {body.name} moves and has no mass; give it an <inertial> or geoms")
     writer = Writer(model)
     for body in model.bodies:
         writer.lines += body_lines(body, writer.body[id(body)], looks)

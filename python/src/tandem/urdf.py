@@ -18,11 +18,16 @@ from __future__ import annotations
 
 import math
 import sys
-import xml.etree.ElementTree as ElementTree
+from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+
+try:
+    from .markup import InputError, finite, guarded, number, numbers, parse
+except ImportError:  # as a script
+    from markup import InputError, finite, guarded, number, numbers, parse
 
 #: The longest name of an element of a mechanism, and of an event.
 LONGEST = 20
@@ -31,10 +36,6 @@ TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismat
 
 #: Joints with one coordinate.
 SCALAR = ("revolute", "continuous", "prismatic")
-
-
-class UrdfError(ValueError):
-    """What is wrong with a file, and what to do."""
 
 
 @dataclass
@@ -105,19 +106,6 @@ class Body:
         return self.pose.r + self.pose.a @ self.centre
 
 
-def numbers(text: str | None, count: int, default, where: str) -> np.ndarray:
-    """So many numbers of an attribute."""
-    if text is None:
-        return np.array(default, float)
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        values = []
-    if len(values) != count or not all(map(math.isfinite, values)):
-        raise UrdfError(f'{where}: "{text}" should be {count} number{"s" if count > 1 else ""}')
-    return np.array(values)
-
-
 def turned(axis: np.ndarray, angle: float) -> np.ndarray:
     """The rotation about a unit axis."""
     k = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
@@ -153,7 +141,7 @@ def euler_parameters(a: np.ndarray) -> np.ndarray:
 def named(element, what: str) -> str:
     name = (element.get("name") or "").strip()
     if not name:
-        raise UrdfError(f"a {what} has no name")
+        raise InputError(f"a {what} has no name")
     return name
 
 
@@ -167,11 +155,11 @@ def read_looks(element, kind: str, where: str) -> list:
         shape = geometry[0]
         pose = origin_of(visual, where)
         if shape.tag == "box":
-            looks.append(("box", numbers(shape.get("size"), 3, (0, 0, 0), where), pose))
+            looks.append(("box", numbers(shape.get("size"), 3, (0, 0, 0), f"{where}, box", 0), pose))
         elif shape.tag == "cylinder":
-            looks.append(("cylinder", np.concatenate([numbers(shape.get(key), 1, (0,), where) for key in ("radius", "length")]), pose))
+            looks.append(("cylinder", [number(shape.get(key), 0, f"{where}, {key}", 0) for key in ("radius", "length")], pose))
         elif shape.tag == "sphere":
-            looks.append(("sphere", numbers(shape.get("radius"), 1, (0,), where), pose))
+            looks.append(("sphere", numbers(shape.get("radius"), 1, (0,), f"{where}, radius", 0), pose))
         elif shape.tag == "mesh":
             looks.append(("mesh", (shape.get("filename", ""), numbers(shape.get("scale"), 3, (1, 1, 1), where)), pose))
     return looks
@@ -186,12 +174,9 @@ def read_link(element) -> Link:
         mass, inertia = inertial.find("mass"), inertial.find("inertia")
         link.centre = pose.r
         if mass is not None:
-            link.mass = float(numbers(mass.get("value"), 1, (0,), f"{where}, mass")[0])
-        if link.mass < 0:
-            raise UrdfError(f"{where} has the mass {link.mass}; correct it")
+            link.mass = number(mass.get("value"), 0, f"{where}, mass", 0)
         if inertia is not None:
-            entry = {key: float(numbers(inertia.get(key), 1, (0,), f"{where}, {key}")[0])
-                     for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
+            entry = {key: number(inertia.get(key), 0, f"{where}, {key}") for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
             tensor = np.array([[entry["ixx"], entry["ixy"], entry["ixz"]], [entry["ixy"], entry["iyy"], entry["iyz"]],
                                [entry["ixz"], entry["iyz"], entry["izz"]]])
             link.inertia = pose.a @ tensor @ pose.a.T
@@ -204,53 +189,49 @@ def read_joint(element) -> Joint:
     where = f"joint {name}"
     kind = element.get("type", "")
     if kind not in {*TYPES, "fixed", "floating"}:
-        raise UrdfError(f'{where} has the type "{kind}"; take one of {", ".join(sorted({*TYPES, "fixed", "floating"}))}')
+        raise InputError(f'{where} has the type "{kind}"; take one of {", ".join(sorted({*TYPES, "fixed", "floating"}))}')
     ends = [element.find(end) for end in ("parent", "child")]
     if any(end is None or not end.get("link") for end in ends):
-        raise UrdfError(f"{where} has no parent or no child")
+        raise InputError(f"{where} has no parent or no child")
     axis = element.find("axis")
     direction = numbers(None if axis is None else axis.get("xyz"), 3, (1, 0, 0), f"{where}, axis")
     if kind in TYPES and not np.linalg.norm(direction) > 0:
-        raise UrdfError(f"{where} has an axis of length zero; give a direction")
+        raise InputError(f"{where} has an axis of length zero; give a direction")
     joint = Joint(name, kind, *(end.get("link") for end in ends), origin_of(element, where),
                   direction/max(np.linalg.norm(direction), 1e-300))
     limit, dynamics, mimic = (element.find(tag) for tag in ("limit", "dynamics", "mimic"))
     if limit is not None and kind in ("revolute", "prismatic"):
-        joint.lower, joint.upper = (float(numbers(limit.get(key), 1, (0,), f"{where}, {key}")[0]) for key in ("lower", "upper"))
+        joint.lower, joint.upper = (number(limit.get(key), 0, f"{where}, {key}") for key in ("lower", "upper"))
     if dynamics is not None:
-        joint.damping, joint.friction = (float(numbers(dynamics.get(key), 1, (0,), f"{where}, {key}")[0])
-                                         for key in ("damping", "friction"))
+        joint.damping, joint.friction = (number(dynamics.get(key), 0, f"{where}, {key}") for key in ("damping", "friction"))
     if mimic is not None:
-        joint.mimic = (mimic.get("joint", ""), *(float(numbers(mimic.get(key), 1, (default,), f"{where}, {key}")[0])
+        joint.mimic = (mimic.get("joint", ""), *(number(mimic.get(key), default, f"{where}, {key}")
                                                  for key, default in (("multiplier", 1), ("offset", 0))))
     return joint
 
 
 def read(path) -> Robot:
     """The robot of a file: a tree of links."""
-    try:
-        root = ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
-        raise UrdfError(f"{path} is no XML: {error}") from error
+    root = parse(path)
     if root.tag != "robot":
-        raise UrdfError(f"{path} is no URDF: its first element is <{root.tag}>, not <robot>"
+        raise InputError(f"{path} is no URDF: its first element is <{root.tag}>, not <robot>"
                         + ("; let xacro expand it first" if "xacro" in root.tag else ""))
     links, joints = {}, {}
     for element in root:
         if element.tag.startswith("{") and "xacro" in element.tag:
-            raise UrdfError(f"{path} has macros of xacro; expand them first: xacro {path} > robot.urdf")
+            raise InputError(f"{path} has macros of xacro; expand them first: xacro {path} > robot.urdf")
         if element.tag == "link":
             link = read_link(element)
             if link.name in links:
-                raise UrdfError(f"there are two links {link.name}; give one another name")
+                raise InputError(f"there are two links {link.name}; give one another name")
             links[link.name] = link
         elif element.tag == "joint":
             joint = read_joint(element)
             if joint.name in joints:
-                raise UrdfError(f"there are two joints {joint.name}; give one another name")
+                raise InputError(f"there are two joints {joint.name}; give one another name")
             joints[joint.name] = joint
     if not links:
-        raise UrdfError(f"{path} has no links")
+        raise InputError(f"{path} has no links")
     return Robot(root.get("name") or Path(path).stem, links, joints, find_root(links, joints))
 
 
@@ -260,16 +241,16 @@ def find_root(links, joints) -> str:
     for joint in joints.values():
         for link in (joint.parent, joint.child):
             if link not in links:
-                raise UrdfError(f"joint {joint.name}: there is no link {link}; correct the name")
+                raise InputError(f"joint {joint.name}: there is no link {link}; correct the name")
         if joint.child in parents:
-            raise UrdfError(f"link {joint.child} is the child of {parents[joint.child]} and of {joint.name}: URDF has trees alone; "
+            raise InputError(f"link {joint.child} is the child of {parents[joint.child]} and of {joint.name}: URDF has trees alone; "
                             "close the loop by a joint of the mechanism")
         parents[joint.child] = joint.name
         if joint.mimic and joint.mimic[0] not in joints:
-            raise UrdfError(f'joint {joint.name} mimics "{joint.mimic[0]}", which there is not; correct the name')
+            raise InputError(f'joint {joint.name} mimics "{joint.mimic[0]}", which there is not; correct the name')
     roots = [name for name in links if name not in parents]
     if len(roots) != 1:
-        raise UrdfError(f"there are {len(roots)} links without a parent: {', '.join(roots[:5]) or 'the joints go round'}; one is the root")
+        raise InputError(f"there are {len(roots)} links without a parent: {', '.join(roots[:5]) or 'the joints go round'}; one is the root")
     return roots[0]
 
 
@@ -280,9 +261,9 @@ def assemble(robot: Robot, floating=False, at=None, rates=None, base=None):
     at, rates = dict(at or {}), dict(rates or {})
     for name in (*at, *rates):
         if name not in robot.joints or robot.joints[name].type not in SCALAR:
-            raise UrdfError(f"there is no joint {name} that turns or slides; correct the name")
+            raise InputError(f"there is no joint {name} that turns or slides; correct the name")
         if robot.joints[name].mimic:
-            raise UrdfError(f"joint {name} follows {robot.joints[name].mimic[0]}: leave it out, and give that one")
+            raise InputError(f"joint {name} follows {robot.joints[name].mimic[0]}: leave it out, and give that one")
     for joint in robot.joints.values():
         follow(robot, joint, at, rates)
     children = {}
@@ -291,9 +272,9 @@ def assemble(robot: Robot, floating=False, at=None, rates=None, base=None):
     ground = Body("ground", [robot.root], Pose())
     first = Body(robot.root, [robot.root], base or Pose()) if floating else ground
     bodies, body_of, frames = ([first] if floating else []), {robot.root: (first, Pose())}, {}
-    waiting, done = [robot.root], 0
+    waiting, done = deque([robot.root]), 0
     while waiting:
-        link = waiting.pop(0)
+        link = waiting.popleft()
         done += 1
         body, pose = body_of[link]
         add(body, robot.links[link], pose)
@@ -309,22 +290,22 @@ def assemble(robot: Robot, floating=False, at=None, rates=None, base=None):
                 body_of[joint.child] = (child, Pose())
             waiting.append(joint.child)
     if done < len(robot.links):
-        raise UrdfError("there are joints that go round, beside the tree; cut one")
+        raise InputError("there are joints that go round, beside the tree; cut one")
     return bodies, body_of, frames, at
 
 
 def follow(robot: Robot, joint: Joint, at: dict, rates: dict) -> None:
     """Where a mimicking joint is and how fast it moves, once that is known of what it follows."""
-    chain = []
+    chain = {}
     while joint.mimic and joint.type in SCALAR and joint.name not in at:
-        if joint in chain:
-            raise UrdfError(f"joint {joint.name} mimics itself: {' of '.join(one.name for one in chain)} go round; cut one")
-        chain.append(joint)
+        if joint.name in chain:
+            raise InputError(f"joint {joint.name} mimics itself: {' of '.join(list(chain)[:5])} go round; cut one")
+        chain[joint.name] = joint
         joint = robot.joints[joint.mimic[0]]
-    for joint in reversed(chain):
+    for joint in reversed(chain.values()):
         other, factor, offset = joint.mimic
-        at[joint.name] = factor*at.get(other, 0.0) + offset
-        rates[joint.name] = factor*rates.get(other, 0.0)
+        at[joint.name] = finite(factor*at.get(other, 0.0) + offset)
+        rates[joint.name] = finite(factor*rates.get(other, 0.0))
 
 
 def move(parent: Body, joint: Joint, world: Pose, x: float, rate: float) -> Body:
@@ -366,15 +347,21 @@ class Names:
 
     def __init__(self):
         self.taken = {"ground"}
+        #: The next number to try, by what stands before and behind it and by its digits.
+        self.numbers = {}
 
     def take(self, name: str, suffix: str = "", longest: int = LONGEST) -> str:
         clean = "".join(letter if letter.isascii() and (letter.isalnum() or letter in "_-") else "_" for letter in name)
         short = clean[:longest - len(suffix)] + suffix
-        number = 1
+        digits = 0
         while short in self.taken:
-            number += 1
-            end = f"_{number}{suffix}"
-            short = clean[:longest - len(end)] + end
+            digits += 1
+            stem = clean[:longest - len(suffix) - digits - 1]
+            count = self.numbers.get((stem, suffix, digits), max(2, 10**(digits - 1)))
+            while short in self.taken and count < 10**digits:
+                short = f"{stem}_{count}{suffix}"
+                count += 1
+            self.numbers[stem, suffix, digits] = count
         self.taken.add(short)
         return short
 
@@ -383,7 +370,7 @@ def text_of(value) -> str:
     """A number or a list of numbers as TOML, to the last digit."""
     if isinstance(value, (list, tuple, np.ndarray)):
         return "[" + ", ".join(text_of(entry) for entry in value) + "]"
-    value = float(value)
+    value = finite(float(value))
     return "0" if value == 0 else repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
 
 
@@ -408,7 +395,7 @@ def to_toml(robot: Robot, floating=False, at=None, rates=None, base=None, gravit
     pose of the root of a robot that floats."""
     bodies, body_of, frames, at = assemble(robot, floating, at, rates, base)
     if not bodies:
-        raise UrdfError("nothing moves: there is no joint but fixed ones; take --floating for a free body")
+        raise InputError("nothing moves: there is no joint but fixed ones; take --floating for a free body")
     names = Names()
     body_name = {id(body): names.take(body.name) for body in bodies}
     joint_name = {name: names.take(name, "" if name not in robot.links else "_j") for name in frames}
@@ -513,7 +500,7 @@ def parse_coordinates(text: str | None) -> dict:
             if not math.isfinite(found[name.strip()]):
                 raise ValueError
         except ValueError:
-            raise UrdfError(f'"{part}" should be JOINT=NUMBER') from None
+            raise InputError(f'"{part}" should be JOINT=NUMBER') from None
     return found
 
 
@@ -526,16 +513,15 @@ def add_arguments(parser) -> None:
     parser.add_argument("--force", action="store_true", help="overwrite a file that exists")
 
 
-def run(given) -> int:
+def run(given) -> None:
     if given.format != "urdf":
-        raise UrdfError("files of MuJoCo are read by mjcf.py")
+        raise InputError("files of MuJoCo are read by mjcf.py")
     target = Path(given.output or Path(given.file).with_suffix(".toml").name)
     if target.exists() and not given.force:
-        raise UrdfError(f"{target} exists; name another by --output, or overwrite it by --force")
+        raise InputError(f"{target} exists; name another by --output, or overwrite it by --force")
     robot = read(given.file)
     target.write_text(to_toml(robot, given.floating, parse_coordinates(given.at), source=Path(given.file).name), encoding="utf-8")
     print(target)
-    return 0
 
 
 def main(words=None) -> int:
@@ -544,11 +530,8 @@ def main(words=None) -> int:
 
     parser = argparse.ArgumentParser(prog="tandem import", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_arguments(parser)
-    try:
-        return run(parser.parse_args(words))
-    except (OSError, ValueError) as error:
-        print(f"tandem: {error}", file=sys.stderr)
-        return 2
+    given = parser.parse_args(words)
+    return guarded(lambda: run(given))
 
 
 if __name__ == "__main__":
