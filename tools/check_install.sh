@@ -155,6 +155,22 @@ wholly() { # shellcheck disable=SC2046  # words
 }
 check c-example-links-as-a-whole build_example c wholly
 check static-c-example-runs run_example c-static "$tmp/example/c/static"
+as_documented() ( # LINE: one of the lines of doc/linking.md as it stands there, in the folder of its example
+    local folder source
+    source=$(grep -oE '(knife\.f|pendulum\.c|skate\.cpp|main\.f90|cmake|skate\.py)\b' <<<"$1" | head -n 1)
+    case $source in
+    knife.f) folder=f77 ;; pendulum.c) folder=c ;; skate.cpp) folder=cpp ;; main.f90 | cmake) folder=cmake ;; skate.py) folder=python ;;
+    *) echo "no example in: $1"; return 1 ;;
+    esac
+    rm -rf "$tmp/documented" && cp -R example/$folder "$tmp/documented" && cd "$tmp/documented" || return 1
+    env -i HOME="$tmp/home" PATH="$PATH" OPENBLAS_NUM_THREADS=1 sh -ec "$setting"$'\n'"$1" >"$tmp/documented.log" 2>&1 || { cat "$tmp/documented.log"; return 1; }
+    error_below 1e-8 "$tmp/documented.log"
+)
+mkdir "$tmp/home" && ln -s "$prefix" "$tmp/home/tandem" # where the page installs it
+mapfile -t lines < <(sed -n '/^export PREFIX/,/^```/{/^```/d;p}' doc/linking.md)
+setting=${lines[0]}
+check linking-guide-has-its-lines test "${#lines[@]}" = 9
+for k in "${!lines[@]}"; do [ "$k" = 0 ] || check "linking-guide-line-$k-runs" as_documented "${lines[$k]}"; done
 python_raises() { # an exception in a function of the model ends the program as that exception, not as a singular mass
     sed 's/    fill(value, \[1.0, 0.0, 0.0, 0.0, 1.0.*/    raise KeyError("density")/' "$tmp/example/python/skate.py" >"$tmp/raises.py"
     ! python3 "$tmp/raises.py" "$prefix/lib/libtandem.so.1" >"$tmp/raised" 2>&1 || { echo "no failure"; return 1; }
@@ -263,7 +279,7 @@ check installed-program-runs in_empty "$prefix/bin/tandem" run motorcycle --set 
 driver_of_ones_own() ( # the program of ten lines, by the installed files alone
     # shellcheck disable=SC2046  # words
     cd "$tmp/example/dependent" && gfortran src/pendulum.f90 program/src/pendulum_scene.f90 program/app/main.f90 -o driver \
-        $(pkg-config --cflags --libs tandem-command-line) -Wl,-rpath,"$prefix/lib"
+        $(pkg-config --cflags --libs tandem-command-line)
 )
 check driver-of-ones-own-builds driver_of_ones_own
 driver() ( cd "$tmp/empty" && TANDEM_SCENES=$tmp/example/dependent/program/scenes "$tmp/example/dependent/driver" "$@" )

@@ -160,6 +160,11 @@ def build_command_line(build, flags):
     return below_it
 
 
+def run_path(prefix):
+    """What lets a program find the shared library where it is installed, unless the system looks there anyway."""
+    return "" if prefix == "/usr" else "-Wl,-rpath,${libdir} "
+
+
 def contents(prefix):
     """The generated files of the library: path below the prefix, text."""
     tandem, major, minor = versions()
@@ -176,7 +181,7 @@ moduledir=${{includedir}}/tandem
 Name: tandem
 Description: Dynamics of multibody systems with holonomic and nonholonomic constraints
 Version: {tandem}
-Libs: -L${{libdir}} -ltandem
+Libs: -L${{libdir}} {run_path(prefix)}-ltandem
 Libs.private: {needed}
 Cflags: -I${{includedir}} -I${{moduledir}}
 """
@@ -276,7 +281,7 @@ Name: tandem-command-line
 Description: The command line of tandem, for models of one's own
 Version: {tandem}
 Requires: tandem = {tandem}
-Libs: -L${{libdir}} -ltandem-command-line -ltandem {" ".join(f"-l{name}" for name in linked)}
+Libs: -L${{libdir}} {run_path(prefix)}-ltandem-command-line -ltandem {" ".join(f"-l{name}" for name in linked)}
 Cflags: -I${{includedir}}/tandem/command_line
 """
     files = {"lib/libtandem-command-line.a": build / "libtandem-command-line.a",

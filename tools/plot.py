@@ -25,8 +25,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 try:
-    from plots import animation, loci, motion, performance, precision, stability
+    from plots import animation, loci, motion, performance, stability
     from plots.files import kind_of, read_result
+    from tandem.plot import precision, save
 except ModuleNotFoundError as missing:
     print(f"plot.py: there is no package {missing.name} for {sys.executable}\n"
           "Call tools/setup.sh plot once, which brings all that is needed into .venv, and then .venv/bin/python tools/plot.py ...",
@@ -52,7 +53,7 @@ def main():
         draw = stability.draw_steps if arguments.stiffness else stability.draw
         return draw(arguments.files, arguments.picture)
     if kinds == {"precision"}:
-        return precision.draw(arguments.files, arguments.picture)
+        return save(precision(arguments.files), arguments.picture)
     if kinds == {"bench"}:
         return performance.draw(arguments.files, arguments.picture)
     if kinds == {"chain"}:

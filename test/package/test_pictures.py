@@ -15,6 +15,7 @@ import numpy as np
 import tandem
 from models import ROOT, START, Pendulum
 from tandem import viewer
+from tandem.study import read_study
 from tandem.plot import style
 from tandem.plot.data import motion_of
 from tandem.viewer import motion, packing, rotations
@@ -103,6 +104,46 @@ class Plots(Folder):
         self.assertEqual(text, (self.folder / "b.svg").read_text())
         self.tandem("plot", "a.h5", "a.h5", "--output", "a.pdf")
         self.assertEqual((self.folder / "a.pdf").read_bytes()[:5], b"%PDF-")
+
+    def test_energies(self):
+        """Of the diagnostics, of a sensor, of the balance, or of bodies: the first that are in the file, and what the work leaves of their sum."""
+        free = {"output.fields": ["q", "qd"]}
+        of_balance = result("slider_crank", **free, **{"results.balance": True})
+        first, second = tandem.plot.energies(of_balance).axes
+        held = of_balance.groups["balance"]["balance"]
+        for line, name in zip(first.lines, ("kinetic", "potential"), strict=False):
+            self.assertTrue(np.array_equal(line.get_ydata(), held[name].values), name)
+        self.assertEqual(len(first.lines), 3)
+        scale = np.abs(held["kinetic"].values).max()
+        self.assertLess(np.abs(second.lines[1].get_ydata() - held["residual"].values).max(), 1e-12*scale)
+        of_bodies = result("slider_crank", **free, **{"results.bodies": "all"})
+        drawn = tandem.plot.energies(of_bodies).axes[0].lines[0].get_ydata()
+        self.assertLess(np.abs(drawn - held["kinetic"].values).max(), 1e-12*scale)
+        self.assertNotIn("change of the energy", " ".join(axes.get_title() for axes in tandem.plot.overview(of_bodies).axes))
+        self.assertIn("change of the energy", " ".join(axes.get_title() for axes in tandem.plot.overview(of_balance).axes))
+
+    def test_studies(self):
+        """Error against run time of the rows of a study, of its .h5 and of its .csv; several studies have a panel each."""
+        subprocess.run([tandem.program_path(), "study", "precision", "articulated_vehicle", "--set", "time.end=0.5", "--steppers",
+                        "rk4,dop853", "--samples", "2", "--repeats", "1", "--budget", "0.05"], cwd=self.folder, check=True, capture_output=True)
+        name = "study/precision_articulated_vehicle"
+        study = read_study(self.folder / f"{name}.h5")
+        for ending in (".h5", ".csv"):
+            figure = tandem.plot.precision(self.folder / f"{name}{ending}")
+            lines = [line for line in figure.axes[0].lines if len(line.get_xdata()) > 1]
+            rows = (study.columns["stepper"] == "rk4") & (study.columns["error_q"] > 0)
+            self.assertTrue(np.array_equal(lines[0].get_xdata(), study.columns["cpu_seconds"][rows]))
+            self.assertTrue(np.array_equal(lines[0].get_ydata(), study.columns["error_q"][rows]))
+        self.assertEqual(self.tandem("plot", f"{name}.h5").strip(), "precision_articulated_vehicle.png")
+        self.tandem("plot", f"{name}.h5", f"{name}.csv", "--output", "two.svg", "--title", "a $title")
+        self.assertEqual((self.folder / "two.svg").read_text().count(">articulated vehicle"), 2)
+        tandem.run_scene("slider_crank", {"time.end": 0.2}, self.folder / "a.h5", error=False)
+        (self.folder / "empty.csv").write_text((self.folder / f"{name}.csv").read_text().partition("\n")[0] + "\n")
+        (self.folder / "cut.csv").write_text((self.folder / f"{name}.csv").read_text()[:300])
+        for words, told in (([f"{name}.h5", "a.h5"], "no study"), ([f"{name}.h5", "--names", "x"], "neither"), (["empty.csv"], "no study of precision"),
+                            (["cut.csv"], "no "), ([f"{name}.h5", "--kind", "tracks"], "one kind")):
+            with self.subTest(words):
+                self.assertIn(told, self.tandem("plot", *words, code=2))
 
     def test_what_is_refused(self):
         tandem.run_scene("slider_crank", {"time.end": 0.2}, self.folder / "a.h5", error=False)

@@ -6,9 +6,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 from matplotlib.lines import Line2D
+from tandem.plot.studies import ERROR
 
 from .files import read_study
-from .precision import ERROR
 from .style import GREY, RED, STEPPERS, plt, save
 from .tables import brief, head, row
 

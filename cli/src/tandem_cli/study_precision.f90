@@ -272,7 +272,6 @@ contains
                 table%text_at(row, 'value')//', '//brief(table%real_at(row, 'cpu_seconds'))//' s'
             call say('the shortest run with an error q of at most '//text)
         end do
-        call say('files: '//study%journal%path//'.csv, .h5; picture: .venv/bin/python tools/plot.py '// &
-            study%journal%path//'.h5 '//study%journal%path//'.png')
+        call say('files: '//study%journal%path//'.csv, .h5; picture: tandem plot '//study%journal%path//'.h5')
     end subroutine print_study
 end module tandem_cli_study_precision

@@ -5,6 +5,7 @@
     tandem plot run.h5 --output run.pdf --kind tracks --plane xz
     tandem plot a.h5 b.h5 --kind coordinates --names "rod.x,d(rod.x),tip position y"
     tandem plot table.h5 --kind histogram --names rz_min      the table of a sweep
+    tandem plot study/precision_rolling_disk.h5               error against run time; of several studies, a panel each
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from pathlib import Path
 
 
 def add_arguments(parser) -> None:
-    kinds = "overview, tracks, coordinates, sensors, reactions, errors, energies, phase; of a table scatter, histogram, surface, bands"
+    kinds = "overview, tracks, coordinates, sensors, reactions, errors, energies, phase; of a table scatter, histogram, surface, bands; of studies precision"
     parser.add_argument("files", nargs="+", metavar="FILE")
     parser.add_argument("--output", metavar="PATH", help="the picture: .png, .svg or .pdf (the name of the first file, .png)")
     parser.add_argument("--kind", default="overview", metavar="KIND", help=kinds)
@@ -24,12 +25,16 @@ def add_arguments(parser) -> None:
 
 
 def run(given) -> int:
+    from ..study import kind_of
     from ..table import is_table
     from .data import motions_of
     from .pictures import KINDS
     from .style import save
     from .tables import TABLE_KINDS
 
+    studies = [kind_of(file) for file in given.files]
+    if any(studies):
+        return draw_studies(given, studies)
     of_table = is_table(given.files[0])
     if of_table and len(given.files) > 1:
         raise ValueError("a picture is of one table")
@@ -47,5 +52,22 @@ def run(given) -> int:
     one = len(results) == 1 or given.kind == "errors"
     figure = draw(results[0] if one else results, **{name: value for name, value in options.items() if value is not None})
     save(figure, picture)
+    print(picture)
+    return 0
+
+
+def draw_studies(given, studies: list[str]) -> int:
+    """The picture of studies of precision."""
+    from .studies import precision
+    from .style import save
+
+    for file, study in zip(given.files, studies, strict=True):
+        if study != "precision":
+            raise ValueError(f"{file} is {f'a study of {study}' if study else 'no study'}: only studies of precision are drawn"
+                             + (" here; tools/plot.py draws this one" if study else " in one picture"))
+    if given.kind not in ("overview", "precision") or given.names or given.plane:
+        raise ValueError("a study of precision has one kind of picture, and takes neither --names nor --plane")
+    picture = given.output or f"{Path(given.files[0]).stem}.png"
+    save(precision(given.files, title=given.title), picture)
     print(picture)
     return 0

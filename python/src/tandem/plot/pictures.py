@@ -255,22 +255,33 @@ def errors(given: Any, *, axes=None):
     return figure
 
 
-def energy_series(result) -> dict[str, np.ndarray]:
-    """Kinetic, potential and total energy, of the diagnostics or of a sensor."""
-    found = {name: result.diagnostics[f"{name}_energy"].values for name in ("kinetic", "potential") if f"{name}_energy" in result.diagnostics}
-    if not found:
-        for whats in result.sensors.values():
-            if "kinetic" in whats and "total" in whats:
-                found = {name: whats[name].values for name in ("kinetic", "potential") if name in whats}
-                break
-    return found
+def energy_series(result, whole: bool = False) -> dict[str, np.ndarray]:
+    """Kinetic and potential energy: of the diagnostics, of a sensor, of the balance, or, unless those of the whole are wanted, the sums
+    over the bodies of the file; the first that has both."""
+    parts = ("kinetic", "potential")
+    known = [{name: result.diagnostics[f"{name}_energy"].values for name in parts if f"{name}_energy" in result.diagnostics}]
+    for whats in (*result.sensors.values(), *result.groups.get("balance", {}).values()):
+        known.append({name: whats[name].values for name in parts if name in whats})
+    for bodies in () if whole else (result.groups.get("bodies", {}), result.sensors):
+        held = [whats for whats in bodies.values() if "kinetic_energy" in whats]
+        known.append({f"{name} of {len(held)} bod{'ies' if len(held) > 1 else 'y'}": sum(whats[f"{name}_energy"].values for whats in held)
+                      for name in parts if held and all(f"{name}_energy" in whats for whats in held)})
+    return max(known, key=len)
+
+
+def work_series(result) -> np.ndarray | None:
+    """What motions and forces have done since the start, where a balance is in the file."""
+    for whats in (*result.groups.get("balance", {}).values(), *result.sensors.values()):
+        if "work_of_motions" in whats and "work_of_forces" in whats:
+            return whats["work_of_motions"].values + whats["work_of_forces"].values
+    return None
 
 
 @in_style
 def energies(given: Any, *, axes=None):
     """Energies against time; into one panel, the change of their sum."""
     results = motions_of(given)
-    known = [energy_series(result) for result in results]
+    known = [energy_series(result, whole=axes is not None) for result in results]
     if axes is not None:
         if not known[0]:
             missing(axes, "energies")
@@ -286,19 +297,24 @@ def energies(given: Any, *, axes=None):
                  xlim=span_of(results))
         return None
     if not all(known):
-        raise ValueError("the file has no energies: ask for [output] fields kinetic_energy and potential_energy, or for a sensor")
+        raise ValueError("the file has no energies: ask for [output] fields kinetic_energy and potential_energy, for a sensor, or for "
+                         "[results] balance")
     figure, all_axes = new_figure(2, 1, size=(7, 5), sharex=True)
     titles = names_of_files(results)
     for k, (result, series) in enumerate(zip(results, known, strict=True)):
-        parts = {**series, "total": sum(series.values())}
+        parts = {**series, "total": sum(series.values())} if len(series) > 1 else dict(series)
         for i, (name, values) in enumerate(parts.items()):
             all_axes[0, 0].plot(result.time, values, **style_of(i, k), label=name if len(results) == 1 else shown(f"{name}, {titles[k]}"))
-        total = parts["total"]
-        all_axes[1, 0].plot(result.time, total - total[0], **style_of(2, k), label=shown(titles[k]) if len(results) > 1 else None)
+        change = sum(series.values())
+        change = change - change[0]
+        all_axes[1, 0].plot(result.time, change, **style_of(2, k), label=shown(titles[k]) if len(results) > 1 else "E - E(0)")
+        work = work_series(result)
+        if work is not None:
+            all_axes[1, 0].plot(result.time, change - work, **style_of(3, k), label=shown(", ".join(["less the work", *titles[k:k + 1][:len(results) > 1]])))
     all_axes[0, 0].set(ylabel="energy [J]", title="energies", xlim=span_of(results))
     all_axes[0, 0].legend(ncols=3)
     all_axes[1, 0].set(ylabel="E - E(0) [J]", xlabel="time [s]", title="change of the sum")
-    if len(results) > 1:
+    if len(all_axes[1, 0].lines) > 1:
         all_axes[1, 0].legend()
     return figure
 
@@ -359,7 +375,7 @@ def overview(given: Any, names: Sequence[str] | None = None, *, plane: str | Non
     if not several:
         if any(name.endswith("_error") for name in result.diagnostics):
             panels.append(lambda axes: errors(result, axes=axes))
-        if energy_series(result):
+        if energy_series(result, whole=True):
             panels.append(lambda axes: energies(result, axes=axes))
         if "step" in result.diagnostics:
             panels.append(lambda axes: steps(result, axes))

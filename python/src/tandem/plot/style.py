@@ -14,6 +14,9 @@ except ModuleNotFoundError as error:
 
 BLUE, ORANGE, GREEN, RED, SKY, PINK, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#777777"
 COLOURS = [BLUE, ORANGE, GREEN, PINK, SKY, RED, "#000000"]
+#: A colour and a marker of each stepper.
+STEPPERS = {"rk4": (ORANGE, "s"), "dopri5": (SKY, "o"), "dop853": (BLUE, "D"), "trapezoid": (PINK, "v"), "sdirk54": (GREEN, "^"),
+            "radau5": (RED, "P"), "radau": ("black", "p"), "auto": (GREY, "X")}
 #: Several files in one picture: a line style each.
 STYLES = ["-", "--", ":", "-."]
 DPI = 110

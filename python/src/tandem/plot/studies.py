@@ -1,17 +1,23 @@
 # SPDX-License-Identifier: MIT
-"""Error against run time and against evaluations, from studies of precision."""
+"""Error against run time and against evaluations, from studies of precision (`tandem study precision`)."""
+
+from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
 
-from .files import read_study
-from .style import GREY, STEPPERS, plt, save
+from ..study import Study, read_study
+from .style import GREY, STEPPERS, in_style, new_figure, shown
 
 # The coordinates of a scene have several units; the largest error is one of them in its own.
 ERROR = "largest error of a coordinate [m, rad or 1]"
+NEEDED = ("scene", "stepper", "control", "value", "error_q", "cpu_seconds", "right_hand_sides", "status")
 
 
-def setting(study, row):
+def setting(study: Study, row: int) -> str:
     """What a run was, in a few letters."""
     value = study.columns["value"][row]
     if study.columns["control"][row] == "rtol":
@@ -19,17 +25,30 @@ def setting(study, row):
     return f"{study.columns['stepper'][row]}, h = {1e3 * value:g} ms"
 
 
-def draw_series(axes, study, abscissa):
+def drawable(study: Study, abscissa: str = "cpu_seconds") -> np.ndarray:
+    """The rows that a logarithmic picture has room for."""
+    error, x = study.columns["error_q"], study.columns[abscissa]
+    return np.isfinite(error) & (error > 0) & (x > 0)
+
+
+def draw_series(axes, study: Study, abscissa: str) -> None:
+    kept = drawable(study, abscissa)
     for stepper, control, rows in study.series():
         colour, marker = STEPPERS.get(stepper, (GREY, "x"))
-        error, x = study.columns["error_q"][rows], study.columns[abscissa][rows]
-        kept = np.isfinite(error) & (error > 0) & (x > 0)
+        rows = rows[kept[rows]]
         fixed = control == "step"
-        axes.loglog(x[kept], error[kept], "--" if fixed else "-", color=colour, marker=marker, markersize=4.5,
-                    markerfacecolor="white" if fixed else colour, linewidth=0.9 if fixed else 1.3, zorder=3)
+        axes.loglog(study.columns[abscissa][rows], study.columns["error_q"][rows], "--" if fixed else "-", color=colour, marker=marker,
+                    markersize=4.5, markerfacecolor="white" if fixed else colour, linewidth=0.9 if fixed else 1.3, zorder=3)
 
 
-def draw_floor(axes, study):
+def tidy_ticks(axes) -> None:
+    """Labels at powers of ten alone where the picture has one inside."""
+    low, high = axes.get_xlim()
+    if np.floor(np.log10(high)) > np.log10(low):
+        axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+def draw_floor(axes, study: Study) -> None:
     floor = study.attributes.get("floor_q", 0)
     low, high = axes.get_ylim()
     if floor > low:
@@ -39,7 +58,7 @@ def draw_floor(axes, study):
         axes.set_ylim(low, high)
 
 
-def draw_fastest(axes, study, step=2):
+def draw_fastest(axes, study: Study, step: int = 2) -> None:
     """Ring and name the fastest run at errors that are `step` decades apart: the way along the lower left."""
     floor = max(study.attributes.get("floor_q", 0), 1e-14)
     named = set()
@@ -53,11 +72,11 @@ def draw_fastest(axes, study, step=2):
         x, y = study.columns["cpu_seconds"][row], study.columns["error_q"][row]
         colour = STEPPERS.get(study.columns["stepper"][row], (GREY, ""))[0]
         axes.plot(x, y, "o", markersize=10, markerfacecolor="none", markeredgecolor=colour, zorder=4)
-        axes.annotate(setting(study, row), (x, y), xytext=(-8, 0), textcoords="offset points", ha="right", va="center",
+        axes.annotate(shown(setting(study, row)), (x, y), xytext=(-8, 0), textcoords="offset points", ha="right", va="center",
                       fontsize=7.5, color="black", zorder=5)
 
 
-def legend_entries(studies):
+def legend_entries(studies: list[Study]) -> list[Line2D]:
     names = [name for name in STEPPERS if any(name in study.columns["stepper"] for study in studies)]
     entries = [Line2D([], [], color=STEPPERS[name][0], marker=STEPPERS[name][1], label=name) for name in names]
     entries.append(Line2D([], [], color=GREY, marker="o", label="error control (rtol)"))
@@ -67,30 +86,38 @@ def legend_entries(studies):
     return entries
 
 
-def make_room(axes):
+def make_room(axes) -> None:
     """Room at the left for the names."""
     low, high = axes.get_xlim()
     axes.set_xlim(low * (low / high) ** 0.33, high)
 
 
-def limit_errors(axes, study):
-    errors = study.columns["error_q"]
-    errors = errors[np.isfinite(errors) & (errors > 0)]
+def limit_errors(axes, study: Study) -> None:
+    errors = study.columns["error_q"][drawable(study)]
     low = max(errors.min(), study.attributes.get("floor_q", 0) / 30)
-    axes.set_ylim(low / 2, errors.max() * 3)
+    axes.set_ylim(min(low, errors.max()) / 2, errors.max() * 3)
 
 
-def title(study):
-    scene = study.settings
-    return f"{scene['scene']['name'].replace('_', ' ')}, {scene['time']['end']:g} s"
+def title_of(study: Study) -> str:
+    name = study.settings.get("scene", {}).get("name") or study.columns["scene"][0]
+    end = study.settings.get("time", {}).get("end")
+    return shown(str(name).replace("_", " ")) + (f", {end:g} s" if end is not None else "")
 
 
-def draw(paths, picture):
-    """One study: error against time and against evaluations. Several: error against time, a panel each."""
-    studies = [read_study(path) for path in paths]
+@in_style
+def precision(given: Any, *, title: str | None = None):
+    """Error against run time of every stepper of a study, and against evaluations; of several studies, a panel each."""
+    paths = given if isinstance(given, (list, tuple)) else [given]
+    studies = [one if isinstance(one, Study) else read_study(one) for one in paths]
+    for path, study in zip(paths, studies, strict=True):
+        if any(name not in study.columns for name in NEEDED):
+            raise ValueError(f"{path} is no study of precision: tandem study precision SCENE makes one")
+        if not drawable(study).any():
+            raise ValueError(f"{path} has no run with an error and a run time")
     if len(studies) == 1:
         study = studies[0]
-        figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained", sharey=True, width_ratios=[1.25, 1])
+        figure, grid = new_figure(1, 2, size=(10, 4.6), sharey=True, width_ratios=[1.25, 1])
+        left, right = grid[0]
         draw_series(left, study, "cpu_seconds")
         draw_series(right, study, "right_hand_sides")
         limit_errors(left, study)
@@ -98,24 +125,27 @@ def draw(paths, picture):
         draw_fastest(left, study)
         for axes in left, right:
             draw_floor(axes, study)
-        left.set(xlabel="run time [s]", ylabel=ERROR, title=f"{title(study)}: error against run time")
+        left.set(xlabel="run time [s]", ylabel=ERROR, title=f"{shown(title) if title else title_of(study)}: error against run time")
         right.set(xlabel="evaluations of the equations of motion", title="error against evaluations")
     else:
-        columns = 2
-        figure, grid = plt.subplots(-(-len(studies) // columns), columns, figsize=(10, 3.5 * -(-len(studies) // columns)),
-                                    layout="constrained", squeeze=False)
+        rows = -(-len(studies) // 2)
+        figure, grid = new_figure(rows, 2, size=(10, 3.5 * rows))
         for axes, study in zip(grid.flat, studies, strict=False):
             draw_series(axes, study, "cpu_seconds")
             limit_errors(axes, study)
             make_room(axes)
             draw_fastest(axes, study)
             draw_floor(axes, study)
-            axes.set(title=title(study))
+            axes.set(title=title_of(study))
         for axes in grid[-1]:
             axes.set_xlabel("run time [s]")
         for axes in grid[:, 0]:
             axes.set_ylabel(ERROR)
         for axes in grid.flat[len(studies):]:
             axes.set_visible(False)
+        if title:
+            figure.suptitle(shown(title))
+    for axes in grid.flat[:max(2, len(studies))]:
+        tidy_ticks(axes)
     figure.legend(handles=legend_entries(studies), loc="outside lower center", ncols=8, columnspacing=1.3, handletextpad=0.5)
-    save(figure, picture)
+    return figure
