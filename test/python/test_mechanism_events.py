@@ -124,6 +124,27 @@ class Changing(Mechanism):
             self.near(file["events/time"][:], [np.pi/2], 1e-10)
             self.near(x, np.where(t < np.pi/2, np.cos(t), -0.5*np.sin(2*(t - np.pi/2))), 1e-9)
 
+    def test_a_clutch_under_every_stepper(self):
+        """A disc with 10 rad/s takes along one of 3/2 of its inertia after 0.5 s, with 4 rad/s. Both keep that
+        rate where the clutch is freed and locked again."""
+        text = PLANE + "".join(
+            f'[body.{name}]\nmass = 1\ninertia = {spin}\nposition = [{x}, 0]\nomega = {rate}\n\n[joint.j{name}]\n'
+            f'type = "revolute"\nbodies = ["ground", "{name}"]\nat = [{x}, 0]\n\n'
+            for name, spin, x, rate in (("a", 2, 0, 10), ("b", 3, 1, 0))) + \
+            '[constraint.clutch]\ntype = "coupling"\njoints = ["ja", "jb"]\nfactors = [1, -1]\nlocked = false\n\n' \
+            '[results]\njoints = "all"\n\n[time]\nend = 2\n' + \
+            event("engage", "/joints/ja/angle", 5.0, "rising", change="lock clutch") + \
+            event("release", "/joints/jb/angle", 3.0, "rising", change="free clutch") + \
+            event("again", "/joints/jb/angle", 4.0, "rising", change="lock clutch")
+        controlled = ("dopri5", "dop853", "sdirk54", "radau5", "radau", "auto")
+        cases = [[f"solver.stepper={name}", "solver.rtol=1e-8"] for name in controlled]
+        cases += [[f"solver.stepper={name}", "solver.step=0.01"] for name in ("rk4", "trapezoid", "sdirk54", "radau5")]
+        for settings in cases:
+            with self.subTest(settings), self.went(self.scene(text), *settings) as file:
+                self.near(file["events/time"][:], [0.5, 1.25, 1.5], 1e-10)
+                self.near([file["joints/ja/angle"][-1], file["joints/jb/angle"][-1]], [11, 6], 1e-9)
+                self.near([file["joints/ja/rate"][-1], file["joints/jb/rate"][-1]], [4, 4], 1e-9)
+
     def test_resumed(self):
         """A run that goes on behind a lock is bitwise the one in one piece."""
         text = DISCS + event("engage", "/joints/one_axle/angle", 1.5, "rising", change="lock clutch")

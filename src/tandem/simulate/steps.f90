@@ -89,6 +89,7 @@ contains
         logical, intent(out) :: ends_at_breakpoint
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: stop_at
+        logical :: is_hopeless
 
         do
             if (self%options%is_adaptive()) then
@@ -104,17 +105,20 @@ contains
             ! Of redundant rows, those in use may have come near dependence since the chart was made: one made here does better, and
             ! else a shorter step.
             if (error%stat /= status_constraints_not_held) return
-            if (self%chart%n_dropped == 0) then
+            is_hopeless = self%chart%n_dropped == 0
+            if (self%chart_is_current .and. .not. is_hopeless) then
+                is_hopeless = .not. self%options%is_adaptive()
+                if (.not. is_hopeless) then
+                    call self%control%fail(self%next%t - self%state%t)
+                    self%tally%failed = self%tally%failed + 1
+                    self%hindrance = error%stat
+                    is_hopeless = .not. self%control%h > 4.0_wp*spacing(abs(self%state%t))
+                end if
+            end if
+            if (is_hopeless) then
                 call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
                 call name_loss_ahead(self, self%next%t - self%state%t, stop_at, 'too close for the constraints to be held', error)
                 return
-            end if
-            if (self%chart_is_current) then
-                if (.not. self%options%is_adaptive()) return
-                call self%control%fail(self%next%t - self%state%t)
-                self%tally%failed = self%tally%failed + 1
-                self%hindrance = error%stat
-                if (.not. self%control%h > 4.0_wp*spacing(abs(self%state%t))) return
             end if
             deallocate (error)
             self%tally%position_error = before%largest_errors(1)

@@ -251,7 +251,7 @@ contains
     subroutine retry_step(self)
         class(position_type), intent(inout) :: self
 
-        if (self%nh > 0 .and. self%predicts) call copy(self%width, self%u_start, self%u)
+        if (self%nh > 0) call copy(self%width, self%u_start, self%u)
         self%has_tried = .false.
     end subroutine retry_step
 
@@ -298,6 +298,7 @@ contains
 
         stat = status_ok
         if (self%nh == 0) return
+        call copy(self%width, self%u, self%u_start)
         call set_row_weight(size(jacobian, 1), self%n, self%nh, jacobian, q, scale, self%weight)
         self%has_gram = .false.
         self%b_time = t

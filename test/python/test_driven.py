@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: MIT
+"""Mechanisms that functions of time drive, under every stepper, against the geometry of their positions."""
+
+import re
+import unittest
+
+import numpy as np
+from test_mechanisms import Mechanism
+from test_results import PLANE, SPACE
+
+IMPLICIT = ("radau5", "radau", "sdirk54")
+STEPPERS = (*IMPLICIT, "auto", "dop853", "dopri5")
+KINDS = ("dense", "sparse")
+CRANK, COUPLER, ROCKER = 0.3, 0.9, 0.7
+
+
+def closed(theta):
+    """Angles of the coupler and the rocker of a four-bar linkage between (0, 0) and (1, 0), for the angle of its crank."""
+    pin = CRANK*np.array([np.cos(theta), np.sin(theta)])
+    way = np.array([1.0, 0.0]) - pin
+    length = np.hypot(*way)
+    inner = np.arccos((COUPLER**2 + length**2 - ROCKER**2)/(2*COUPLER*length))
+    coupler = np.arctan2(way[1], way[0]) + inner
+    top = pin + COUPLER*np.array([np.cos(coupler), np.sin(coupler)]) - [1.0, 0.0]
+    return coupler, np.arctan2(top[1], top[0])
+
+
+def linkage(motion, free=""):
+    """The linkage with its crank at 1 rad, and whatever else moves beside it."""
+    coupler, rocker = closed(1.0)
+    pin, top = [CRANK*np.cos(1.0), CRANK*np.sin(1.0)], [1 + ROCKER*np.cos(rocker), ROCKER*np.sin(rocker)]
+    text = PLANE
+    for name, angle, (x, y), length in (("crank", 1.0, (pin[0]/2, pin[1]/2), CRANK),
+                                        ("coupler", coupler, ((pin[0] + top[0])/2, (pin[1] + top[1])/2), COUPLER),
+                                        ("rocker", rocker, ((1 + top[0])/2, top[1]/2), ROCKER)):
+        text += f"[body.{name}]\nmass = 1\ninertia = 0.05\nposition = [{float(x)!r}, {float(y)!r}]\nangle = {float(angle)!r}\n" \
+            f"points = {{ from = [{-length/2}, 0], to = [{length/2}, 0] }}\n\n"
+    for name, first, second in (("motor", "ground", "crank.from"), ("left", "crank.to", "coupler.from"),
+                                ("right", "coupler.to", "rocker.to"), ("foot", "ground:[1, 0]", "rocker.from")):
+        text += f'[joint.{name}]\ntype = "revolute"\nbodies = ["{first}", "{second}"]\n'
+        text += f'motion = "{motion}"\n\n' if name == "motor" else "\n"
+    return text + free + "[initial]\nassemble = true\n\n[time]\nend = 3\n"
+
+
+def turn(axis, angle):
+    """A rotation about x or z."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1, 0, 0], [0, c, -s], [0, s, c]] if axis == "x" else [[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+def bricard(theta, motion):
+    """Six links of length 1/2, twisted by 60 degrees to either side in turn; angles of the joints alternate."""
+    def chain(other):
+        """Where the joints are, with their axes, and that of the end."""
+        place, way = np.zeros(3), np.eye(3)
+        joints = [(place, way[:, 2])]
+        for k in range(6):
+            way = way @ turn("z", other if k % 2 else theta)
+            place = place + way @ [0.5, 0, 0]
+            way = way @ turn("x", -np.pi/3 if k % 2 else np.pi/3)
+            joints.append((place, way[:, 2]))
+        return joints
+
+    def gap(other):
+        place, axis = chain(other)[-1]
+        return np.concatenate([place, axis - [0, 0, 1]])
+
+    # Newton's iteration for the other angle, which closes the loop.
+    other = 2.0
+    for _ in range(20):
+        slope = (gap(other + 1e-6) - gap(other - 1e-6))/2e-6
+        other -= slope @ gap(other)/(slope @ slope)
+    assert np.max(np.abs(gap(other))) < 1e-12
+    joints, text = chain(other), SPACE.replace("-9.81", "0")
+    for k in range(5):
+        middle = [float(x) for x in (joints[k][0] + joints[k + 1][0])/2]
+        text += f"[body.l{k + 1}]\nmass = 1\ninertia = [0.05, 0.06, 0.07]\nposition = {middle}\n\n"
+    for k in range(6):
+        sides = ["ground" if k == 0 else f"l{k}", f"l{k + 1}" if k < 5 else "ground"]
+        at, axis = ([float(x) for x in part] for part in joints[k])
+        text += f"[joint.j{k + 1}]\ntype = \"revolute\"\nbodies = {sides}\nat = {at}\naxis = {axis}\n".replace("'", '"')
+        text += f'motion = "{motion}"\n\n' if k == 0 else "\n"
+    return text + "[initial]\nassemble = true\n\n[time]\nend = 5\n"
+
+
+class Driven(Mechanism):
+    def without_a_warning(self, scene, *settings):
+        """A run with the estimate of its error, which warns of nothing."""
+        words = [word for setting in settings for word in ("--set", setting)]
+        done = self.tandem("run", scene, *words, "--output", "out.h5", "--force", "--quiet")
+        self.assertNotIn("WARNING", done.stdout + done.stderr)
+
+    def test_a_linkage_without_a_freedom(self):
+        """Positions follow from the time alone. The iteration for them must end on the branch of the start, whatever the tolerance:
+        steps are bounded by the motion that the constraints impose."""
+        coupler, rocker = closed(16.0)
+        scene = self.scene(linkage("5*t"))
+        for kind in KINDS:
+            for stepper in STEPPERS:
+                for rtol in (1e-3, 1e-6, 1e-9):
+                    settings = [f"solver.stepper={stepper}", f"solver.rtol={rtol}", f"solver.chart_kind={kind}"]
+                    with self.subTest(settings), self.went(scene, *settings) as file:
+                        self.near(file["trajectory/q"][-1, [2, 5, 8]], [16.0, coupler, rocker], 1e-10)
+                        # An estimate of a motion of fifteen radians takes steps.
+                        self.assertGreater(file["report"].attrs["steps"], 10)
+
+    def test_a_motion_that_rests_between(self):
+        """Steps that have grown at rest meet a turn of two radians in a tenth of a second."""
+        scene = self.scene(linkage("1 + tanh(40*(t - 2))"))
+        coupler, rocker = closed(3.0)
+        for kind in KINDS:
+            for stepper in IMPLICIT:
+                settings = [f"solver.stepper={stepper}", "solver.rtol=1e-6", f"solver.chart_kind={kind}"]
+                with self.subTest(settings), self.went(scene, *settings) as file:
+                    self.near(file["trajectory/q"][-1, [2, 5, 8]], [3.0, coupler, rocker], 1e-9)
+
+    def test_driven_runs_that_are_right_do_not_warn(self):
+        """In the plane and in space, fixed to a motor or beside a pendulum of its own."""
+        crank = '[body.crank]\nmass = 1\ninertia = {}\nposition = {}\n\n[joint.motor]\ntype = "revolute"\nbodies = ["ground", "crank"]\n' \
+            'at = {}\n{}motion = "8*t"\n\n[initial]\nassemble = true\n\n[time]\nend = 3\n'
+        pendulum = '[body.bob]\nmass = 1\ninertia = 0.1\nposition = [3, 0]\n\n[joint.pivot]\ntype = "revolute"\n' \
+            'bodies = ["ground", "bob"]\nat = [2, 0]\n\n'
+        scenes = [PLANE + crank.format("0.1", "[0.1, 0]", "[0, 0]", ""),
+                  SPACE + crank.format("[0.1, 0.1, 0.1]", "[0.1, 0, 0]", "[0, 0, 0]", "axis = [0, 1, 1]\n"),
+                  linkage("5*t"), linkage("sin(4*t)", pendulum)]
+        for number, text in enumerate(scenes):
+            for kind in KINDS:
+                for stepper in (*IMPLICIT, "trapezoid"):
+                    # Errors of the pendulum add up.
+                    rtol = {"sdirk54": 1e-8, "trapezoid": 1e-5}.get(stepper, 1e-7)
+                    if number == 3 and stepper == "trapezoid":
+                        continue
+                    with self.subTest([number, kind, stepper]):
+                        self.without_a_warning(self.scene(text), f"solver.stepper={stepper}", f"solver.rtol={rtol}",
+                                               f"solver.chart_kind={kind}")
+
+    def test_a_crossing_of_branches(self):
+        """A Bricard linkage of threefold symmetry, whose one redundant row is left out, is driven to half a turn, where its branches
+        meet. Runs end there, and their status says why."""
+        scene = self.scene(bricard(0.4, "0.9*t"))
+        for kind in KINDS:
+            for stepper in STEPPERS:
+                for rtol in (1e-6, 1e-9):
+                    settings = ["--set", f"solver.stepper={stepper}", "--set", f"solver.rtol={rtol}", "--set", f"solver.chart_kind={kind}"]
+                    with self.subTest(settings):
+                        done = self.tandem("run", scene, *settings, "--quiet", "--no-error", "--force", code=1)
+                        self.assertIn("rank_deficient", done.stderr)
+                        self.near(float(re.search(r" t = ([0-9.]+)", done.stderr)[1]), (np.pi - 0.4)/0.9, 1e-3)
+
+
+if __name__ == "__main__":
+    unittest.main()
