@@ -327,11 +327,27 @@ class Signs(Mechanism):
             self.near(file["forces/rub/power"][:], -(3 - 2*t), 1e-5)
 
     def test_a_motor_and_an_imposed_motion_agree(self):
-        """The torque of a motion about the axis has the sign of the torque of a motor that makes the same motion."""
+        """The torque of a motion about the axis, and that of a coupling with a motion, have the sign of the torque of a motor that makes
+        the same motion; of a row at velocity level the force."""
         with self.went(self.scene(rotor(f'{REVOLUTE}\nmotion = "t^2"', "[initial]\nassemble = true\n"))) as file:
             t = file["trajectory/time"][:]
             self.near(file["joints/hinge/torque"][:, 2], 1, self.BOUND)
             self.near(file["joints/hinge/power"][:], 2*t, self.BOUND)
+        drive = '[constraint.drive]\ntype = "coupling"\njoints = ["hinge"]\nfactors = [FACTOR]\nmotion = "FACTOR*t^2"\n' \
+            '[initial]\nassemble = true\n'
+        for factor in (1, -3):
+            text = rotor(REVOLUTE, drive.replace("FACTOR", str(factor))).replace("[results]", '[results]\nconstraints = "all"')
+            with self.subTest(factor), self.went(self.scene(text)) as file:
+                t = file["trajectory/time"][:]
+                self.near(file["joints/hinge/angle"][:], t**2, self.BOUND)
+                self.near(file["constraints/drive/torque"][:], 1/factor, self.BOUND)
+                self.near(file["constraints/drive/power"][:], 2*t, self.BOUND)
+        text = PLANE + '[body.b]\nmass = 2\nposition = [0, 0]\n[constraint.row]\ntype = "velocity"\nvelocities = ["b.vx"]\n' \
+            f'coefficients = [1]\nvalue = "3*t"\n[results]\nconstraints = "all"\n{END}{TIGHT}'
+        with self.went(self.scene(text)) as file:
+            t = file["trajectory/time"][:]
+            self.near(file["constraints/row/force"][:], 6, self.BOUND)
+            self.near(file["constraints/row/power"][:], 18*t, self.BOUND)
 
 
 class PlanarLine(Mechanism):

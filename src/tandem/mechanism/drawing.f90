@@ -89,7 +89,7 @@ module tandem_mechanism_drawing
         end subroutine place_joint
 
         !> A sum of coordinates of joints that is held: gears, racks, belts, screws. sum of factor_i x_i = f(t), all counted from
-        !> the drawing.
+        !> the drawing. The force on a coordinate is factor_i times that along the sum, positive where it accelerates it.
         module subroutine add_coupling(self, name, joints, factors, error, motion, locked)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
@@ -154,8 +154,8 @@ module tandem_mechanism_drawing
             type(error_type), allocatable, intent(out) :: error
             !> N m, N m s (default 0), and the angle from the drawing without torque (rad, default 0); of a way N/m, N s/m, m.
             real(wp), intent(in), optional :: stiffness, damping, angle
-            !> Torques (N m) or forces (N) that turn or push the second body back: a function of time, and a law of time, angle (or
-            !> way) and its rate.
+            !> Torques (N m) or forces (N) beside that, positive where they accelerate the coordinate: a function of time, and a law
+            !> of time, angle (or way) and its rate.
             class(function_type), intent(in), optional :: motion
             class(law_type), intent(in), optional :: law
         end subroutine add_torsion

@@ -27,8 +27,8 @@ module tandem_mechanism_force
         integer :: motion = 0, law = 0
     end type spring_type
 
-    !> The force along the coordinate of a joint: k (N m, N/m), c (N m s, N s/m), the angle (rad) or way (m) where k has no torque or
-    !> force, and the numbers of the function u and of the law g, 0 for none.
+    !> The force along the coordinate of a joint: k (N m, N/m), c (N m s, N s/m), the angle (rad) or way (m) where k has no torque
+    !> or force, and the numbers of the function u and of the law g, 0 for none.
     type :: torsion_type
         type(coordinate_type) :: coordinate
         real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, angle = 0.0_wp

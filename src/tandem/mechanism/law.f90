@@ -68,8 +68,8 @@ module tandem_mechanism_law
     !> Friction under a given normal force N, regularised: it grows steeply with the rate v, has its largest value where v is the
     !> transition speed, and falls to that of sliding: N (mu_d tanh 4 u + (mu_s - mu_d) u/(u^2/4 + 3/4)^2) + c v, u = v/v_t. Source:
     !> P. Brown, J. McPhee, A continuous velocity-based friction model for dynamics and control with physically meaningful
-    !> parameters, J. Comput. Nonlinear Dynam. 11 (2016) 054502, eq. 6. The law of the coordinate of a joint: f has the opposite sign,
-    !> against the rate.
+    !> parameters, J. Comput. Nonlinear Dynam. 11 (2016) 054502, eq. 6. As a law along the coordinate of a joint, f has the opposite
+    !> sign: it acts against the rate.
     type, extends(law_type) :: friction_law_type
         !> N (N; N m of what turns: force times radius), mu_s, mu_d, v_t (m/s, rad/s), and the viscous part c (N s/m, N m s).
         real(wp) :: normal = 0.0_wp, static = 0.0_wp, dynamic = 0.0_wp, speed = 1.0_wp, viscous = 0.0_wp

@@ -206,10 +206,11 @@ contains
                 values(1:4) = [sign(norm2(d), lambda(rows(1))), -d]
                 n = 4
             case default
-                values(1) = lambda(rows(1))
+                ! The reaction -C' lambda along the sum whose gradient C is.
+                values(1) = -lambda(rows(1))
                 n = 1
                 if (sensor%can_be_freed) then
-                    values(2) = self%impulses(rows(1))
+                    values(2) = -self%impulses(rows(1))
                     n = 2
                 end if
             end select

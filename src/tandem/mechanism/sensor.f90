@@ -160,7 +160,8 @@ contains
             call add(sensor, list, 0, 'traction', 'N', 'force that pulls the points together')
             call add(sensor, list, 3, 'force', 'N', 'on the second point, in the world''s axes')
         case default
-            call add(sensor, list, 0, 'multiplier', trim(sensor%unit), 'multiplier of the row')
+            call add(sensor, list, 0, trim(merge('torque', 'force ', sensor%unit == 'N m')), trim(sensor%unit), &
+                'along the sum of the row, positive where it accelerates that')
             if (sensor%can_be_freed) call add(sensor, list, 0, 'impulse', trim(sensor%unit)//' s', &
                 'of the row where an event made velocities jump last')
         end select

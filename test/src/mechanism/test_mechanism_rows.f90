@@ -2,10 +2,11 @@
 !> Tests of rows of mechanisms beyond those of simple joints, each alone against differences at random states: freedoms of the
 !> primitive at either level, couplings, rows by expression, what rolls on planes that move; and runs against closed forms.
 module test_mechanism_rows
-    use asserts, only: check_below, check_count, check_no_failure, check_true
+    use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
     use mechanism_checks, only: check_drawing, draw, verify
-    use tandem, only: expression_type, failure_type => error_type, finding_type, mechanism_type, options_type, parse_expression, &
-        polynomial_type, ramp, simulation_type, sine_type, terms_type, verify_model, wp
+    use tandem, only: assembly_type, expression_function, expression_type, failure_type => error_type, finding_type, &
+        mechanism_type, options_type, parse_expression, polynomial_type, ramp, simulation_type, sine_type, terms_type, &
+        verify_model, wp
     use terms_at, only: get_terms
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
@@ -13,7 +14,7 @@ module test_mechanism_rows
 
     public :: collect_mechanism_rows
 
-    real(wp), parameter :: at(3) = [0.7_wp, 0.5_wp, 0.2_wp], axis(3) = [1.0_wp, 2.0_wp, -0.5_wp]
+    real(wp), parameter :: at(3) = [0.7_wp, 0.5_wp, 0.2_wp], axis(3) = [1.0_wp, 2.0_wp, -0.5_wp], pi = acos(-1.0_wp)
 
 contains
 
@@ -28,6 +29,7 @@ contains
             new_unittest('a-check-leaves-turns-as-they-were', test_turns_after_check), &
             new_unittest('turns-are-counted-where-steps-arrive', test_turns_of_steps), &
             new_unittest('turns-of-gears-are-summed-without-rounding', test_many_turns), &
+            new_unittest('an-imposed-angle-starts-where-it-is-asked-to', test_imposed_angles), &
             new_unittest('rows-by-expression', test_rate_rows), &
             new_unittest('ellipsoids-round-rims-moving-planes', test_rolling), &
             new_unittest('names-and-units', test_names), &
@@ -57,11 +59,11 @@ contains
         if (allocated(error)) return
         allocate (q(mechanism%n), qd(mechanism%n))
         call mechanism%start(q, qd)
-        call mechanism%arrive(q, .true.)
+        call mechanism%arrive(0.0_wp, q, .true.)
         do i = 1, last
             q(4:7) = parameters(0.15_wp*modulo(i, 20))
             q(11:14) = parameters(-0.35_wp*modulo(i, 20))
-            call mechanism%arrive(q, .false.)
+            call mechanism%arrive(0.0_wp, q, .false.)
         end do
         q(4:7) = parameters(beside(1)/(2*pi))
         q(11:14) = parameters(beside(2)/(2*pi))
@@ -206,6 +208,62 @@ contains
             p = [cos(0.5_wp*norm2(vector)), sin(0.5_wp*norm2(vector))/norm2(vector)*vector]
         end function turned_by
     end subroutine test_turns_after_check
+
+    !> In a program: a body at an arm is turned by 2 pi t from t = 0.3 s on, by pi, and by 20 rad, from a drawing at 0; orientation
+    !> and the turns of a spring along the angle are those of the motion, and a second run starts there again.
+    subroutine test_imposed_angles(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), parameter :: motions(3) = [character(len=16) :: '2*pi*t', 'pi + t - 0.3', '20 - 3*(t - 0.3)']
+        real(wp), parameter :: expected(3) = [0.6_wp*pi, pi, 20.0_wp], z(3) = [0.0_wp, 0.0_wp, 1.0_wp], from = 0.3_wp
+        real(wp), parameter :: stiffness = 2.0_wp
+        type(failure_type), allocatable :: failure
+        type(expression_type) :: expression
+        integer :: i, run
+
+        do i = 1, size(motions)
+            block
+                type(mechanism_type), target :: mechanism
+                type(simulation_type) :: simulation
+                type(assembly_type) :: assembly
+                type(options_type) :: options
+                real(wp), allocatable :: q(:), qd(:)
+                real(wp) :: energy
+                integer :: stat
+
+                call mechanism%add_body('a', 1.0_wp, [0.2_wp, 0.0_wp, 0.0_wp], failure, inertia=[0.1_wp, 0.1_wp, 0.2_wp])
+                call check_no_failure(error, failure)
+                call parse_expression(expression, trim(motions(i)), ['t'], failure)
+                call check_no_failure(error, failure)
+                call mechanism%add_joint('j', 'revolute', 'ground', 'a', failure, at=[0.0_wp, 0.0_wp, 0.0_wp], axis=z, &
+                    motion=expression_function(expression))
+                call check_no_failure(error, failure)
+                call mechanism%add_torsion('t', 'j', failure, stiffness=stiffness)
+                call check_no_failure(error, failure)
+                call mechanism%define(failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                allocate (q(mechanism%n), qd(mechanism%n))
+                call mechanism%start(q, qd)
+                options%stepper = 'dop853'
+                options%rtol = 1.0e-9_wp
+                options%atol = 1.0e-9_wp
+                do run = 1, 2
+                    call simulation%initialize(mechanism, options, from, q, qd, failure, assembly)
+                    call check_no_failure(error, failure)
+                    if (allocated(error)) return
+                    call check_close(error, simulation%state%q(1:2), 0.2_wp*[cos(expected(i)), sin(expected(i))], 1.0e-11_wp, &
+                        'place')
+                    call mechanism%potential_energy(from, simulation%state%q, energy, stat)
+                    call check_below(error, abs(energy - stiffness*expected(i)**2/2), 1.0e-8_wp, 'energy of the spring')
+                    do while (simulation%state%t < 1.0_wp .and. .not. allocated(failure))
+                        call simulation%step(1.0_wp, failure)
+                    end do
+                    call check_no_failure(error, failure)
+                    if (allocated(error)) return
+                end do
+            end block
+        end do
+    end subroutine test_imposed_angles
 
     !> A body spins fast about a hinge with a weak torsion spring: steps of sdirk54 at a coarse tolerance try points far ahead,
     !> which must not count as turns; and a second start counts from the drawing again. The angle obeys J x'' = -k x.
