@@ -799,7 +799,7 @@ class SceneErrors(Case):
             ("model", "mass = nan", "must be a finite number"), ("model", "mass = 1e999", "must be a finite number"),
             ("model", "gravity = -inf", "must be a finite number"), ("model", "inertia = [1, -2, 3]", "element 2 must be"),
             ("model", "mass = 123456789012345678901", "too many digits"), ("initial", "tilt = 2.0", "between -pi/2 and pi/2"),
-            ("solver", "step = 0.0", "step must be positive"), ("solver", 'stepper = "rk5"', 'did you mean "rk4"?'),
+            ("solver", "step = -1.0", "step must be positive"), ("solver", 'stepper = "rk5"', 'did you mean "rk4"?'),
             ("solver", 'chart = "papre"', 'did you mean "paper"?'), ("solver", 'refresh = "never"', "factor, refine"),
             ("solver", "rtol = 1", "rtol must lie between"), ("solver", "rtol = [1e-6, 1e-7]", "must have 9"),
             ("solver", "rtol = " + str(8 * [1e-6] + [1]), "rtol must lie between 1e-15 and 1e-2"),
@@ -928,12 +928,11 @@ class SceneErrors(Case):
 
     def test_more_steps_or_rows_than_can_be(self):
         for tables, line in [
-            ({"solver": "step = 1e-300"}, 6), ({"output": "interval = 1e-12"}, 6), ({"time": "end = 1e300"}, 4),
+            ({"solver": "step = 1e-300"}, 6), ({"output": "interval = 1e-12"}, 6), ({"time": "end = 1e300", "solver": "step = 1.0"}, 4),
         ]:
             with self.subTest(tables):
                 self.refused_file("there can be 2147483647", line, **tables)
         self.refused("show", "rolling_disk", "--set", "solver.step=1e-12", says=["there can be 2147483647", "solver.step=1e-12"])
-        self.tandem("show", "rolling_disk", "--set", "solver.step=1e-300", "--set", "solver.rtol=1e-6", "--set", "solver.stepper=dopri5")
 
     def test_a_start_that_overflows(self):
         self.refused("show", "articulated_vehicle", "--set", "model.half_length=1e308", says="qd are not finite where the numbers of")

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> The report at the end of a run: what it was, what it cost, how wrong it was, what was computed and what was left out.
 module tandem_cli_report
-    use tandem, only: derivative_name, error_type, find_error_warnings, global_error_type, long, n_derivatives, n_reasons, &
-        n_terms, new_stepper, options_type, projections, properties_type, reason_name, simulation_type, statistics_type, &
-        status_output_failed, term_name, warning_type, wp
+    use tandem, only: derivative_name, error_type, find_error_warnings, global_error_type, long, mechanism_type, &
+        n_derivatives, n_reasons, n_terms, new_stepper, options_type, projections, properties_type, reason_name, &
+        simulation_type, statistics_type, status_output_failed, term_name, warning_type, wp
     use tandem_cli_messages, only: complain, say
     use tandem_cli_moves, only: moves_text
     use tandem_io, only: scene_type, to_toml, trajectory_type
@@ -90,6 +90,10 @@ contains
         end if
         call print_line('start moved', 'q by '//short(s%start_moved_q, 2)//', qd by '//short(s%start_moved_qd, 2))
         if (allocated(scene%assembly)) call print_line('assembled', moves_text(scene%model, scene%assembly))
+        select type (model => scene%model)
+        class is (mechanism_type)
+            if (.not. maxval(abs(model%gravity)) > 0.0_wp) call print_line('gravity', 'no gravity ([gravity] vector is not given)')
+        end select
         if (s%velocity_jump > 0.0_wp) call print_line('velocity jump', short(s%velocity_jump, 6))
         call print_energy(trajectory)
         call print_line('output', scene%output%file//', '//rows_text(trajectory, error))

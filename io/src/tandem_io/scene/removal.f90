@@ -36,6 +36,12 @@ contains
             call remove_below(sources(i)%root, parts, is_there, near)
             is_removed = is_removed .or. is_there
         end do
+        ! Elements of mechanisms have names, which may be numbers; those of arrays of tables have numbers.
+        if (is_removed .and. size(parts) == 2 .and. .not. any(mechanism_kinds == parts(1)%key)) then
+            do i = 1, ubound(sources, 1)
+                call close_gap(sources(i)%root, parts)
+            end do
+        end if
         if (is_removed) return
         if (near /= '') near = '; did you mean "'//near//'"?'
         call set_input_error(error, '--unset '//key//': there is no such key in '//sources(0)%context%filename// &
@@ -118,9 +124,6 @@ contains
         select type (found)
         type is (toml_table)
             call remove_below(found, parts(2:), is_removed, near)
-            ! Elements of mechanisms have names, which may be numbers; those of arrays of tables have numbers.
-            if (size(parts) == 2 .and. is_removed .and. .not. any(mechanism_kinds == parts(1)%key)) &
-                call close_gap(found, parts(2)%key)
             call found%get_keys(names)
             if (is_removed .and. size(names) == 0) call table%delete(parts(1)%key)
         type is (toml_array)
@@ -142,23 +145,31 @@ contains
         end select
     end subroutine remove_below
 
-    !> Keys of a setting that number elements: those behind a number that is gone count one less.
-    subroutine close_gap(table, key)
-        type(toml_table), intent(inout) :: table
-        character(len=*), intent(in) :: key
+    !> Keys of a setting that number elements: those behind an element that is gone count one less.
+    subroutine close_gap(root, parts)
+        type(toml_table), intent(inout), target :: root
+        !> The name of the array, and the number.
+        type(toml_key), intent(in) :: parts(:)
+        class(toml_value), pointer :: found
         class(toml_value), allocatable :: member
+        integer, parameter :: most = 10000
         integer :: number, stat
+        logical :: is_behind
 
-        if (verify(key, '0123456789') > 0) return
-        read (key, '(i9)', iostat=stat) number
-        if (stat /= 0) return
-        do
-            number = number + 1
-            if (.not. table%has_key(to_toml(number))) return
-            call table%pop(to_toml(number), member)
-            member%key = to_toml(number - 1)
-            call table%push_back(member, stat)
-        end do
+        call root%get(parts(1)%key, found)
+        if (.not. associated(found)) return
+        select type (found)
+        type is (toml_table)
+            is_behind = .false.
+            do number = 1, most
+                if (is_behind .and. found%has_key(to_toml(number))) then
+                    call found%pop(to_toml(number), member)
+                    member%key = to_toml(number - 1)
+                    call found%push_back(member, stat)
+                end if
+                is_behind = is_behind .or. to_toml(number) == parts(2)%key
+            end do
+        end select
     end subroutine close_gap
 
     !> Remove an element from an array.

@@ -35,6 +35,7 @@ contains
         character(len=*), parameter :: of_control(6) = [character(len=10) :: 'rtol', 'rtol_qd', 'atol', 'atol_qd', 'first_step', &
             'max_step']
         type(option_reader_type) :: option_reader
+        type(options_type) :: asked
         type(conflict_type) :: conflict
         type(error_type), allocatable :: error
 
@@ -48,7 +49,10 @@ contains
         call options%visit(option_reader)
         call reader%close_table()
         if (reader%failed()) return
-        call find_conflict(options, conflict)
+        asked = options
+        if (.not. option_reader%gives_step) asked%step = 0.0_wp
+        if (.not. option_reader%gives_tolerance) asked%rtol = 0.0_wp
+        call find_conflict(asked, conflict)
         if (conflict%name /= '') call reader%refuse(key_of(conflict%name), trim(conflict%problem)//'; '//trim(conflict%remedy)// &
             ' (--unset solver.'//key_of(conflict%name)//' removes it)')
         if (.not. reader%failed()) call complete_options(options, error)
@@ -59,8 +63,16 @@ contains
         character(len=*), intent(in) :: name
         character(len=:), allocatable :: key
 
-        key = trim(name)
-        if (any(key == ['rtol_q', 'atol_q'])) key = key(:4)
+        select case (name)
+        case ('rtol_q', 'atol_q')
+            key = name(:4)
+        case ('btol')
+            key = 'Btol'
+        case ('htol')
+            key = 'Htol'
+        case default
+            key = trim(name)
+        end select
     end function key_of
 
     !> Read an option under its key, and refuse a number that cannot be.
