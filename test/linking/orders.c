@@ -209,7 +209,7 @@ static int call(unsigned which, struct slot *s, int *writes)
     case 26: return tandem_get_energies(p, draw(6) ? &x : NULL, draw(6) ? &y : NULL);
     case 27: return tandem_get_statistic(p, some_text(), draw(6) ? &x : NULL);
     case 28: return tandem_count_warnings(p, draw(6) ? &count : NULL);
-    case 29: return tandem_get_warning(p, draw(2) ? 0 : i, draw(3) ? (int)sizeof text : -i % 16, draw(6) ? text : NULL);
+    case 29: return tandem_get_warning(p, draw(2) ? 0 : i, draw(3) ? (int)sizeof text : -(i % 16), draw(6) ? text : NULL);
     case 30:
         status = tandem_save_state(p, draw(3) ? WORDS : i > WORDS ? WORDS : i, draw(4) ? words : NULL, draw(4) ? &count : NULL);
         if (status == 0 && count > 0) saved = count;
@@ -226,7 +226,7 @@ static int call(unsigned which, struct slot *s, int *writes)
     case 36: return tandem_define(p, (int)(draw(8) > 0), (int)draw(2), 0, draw(4) ? 10 : t);
     case 37: return tandem_get_sizes(p, draw(6) ? &count : NULL, draw(6) ? &j : NULL, draw(6) ? &k : NULL);
     case 38: return tandem_get_drawing(p, array(0), array(1));
-    default: return tandem_get_name(p, some_text(), draw(2) ? 0 : i, draw(3) ? (int)sizeof text : -i % 16, draw(6) ? text : NULL);
+    default: return tandem_get_name(p, some_text(), draw(2) ? 0 : i, draw(3) ? (int)sizeof text : -(i % 16), draw(6) ? text : NULL);
     }
 }
 
