@@ -48,6 +48,20 @@ class Meshes(unittest.TestCase):
         with self.assertRaisesRegex(KeyError, "there is no body 'wheel'; there are crank, rod, slider"):
             solution.view(meshes={"wheel": self.folder / "a.stl"})
 
+    def test_large_files(self):
+        """Files that memory might not hold are refused by their size, and those of many triangles before all are read."""
+        for name in ("a.stl", "c.obj"):
+            with open(self.folder / name, "ab") as file:
+                file.truncate(6*10**9)
+            with self.subTest(name), self.assertRaisesRegex(ValueError, "has 6000 MB: make it simpler"):
+                read_mesh(self.folder / name)
+        (self.folder / "many.stl").write_text("solid many\n" + "vertex 0 0 0 "*650_000)
+        (self.folder / "many.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n" + "f 1 2 3\n"*210_000)
+        (self.folder / "fan.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf" + " 1 2 3"*100_000)
+        for name in ("many.stl", "many.obj", "fan.obj"):
+            with self.subTest(name), self.assertRaisesRegex(ValueError, "200000 triangles"):
+                read_mesh(self.folder / name)
+
     def test_in_pages_and_gltf(self):
         scene = tandem.Mechanism.from_toml(Path(__file__).resolve().parents[2] / "scenes" / "slider_crank.toml")
         drawing = draw(scene.run({"time.end": 0.1}, error=False))

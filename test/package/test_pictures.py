@@ -250,6 +250,56 @@ class Drawings(unittest.TestCase):
             # Interpolation between steps, on 1 m.
             self.assertLess(np.abs(ends[0] - ends[1]).max(), 1e-6)
 
+    def test_joints_between_points_that_are_assembled(self):
+        """Two rods whose drawing is apart: each side of the joint is at its own point, where the other one is, once they are assembled."""
+        scene = """[scene]
+model = "mechanism"
+planar = true
+[gravity]
+vector = [0, -9.81]
+[body.left]
+mass = 1.0
+inertia = 0.1
+position = [0.5, 0]
+points = { end = [0.5, 0] }
+[body.right]
+mass = 1.0
+inertia = 0.1
+position = [2.0, 0.4]
+angle = 0.3
+points = { end = [-0.5, 0], other = [0.5, 0] }
+[joint.pivot]
+type = "revolute"
+bodies = ["ground", "left"]
+at = [0, 0]
+[joint.middle]
+type = "revolute"
+bodies = ["left.end", "right.end"]
+[joint.last]
+type = "point_on_line"
+bodies = ["ground:[1.5, 0]", "right.other"]
+axis = [1, 0]
+[initial]
+assemble = true
+[results]
+joints = "all"
+[time]
+end = 0.2
+"""
+        drawing = draw(tandem.Mechanism.from_toml(scene).run(error=False))
+        left, right = drawing.body("left"), drawing.body("right")
+        apart = np.linalg.norm(left.point([0.5, 0, 0]) - right.point([-0.5, 0, 0]), axis=1)
+        self.assertLess(apart.max(), 1e-6)
+        markers = [piece for piece in right.pieces if piece.shape == "cylinder" and piece.size[0] == piece.size[1] and piece.size[2] < 3*piece.size[0]]
+        for name in ("middle force", "last force"):
+            arrow = next(arrow for arrow in drawing.arrows if arrow.name == name)
+            local = [-0.5, 0, 0] if name.startswith("middle") else [0.5, 0, 0]
+            self.assertLess(np.abs(arrow.places - right.point(local)).max(), 1e-12, name)
+        self.assertTrue(any(np.allclose(piece.at, [-0.5, 0, 0]) for piece in markers))
+        # No piece of the body reaches beyond its points.
+        for body in (left, right):
+            self.assertLess(max(np.linalg.norm(piece.at) for piece in body.pieces), 0.51)
+
     def test_contact_points(self):
         """The disk by hand, whose contact is among its coordinates, and as a mechanism, where a formula gives it."""
         hand, built = draw(result("rolling_disk")), draw(result("mechanism_disk"))
@@ -319,6 +369,14 @@ class Pages(Folder):
         self.assertEqual([curve["name"] for curve in content["curves"]], ["b2.x"])
         self.assertLess(np.abs(channels[-1] - draw(one).body("b2").place[:, 0]).max(), 1e-6)
         self.assertEqual((self.folder / "a.glb").read_bytes()[:4], b"glTF")
+
+    def test_buttons_need_no_font(self):
+        """Signs that not every font has are drawn: what the page writes itself is ASCII."""
+        for file in sorted((ROOT / "python/src/tandem/viewer/page").glob("page.*")):
+            text = file.read_text(encoding="utf-8")
+            self.assertTrue(text.isascii(), file.name)
+            self.assertNotRegex(text, r"&#|\\u[0-9a-f]{4}", file.name)
+        self.assertRegex((ROOT / "python/src/tandem/viewer/page/page.html").read_text(), r'id="play"[^>]*><svg[^>]*><path')
 
     def test_names_cannot_break_the_page(self):
         one = tandem.Mechanism({"scene.planar": True, "scene.name": "a", "scene.description": "</script><b>&", "time.end": 0.1})

@@ -151,8 +151,13 @@ class Pages(Browser):
         tab, drawing = self.open(run("bicycle"), "controls")
         state = lambda what: tab.evaluate(f"tandem.{what}")  # noqa: E731
         self.assertFalse(state("state.playing"))
+        # A drawing, which needs no font: a triangle, two bars while it plays.
+        icon = lambda: tab.get_attribute("#play path", "d").count("z")  # noqa: E731
+        self.assertEqual(icon(), 1)
+        self.assertEqual(tab.inner_text("#play").strip(), "")
         tab.click("#play")
         tab.wait_for_function("tandem.state.frame > 3")
+        self.assertEqual(icon(), 2)
         tab.click("#play")
         self.assertFalse(state("state.playing"))
         frame = state("state.frame")

@@ -43,12 +43,12 @@ def places_of(found: Mechanism, drawing: Drawing, joints: list) -> dict[tuple[st
     """Of an element the body that its force acts on (the second of two, the wheel), where at the frames, and the axis of what is along one."""
     places: dict[tuple[str, str], tuple[str, np.ndarray, np.ndarray | None]] = {}
     axes = {}
-    for name, keys, bodies, place in joints:
-        carrier = next((body for body in reversed(bodies) if body in found.bodies), None)
-        if place is None or carrier is None:
+    for name, keys, ends in joints:
+        carrier, place = next(((body, place) for body, place in reversed(ends) if body in found.bodies and place is not None), ("", None))
+        if place is None:
             continue
-        body, on = found.bodies[carrier], bodies[1] if len(bodies) == 2 else ""
-        places["joints", name] = on, body.point(found.to_body(carrier, place)), None
+        body, on = found.bodies[carrier], ends[1][0] if len(ends) == 2 else ""
+        places["joints", name] = on, body.point(place), None
         # A joint's axis lies in both of its bodies.
         axis = found.vector(keys["axis"]) if "axis" in keys else np.array([0.0, 0, 1])
         axis = found.axis_in(carrier, axis/(np.linalg.norm(axis) or 1.0))

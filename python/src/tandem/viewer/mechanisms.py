@@ -83,7 +83,10 @@ class Mechanism:
 
     def in_world(self, text: str) -> np.ndarray:
         """Where a point is in the drawing."""
-        name, place = self.point(text)
+        return self.from_body(*self.point(text))
+
+    def from_body(self, name: str, place: np.ndarray) -> np.ndarray:
+        """A place in the axes of a body where it is in the drawing."""
         if name not in self.drawn:
             return place
         at, turn = self.drawn[name]
@@ -108,6 +111,18 @@ class Mechanism:
         named = [text for text in keys.get("bodies", []) if "." in text or ":" in text]
         return self.in_world(named[0]) if named else None
 
+    def joint_ends(self, keys: dict) -> list[tuple[str, np.ndarray | None]]:
+        """The bodies of a joint, each with the joint's place in its axes: that of its own point, else of where the joint is in the
+        drawing. The two sides need not meet in a drawing that is assembled."""
+        place, ends = self.joint_place(keys), []
+        for text in keys.get("bodies", []):
+            name, local = self.point(text)
+            if "." in text or ":" in text:
+                ends.append((name, local))
+            else:
+                ends.append((name, None if place is None else self.to_body(name, place)))
+        return ends
+
 
 def draw_mechanism(result, times: np.ndarray, values: dict[str, np.ndarray]) -> Drawing:
     """The drawing of a result whose model is a mechanism."""
@@ -125,7 +140,7 @@ def draw_mechanism(result, times: np.ndarray, values: dict[str, np.ndarray]) -> 
     rods = [(name, [found.point(text) for text in keys["between"]]) for name, keys in found.elements["constraint"].items()
             if keys.get("type") == "distance" and len(keys.get("between", [])) == 2]
     size = extent(found)
-    anchors = [place for _, _, _, place in joints if place is not None]
+    anchors = [found.from_body(body, place) for _, _, ends in joints for body, place in ends if place is not None]
     anchors += [place for _, ends in [*springs, *rods] for body, place in ends if body not in found.bodies]
     drawing.extent = extent(found, anchors)
     size = max(size, min(drawing.extent, 3*size))
@@ -148,16 +163,15 @@ def draw_mechanism(result, times: np.ndarray, values: dict[str, np.ndarray]) -> 
     return drawing
 
 
-def find_joints(found: Mechanism) -> list[tuple[str, dict, list[str], np.ndarray | None]]:
-    """Each joint with its two bodies and its place in the drawing; the points are attached to the bodies."""
+def find_joints(found: Mechanism) -> list[tuple[str, dict, list[tuple[str, np.ndarray | None]]]]:
+    """Each joint with its bodies and its place in their axes; the points are attached to the bodies."""
     joints = []
     for name, keys in found.elements["joint"].items():
-        bodies = [text.partition(":")[0].partition(".")[0] for text in keys.get("bodies", [])]
-        place = found.joint_place(keys)
-        if place is not None:
-            for body in bodies:
-                found.attach(body, found.to_body(body, place))
-        joints.append((name, keys, bodies, place))
+        ends = found.joint_ends(keys)
+        for body, place in ends:
+            if place is not None:
+                found.attach(body, place)
+        joints.append((name, keys, ends))
     for keys in found.elements["constraint"].values():
         if keys.get("type") == "distance":
             for text in keys.get("between", []):
@@ -371,12 +385,11 @@ def ellipsoid_contact(body: Body, centre, axes: np.ndarray, normal: np.ndarray) 
 def add_joints(found: Mechanism, drawing: Drawing, joints: list, size: float) -> None:
     """A marker for each joint, on its second body, or the first where that is the ground."""
     radius = 0.016*size
-    for _, keys, bodies, place in joints:
-        carriers = [name for name in reversed(bodies) if name in found.bodies]
-        if place is None or not carriers:
+    for _, keys, ends in joints:
+        carriers = [(name, place) for name, place in reversed(ends) if name in found.bodies and place is not None]
+        if not carriers:
             continue
-        body = found.bodies[carriers[0]]
-        at = found.to_body(body.name, place)
+        body, at = found.bodies[carriers[0][0]], carriers[0][1]
         colour = ORANGE if len(carriers) > 1 else DARK
         kind = keys.get("type", "")
         axis = found.vector(keys["axis"]) if "axis" in keys else np.array([0.0, 0, 1])

@@ -4,6 +4,8 @@ lengths with a scale."""
 
 from __future__ import annotations
 
+import io
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,9 @@ from .drawing import Drawing, Piece
 
 #: A page of more triangles would be slow, and large.
 MOST_TRIANGLES = 200_000
+#: Larger files have more triangles, or what is no triangle.
+MOST_BYTES = 100_000_000
+VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 
 
 def read_mesh(path: str | Path) -> np.ndarray:
@@ -20,9 +25,14 @@ def read_mesh(path: str | Path) -> np.ndarray:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
-    data = path.read_bytes()
+    # A file may grow while it is read.
+    with open(path, "rb") as file:
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise ValueError(f"{path} has {path.stat().st_size/1e6:.0f} MB: make it simpler, a mesh of {MOST_TRIANGLES} triangles at most "
+                         f"is read from {MOST_BYTES/1e6:.0f} MB")
     try:
-        triangles = obj(data.decode()) if path.suffix.lower() == ".obj" else stl(data)
+        triangles = obj(data) if path.suffix.lower() == ".obj" else stl(data)
     except (UnicodeDecodeError, ValueError, IndexError) as error:
         raise ValueError(f"{path} cannot be read as a mesh (STL, OBJ): {error}") from error
     # What has no area cannot be seen, and has no normal.
@@ -42,24 +52,36 @@ def stl(data: bytes) -> np.ndarray:
         if len(data) == 84 + 50*count:
             kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
             return np.frombuffer(data, kind, count, 84)["corners"].astype(float)
-    words = data.decode().split()
-    if not words or words[0] != "solid":
+    if data[:100].split()[:1] != [b"solid"]:
         raise ValueError("it is neither a binary STL file nor one of text")
-    at = [i for i, word in enumerate(words) if word == "vertex"]
-    return np.array([[float(words[i + k]) for k in (1, 2, 3)] for i in at]).reshape(-1, 3, 3)
+    corners = []
+    for found in VERTEX.finditer(data):
+        corners.append([float(number) for number in found.groups()])
+        refuse_more(len(corners)//3)
+    return np.array(corners, dtype=float).reshape(-1, 3, 3)
 
 
-def obj(text: str) -> np.ndarray:
+def refuse_more(count: int) -> None:
+    """Stop where there are more triangles than a page shows, before memory is full of them."""
+    if count > MOST_TRIANGLES:
+        raise ValueError(f"it has more than {MOST_TRIANGLES} triangles; make it simpler")
+
+
+def obj(data: bytes) -> np.ndarray:
     """Faces of more corners are fans of triangles."""
     places, triangles = [], []
-    for line in text.splitlines():
-        words = line.split()
+    for line in io.BytesIO(data):
+        words = line.decode().split(maxsplit=MOST_TRIANGLES + 3)
         if words[:1] == ["v"]:
             places.append([float(word) for word in words[1:4]])
+            # Each triangle has three of its own at most.
+            refuse_more(len(places)//3)
         elif words[:1] == ["f"]:
+            refuse_more(len(words) - 3)
             numbers = [int(word.split("/")[0]) for word in words[1:]]
             corners = [places[number - 1 if number > 0 else number] for number in numbers]
             triangles += [[corners[0], corners[i], corners[i + 1]] for i in range(1, len(corners) - 1)]
+            refuse_more(len(triangles))
     return np.array(triangles, dtype=float).reshape(-1, 3, 3)
 
 

@@ -525,7 +525,7 @@ export async function show(drawing, buffer) {
         const t = times.first + times.step * state.frame;
         element("time").value = state.frame;
         element("clock").textContent = `${t.toFixed(3)} s of ${(times.first + times.step * last).toPrecision(4)} s`;
-        element("play").textContent = state.playing ? "\u23f8" : "\u25b6";
+        element("play").querySelector("path").setAttribute("d", state.playing ? "M3 2h4v12H3zM9 2h4v12H9z" : "M4 2 14 8 4 14z");
         plot?.draw(state.frame);
     }
 
