@@ -141,7 +141,7 @@ int tandem_set_direction_function(tandem_problem *problem, const char *name, tan
  * function back, with any sum. */
 int tandem_set_evaluate(tandem_problem *problem, tandem_evaluate_function function, int provides);
 
-/* Name a constraint row (from 0, holonomic rows first) for messages; up to 32 characters. */
+/* Name a constraint row (from 0, holonomic rows first) for messages; up to 96 characters. */
 int tandem_set_row_name(tandem_problem *problem, int row, const char *name);
 
 /* Compare every function with differences of another one at ten random states near (t, q, qd), which need not satisfy the

@@ -19,7 +19,7 @@ module tandem_analysis_inputs
     public :: inputs_type, channel_length
 
     !> Length of a channel's name.
-    integer, parameter :: channel_length = 80
+    integer, parameter :: channel_length = 128
 
     type :: inputs_type
         !> B (nv + nw, inputs), C (outputs, nv + nw), D (outputs, inputs).

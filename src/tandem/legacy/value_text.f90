@@ -18,7 +18,7 @@ contains
         !> Whether the text is a value, and nothing else.
         logical, intent(out) :: is_good
         type(atom_type) :: atom
-        integer :: at
+        integer :: at, n
 
         at = 1
         allocate (value%atoms(0))
@@ -29,23 +29,53 @@ contains
             if (is_good) value%atoms = [atom]
         else
             at = at + 1
-            do
-                call skip_blanks(text, at)
-                is_good = next(text, at) == ']'
-                if (is_good) exit
-                call read_atom(text, at, atom, is_good)
-                if (.not. is_good) return
-                value%atoms = [value%atoms, atom]
-                call skip_blanks(text, at)
-                is_good = next(text, at) == ',' .or. next(text, at) == ']'
-                if (.not. is_good) return
-                if (next(text, at) == ',') at = at + 1
-            end do
-            at = at + 1
+            call skip_blanks(text, at)
+            if (next(text, at) /= '[') then
+                call read_atoms(text, at, value%atoms, is_good)
+            else
+                do
+                    is_good = next(text, at) == '['
+                    if (.not. is_good) exit
+                    at = at + 1
+                    n = size(value%atoms)
+                    call read_atoms(text, at, value%atoms, is_good)
+                    if (n == 0) value%row_length = size(value%atoms)
+                    is_good = is_good .and. size(value%atoms) == n + value%row_length .and. value%row_length > 0
+                    if (.not. is_good) exit
+                    call skip_blanks(text, at)
+                    if (next(text, at) == ',') at = at + 1
+                    call skip_blanks(text, at)
+                    if (next(text, at) == ']') exit
+                end do
+                at = at + 1
+            end if
         end if
         call skip_blanks(text, at)
         is_good = is_good .and. at > len(text)
     end subroutine read_value
+
+    !> The rest of a list behind its opening bracket, to behind the closing one.
+    pure subroutine read_atoms(text, at, atoms, is_good)
+        character(len=*), intent(in) :: text
+        integer, intent(inout) :: at
+        type(atom_type), allocatable, intent(inout) :: atoms(:)
+        logical, intent(out) :: is_good
+        type(atom_type) :: atom
+
+        do
+            call skip_blanks(text, at)
+            is_good = next(text, at) == ']'
+            if (is_good) exit
+            call read_atom(text, at, atom, is_good)
+            if (.not. is_good) return
+            atoms = [atoms, atom]
+            call skip_blanks(text, at)
+            is_good = next(text, at) == ',' .or. next(text, at) == ']'
+            if (.not. is_good) return
+            if (next(text, at) == ',') at = at + 1
+        end do
+        at = at + 1
+    end subroutine read_atoms
 
     !> The character there, a blank behind the end.
     pure character function next(text, at)

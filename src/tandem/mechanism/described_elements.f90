@@ -211,8 +211,8 @@ contains
             call take_points(reader, 'between', mechanism, n_points, points, 'two bodies, or points of them', .true.)
             n = merge(3, 6, mechanism%planar)
             call reader%get_numbers('stiffness', [n, n*n], matrix, anything, 'N/m, N m/rad', &
-                'along and about the axes of its frame, or the matrix')
-            call reader%get_numbers('damping', [n, n*n], rates, anything, 'N s/m, N m s/rad', 'the same for rates')
+                'along and about the axes of its frame, or the matrix, by its rows', row_length=n)
+            call reader%get_numbers('damping', [n, n*n], rates, anything, 'N s/m, N m s/rad', 'the same for rates', row_length=n)
             call reader%get_numbers('at', [merge(2, 3, mechanism%planar)], at, anything, 'm', 'where it is in the drawing')
             call reader%get_numbers('axis', [merge(2, 3, mechanism%planar)], axis, anything, '', 'z of its frame, in the plane x')
             if (.not. mechanism%planar) call reader%get_numbers('across', [3], across, anything, '', 'what x is nearest to')

@@ -9,7 +9,7 @@ module tandem_mechanism_description
     use tandem_mechanism_described_elements, only: read_constraint, read_force, read_wheel
     use tandem_mechanism_described_sensors, only: read_results, read_sensor
     use tandem_mechanism_described_points, only: read_points, take_point
-    use tandem_mechanism_element_keys, only: key_length, text_length
+    use tandem_mechanism_element_keys, only: key_length, listed, text_length
     use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, text_value
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_joint, only: kind_names
@@ -394,7 +394,7 @@ contains
         character(len=key_length) :: sides(2), point
         character(len=text_length), allocatable :: texts(:)
         character(len=:), allocatable :: kind, name, at_point, named
-        real(wp), allocatable :: at(:), axis(:), across(:), pitch, freedoms(:), driven
+        real(wp), allocatable :: at(:), axis(:), across(:), pitch, freedoms(:)
         integer, allocatable :: hold(:), drive
         class(function_type), allocatable :: motion
         type(error_type), allocatable :: error
@@ -440,15 +440,38 @@ contains
         call reader%get_number('pitch', pitch, anything, 'm', 'of a screw: its way in a turn')
         call reader%get_numbers('hold', [merge(3, 6, mechanism%planar)], freedoms, anything, '', &
             'of a primitive: for each way and turn 0 free, 1 held at position level, 2 at velocity level')
-        call reader%get_number('drive', driven, anything, '', 'of a primitive: the place in hold that the motion drives')
+        call read_drive(reader, mechanism%planar, drive)
         call reader%close()
         if (reader%failed()) return
         if (allocated(freedoms)) hold = nint(freedoms)
-        if (allocated(driven)) drive = nint(driven)
         call mechanism%add_joint(name, kind, trim(sides(1)), trim(sides(2)), error, at, axis, across, motion, may_be_open, pitch, &
             hold, drive)
         call reader%blame(error)
     end subroutine read_joint
+
+    !> What the motion of a primitive drives: a place in `hold`, or the name of that freedom.
+    subroutine read_drive(reader, planar, drive)
+        type(key_reader_type), intent(inout) :: reader
+        logical, intent(in) :: planar
+        !> Not allocated where it is not given.
+        integer, allocatable, intent(out) :: drive
+        character(len=*), parameter :: key = 'drive', help = 'of a primitive, what the motion drives'
+        character(len=5), allocatable :: names(:)
+        character(len=:), allocatable :: name
+        real(wp), allocatable :: place
+
+        names = [character(len=5) :: 'x', 'y', 'z', 'rx', 'ry', 'rz']
+        if (planar) names = [character(len=5) :: 'x', 'y', 'angle']
+        if (reader%is_text_at(key)) then
+            call reader%get_choice(key, name, names, help)
+            if (.not. reader%failed()) drive = findloc(names, name, dim=1)
+            return
+        end if
+        call reader%get_number(key, place, positive, '', help//':'//listed(names)//' or its place in hold')
+        if (.not. allocated(place) .or. reader%failed()) return
+        drive = nint(min(place, size(names) + 1.0_wp))
+        if (abs(place - drive) > 0.0_wp) call reader%fail(key, 'is no place in hold', 'take one of'//listed(names))
+    end subroutine read_drive
 
     !> The body of a point.
     pure function body_of(point) result(body)

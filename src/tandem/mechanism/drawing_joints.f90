@@ -4,7 +4,7 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_joints
     use tandem_error, only: to_text
     use tandem_mechanism_coordinate, only: is_angle, is_way
     use tandem_mechanism_coupling, only: max_coupled
-    use tandem_mechanism_formula, only: is_place, is_time, is_turn, is_turn_rate, is_velocity
+    use tandem_mechanism_formula, only: is_place, is_spin, is_time, is_turn, is_turn_rate, is_velocity
     use tandem_mechanism_joint, only: find_kind, kind_names, kind_type
     use tandem_mechanism_refusal, only: refuse, take_vector
     use tandem_mechanism_sensor, only: of_distance, of_joint, of_row
@@ -513,12 +513,12 @@ contains
         do i = 1, size(velocities)
             k = size(variables)
             do while (k > 0)
-                if (variables(k)%name == velocities(i) .and. any(variables(k)%kind == [is_velocity, is_turn_rate])) exit
+                if (variables(k)%name == velocities(i) .and. any(variables(k)%kind == [is_velocity, is_turn_rate, is_spin])) exit
                 k = k - 1
             end do
             if (k == 0) then
-                call refuse(label//': '//trim(velocities(i))//' is no velocity', 'name one as body.vx, in the plane body.omega', &
-                    error)
+                call refuse(label//': '//trim(velocities(i))//' is no velocity', &
+                    'name one as body.vx, and of what turns body.omega in the plane, body.wx in space', error)
                 return
             end if
             row%velocities(i) = variables(k)
@@ -528,7 +528,7 @@ contains
             call self%take_formula(coefficients(i), row%coefficients(i))
         end do
         if (present(rhs)) call self%take_formula(rhs, row%rhs)
-        call self%rolling%add(name, 'N')
+        call self%rolling%add(name, trim(merge('N  ', 'N m', any(row%velocities%kind == is_velocity))))
         row%row = self%rolling%n
         allocate (longer(size(self%rate_rows) + 1))
         longer(:size(self%rate_rows)) = self%rate_rows

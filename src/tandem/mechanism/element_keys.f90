@@ -7,8 +7,8 @@ module tandem_mechanism_element_keys
 
     public :: element_type, add_to, joined, key_length, key_of, listed, path_of, text_length, up_to_dot
 
-    !> Length of the names of kinds, of elements and of keys.
-    integer, parameter :: key_length = 64
+    !> Length of the names of kinds, of elements and of keys; of points as `body.point`.
+    integer, parameter :: key_length = 136
     !> Length of what stands in lists of texts, as points with three numbers of full precision do.
     integer, parameter :: text_length = 256
 

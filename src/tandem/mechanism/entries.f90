@@ -3,6 +3,7 @@
 !> may be texts, which are expressions of the parameters. Later values of a key replace earlier ones at their place.
 module tandem_mechanism_entries
     use tandem_kinds, only: wp
+    use tandem_mechanism_expression_parser, only: name_length
     use tandem_name_index, only: longest_name, name_index_type
     implicit none (type, external)
     private
@@ -23,6 +24,8 @@ module tandem_mechanism_entries
     !> One atom, or a list of them.
     type :: value_type
         logical :: is_list = .false.
+        !> Of a list of lists of one length: that length, while the atoms are in one list, row by row; else 0.
+        integer :: row_length = 0
         type(atom_type), allocatable :: atoms(:)
     end type value_type
 
@@ -37,7 +40,7 @@ module tandem_mechanism_entries
         type(value_type) :: given
         !> Of a repeated element, the names and the values of the indices of the repetitions that it is in; the key as it was given,
         !> and how much of it is the element's name; and whether this is the first copy.
-        character(len=64), allocatable :: index_names(:)
+        character(len=name_length), allocatable :: index_names(:)
         integer, allocatable :: index_values(:)
         character(len=:), allocatable :: template
         integer :: n_heading = 0

@@ -20,7 +20,7 @@ module tandem_mechanism_formula
     integer, parameter :: is_time = 0, is_place = 1, is_turn = 2, is_velocity = 3, is_turn_rate = 4, is_spin = 5, is_joint = 6, &
         is_joint_rate = 7
     !> The length of their names.
-    integer, parameter :: variable_name_length = 48
+    integer, parameter :: variable_name_length = 80
 
     !> What a variable is.
     type :: variable_type

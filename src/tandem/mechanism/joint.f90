@@ -13,7 +13,7 @@ module tandem_mechanism_joint
     public :: kind_type, joint_type, placed_joint_type, find_kind, kind_names, name_length, free
 
     !> Length of the names of bodies, points and other elements.
-    integer, parameter :: name_length = 20
+    integer, parameter :: name_length = 64
     !> Freedoms of a joint in the drawing's space.
     logical, parameter :: free = .false.
 

@@ -4,13 +4,14 @@
 !>
 !> The first error is kept, with the place of the entry that it is about, and the calls after it do nothing.
 module tandem_mechanism_key_reader
-    use tandem_error, only: error_type
+    use tandem_error, only: error_type, to_text
     use tandem_kinds, only: wp
     use tandem_mechanism_element_keys, only: add_to, element_type, joined, key_length, key_of, listed, path_of, text_length, &
         up_to_dot
     use tandem_mechanism_entries, only: atom_type, entries_type, is_text, value_type
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_function, only: function_type
+    use tandem_mechanism_joint, only: name_length
     use tandem_mechanism_law, only: law_type
     use tandem_mechanism_table_function, only: table_type
     use tandem_name_index, only: name_index_type
@@ -65,7 +66,7 @@ module tandem_mechanism_key_reader
         procedure :: pass, count_of, add_table
         procedure, private :: table_at
         procedure :: get_function, get_law, get_expressions, evaluate_text, show
-        procedure, private :: evaluate, find, index_of, remember, constants, fail_at
+        procedure, private :: evaluate, find, index_of, remember, constants, fail_at, check_length
     end type key_reader_type
 
     interface
@@ -82,7 +83,7 @@ module tandem_mechanism_key_reader
         end subroutine get_number
 
         !> A list of numbers or expressions of one of some lengths.
-        module subroutine get_numbers(self, key, lengths, values, check, unit, help, required)
+        module subroutine get_numbers(self, key, lengths, values, check, unit, help, required, row_length)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
@@ -93,6 +94,8 @@ module tandem_mechanism_key_reader
             integer, intent(in), optional :: check
             character(len=*), intent(in), optional :: unit, help
             logical, intent(in), optional :: required
+            !> Of a matrix, which may be given by its rows too: how long they are.
+            integer, intent(in), optional :: row_length
         end subroutine get_numbers
 
         !> A text; where it is not given and has no default, it is not allocated.
@@ -299,6 +302,8 @@ contains
                         'write '//kind//'.NAME.KEY = ...')
                     return
                 end if
+                call self%check_length(i, name)
+                if (self%failed()) return
             else if (.not. any(singles == kind)) then
                 call self%fail_at(i, 'there is nothing called "'//kind//'" in a mechanism'//question(kind, [kinds, singles]), &
                     'take one of'//listed([kinds, singles]))
@@ -319,6 +324,17 @@ contains
             call add_to(self%elements(k), i)
         end do
     end subroutine take
+
+    !> Refuse a name that is too long for an element or a point.
+    subroutine check_length(self, entry, name)
+        class(key_reader_type), intent(inout) :: self
+        !> The entry that has it in its key.
+        integer, intent(in) :: entry
+        character(len=*), intent(in) :: name
+
+        if (len(name) > name_length) call self%fail_at(entry, 'the name "'//name(:name_length)//'..." is longer than '// &
+            to_text(name_length)//' characters', 'shorten it')
+    end subroutine check_length
 
     !> The element of a name, a new one where there is none.
     subroutine find_element(self, kind, name, k)
@@ -454,7 +470,9 @@ contains
         associate (element => self%elements(self%current))
             do i = 1, element%n
                 its = key_of(self%entries%list(element%entries(i)), element)
-                if (index(its, key//'.') == 1) names = [character(len=key_length) :: names, its(len(key) + 2:)]
+                if (index(its, key//'.') /= 1) cycle
+                call self%check_length(element%entries(i), its(len(key) + 2:))
+                names = [character(len=key_length) :: names, its(len(key) + 2:)]
             end do
         end associate
     end subroutine keys_below
@@ -473,19 +491,42 @@ contains
 
     !> The entry of a key that is asked for, which is known from now on; 0 where it is not given. Missing is an error where it is
     !> required.
-    integer function index_of(self, key, required) result(k)
+    integer function index_of(self, key, required, row_length) result(k)
         class(key_reader_type), intent(inout) :: self
         character(len=*), intent(in) :: key
         logical, intent(in), optional :: required
+        !> How long the rows of a matrix are, which may be a list of lists; without it a list of lists is an error.
+        integer, intent(in), optional :: row_length
 
         k = 0
         if (self%failed()) return
         self%known = [character(len=key_length) :: self%known, key]
         k = self%find(key)
-        if (k > 0) self%used(k) = .true.
-        if (k > 0 .or. .not. present(required)) return
+        if (k > 0) then
+            self%used(k) = .true.
+            call check_rows(self, key, self%entries%list(k)%value%row_length, row_length)
+            if (self%failed()) k = 0
+            return
+        end if
+        if (.not. present(required)) return
         if (required) call self%fail('', 'the key '//key//' is missing', 'give it')
     end function index_of
+
+    !> Refuse a list of lists that is no matrix, or one with other rows.
+    subroutine check_rows(self, key, given, expected)
+        class(key_reader_type), intent(inout) :: self
+        character(len=*), intent(in) :: key
+        !> The length of the rows that are given, 0 for none, and the one that they must have.
+        integer, intent(in) :: given
+        integer, intent(in), optional :: expected
+
+        if (given == 0) return
+        if (.not. present(expected)) then
+            call self%fail(key, 'is a list of lists', 'give one list')
+        else if (given /= expected) then
+            call self%fail(key, 'has rows of '//to_text(given), 'give '//to_text(expected)//' rows of '//to_text(expected))
+        end if
+    end subroutine check_rows
 
     !> The entry of a key of the element, or 0.
     pure integer function find(self, key) result(k)

@@ -1,7 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Functions, laws and expressions that keys give.
 submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_functions
-    use tandem_error, only: to_text
     use tandem_mechanism_entries, only: is_number, is_truth
     use tandem_mechanism_expression, only: parse_expression
     use tandem_mechanism_function, only: constant_type, expression_function, table_function

@@ -1,7 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> The values that keys give, by their kind: the default before the call, what the mechanism says after it.
 submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_values
-    use tandem_error, only: to_text
     use tandem_mechanism_entries, only: is_truth, number_value, text_value
     implicit none (type, external)
 
@@ -30,7 +29,7 @@ contains
         type(value_type) :: shown
         integer :: k, i, n
 
-        k = self%index_of(key, required)
+        k = self%index_of(key, required, row_length)
         if (k > 0) then
             n = size(self%entries%list(k)%value%atoms)
             if (.not. any(lengths == n)) then
@@ -51,6 +50,7 @@ contains
         end if
         if (.not. allocated(values)) return
         shown%is_list = .true.
+        if (k > 0) shown%row_length = self%entries%list(k)%value%row_length
         allocate (shown%atoms(size(values)))
         shown%atoms%number = values
         call self%remember(key, k, shown, unit, help)

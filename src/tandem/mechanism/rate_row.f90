@@ -1,13 +1,18 @@
 ! SPDX-License-Identifier: MIT
-!> Rows at velocity level by expressions: V = sum of c_i(t, q) v_i - e(t, q), where each v_i is an entry of qd.
+!> Rows at velocity level by expressions: V = sum of c_i(t, q) v_i - e(t, q), where each v_i is an entry of qd or, in space, of an
+!> angular velocity in the world's frame, w = 2 E(p) pd.
+!>
+!> An entry of w is g(p)'pd with g = 2 E(p)'a, a the axis. As E(p) x = -E(x) p, its derivative with respect to p is -2 E(pd)'a, that
+!> of its rate g(p)'pdd is -2 E(pdd)'a, and the part of its rate that is quadratic in pd vanishes.
 module tandem_mechanism_rate_row
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type
-    use tandem_mechanism_formula, only: formula_type, is_place, is_time, is_velocity, variable_type
+    use tandem_mechanism_formula, only: formula_type, is_place, is_spin, is_time, is_velocity, variable_type
     use tandem_mechanism_pose, only: pose_type
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_dynamics_q, &
         need_velocity_q
     use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, terms_type
+    use tandem_rigid_euler_parameters, only: e_transposed_gradient, e_transposed_product
     implicit none (type, external)
     private
 
@@ -24,7 +29,7 @@ module tandem_mechanism_rate_row
 
 contains
 
-    !> The column of a coordinate or of its velocity, 0 for the time.
+    !> The column of a coordinate or of its velocity, the first one of an angular velocity in space; 0 for the time.
     pure integer function column(variable, pose)
         type(variable_type), intent(in) :: variable
         type(pose_type), intent(in) :: pose(0:)
@@ -34,22 +39,50 @@ contains
             column = 0
         case (is_place, is_velocity)
             column = pose(variable%of)%place + variable%entry - 1
+        case (is_spin)
+            column = pose(variable%of)%turn
         case default
             column = pose(variable%of)%turn + variable%entry - 1
         end select
     end function column
 
-    !> That of a velocity in the C that is set, which may be compressed.
+    !> The column of a velocity in the C that is set, which may be compressed.
     pure integer function column_of_c(variable, pose)
         type(variable_type), intent(in) :: variable
         type(pose_type), intent(in) :: pose(0:)
 
-        if (variable%kind == is_place .or. variable%kind == is_velocity) then
+        select case (variable%kind)
+        case (is_place, is_velocity)
             column_of_c = pose(variable%of)%place_column + variable%entry - 1
-        else
+        case (is_spin)
+            column_of_c = pose(variable%of)%turn_column
+        case default
             column_of_c = pose(variable%of)%turn_column + variable%entry - 1
-        end if
+        end select
     end function column_of_c
+
+    !> How many columns a velocity has, and its coefficients there.
+    pure subroutine find_direction(variable, pose, n, g)
+        type(variable_type), intent(in) :: variable
+        type(pose_type), intent(in) :: pose(0:)
+        integer, intent(out) :: n
+        real(wp), intent(out) :: g(4)
+
+        n = 1
+        g(1) = 1.0_wp
+        if (variable%kind /= is_spin) return
+        n = 4
+        g = e_transposed_product(pose(variable%of)%p(:, 0), twice_axis(variable))
+    end subroutine find_direction
+
+    !> 2 a, where a is the axis of an entry of an angular velocity.
+    pure function twice_axis(variable) result(a)
+        type(variable_type), intent(in) :: variable
+        real(wp) :: a(3)
+
+        a = 0.0_wp
+        a(variable%entry) = 2.0_wp
+    end function twice_axis
 
     !> Every row's part of the terms; the Jacobian is zero before.
     pure subroutine evaluate_rate_rows(rows, need, t, pose, qd, formulas, coordinates, terms)
@@ -62,8 +95,8 @@ contains
         !> Of the joints, which such rows do not look at.
         type(coordinate_type), intent(inout) :: coordinates(:)
         type(terms_type), intent(inout) :: terms
-        real(wp) :: value, rate, curve, gamma
-        integer :: i, k, c
+        real(wp) :: value, rate, curve, gamma, g(4)
+        integer :: i, k, c, n
         logical :: with_rates
 
         with_rates = iand(need, need_gamma) /= 0
@@ -72,19 +105,20 @@ contains
                 gamma = 0.0_wp
                 do k = 1, size(it%coefficients)
                     if (iand(need, need_jacobian + need_gamma) == 0) exit
-                    c = column(it%velocities(k), pose)
+                    call find_direction(it%velocities(k), pose, n, g)
                     associate (formula => formulas(it%coefficients(k)))
                         call formula%read_state(t, pose, coordinates, with_rates)
                         if (with_rates) then
+                            c = column(it%velocities(k), pose)
                             call formula%pieces%evaluate_along(formula%x, formula%v, value, rate, curve)
-                            gamma = gamma + rate*qd(c)
+                            gamma = gamma + rate*dot_product(g(:n), qd(c:c + n - 1))
                         else
                             value = formula%value()
                         end if
                     end associate
                     if (iand(need, need_jacobian) /= 0) then
                         c = column_of_c(it%velocities(k), pose)
-                        terms%jacobian(it%row, c) = terms%jacobian(it%row, c) + value
+                        terms%jacobian(it%row, c:c + n - 1) = terms%jacobian(it%row, c:c + n - 1) + value*g(:n)
                     end if
                 end do
                 value = 0.0_wp
@@ -115,40 +149,49 @@ contains
         type(formula_type), intent(inout) :: formulas(:)
         type(coordinate_type), intent(inout) :: coordinates(:)
         type(derivatives_type), intent(inout) :: derivatives
-        integer :: i, k, c
+        real(wp) :: g(4), v, v_rate
+        integer :: i, k, c, n
 
         do i = 1, size(rows)
             associate (it => rows(i))
                 do k = 1, size(it%coefficients)
                     c = column(it%velocities(k), pose)
-                    call add_part(it%row, need, t, pose, formulas(it%coefficients(k)), coordinates, qd(c), qdd(c), c, &
+                    call find_direction(it%velocities(k), pose, n, g)
+                    v = dot_product(g(:n), qd(c:c + n - 1))
+                    v_rate = dot_product(g(:n), qdd(c:c + n - 1))
+                    call add_part(it%row, need, t, pose, formulas(it%coefficients(k)), coordinates, v, v_rate, c, g(:n), &
+                        lambda(it%row), derivatives)
+                    if (n > 1) call add_turning(it%row, need, it%velocities(k), pose, formulas(it%coefficients(k)), qdd, c, &
                         lambda(it%row), derivatives)
                 end do
-                if (it%rhs > 0) call add_part(it%row, need, t, pose, formulas(it%rhs), coordinates, -1.0_wp, 0.0_wp, 0, &
-                    lambda(it%row), derivatives)
+                if (it%rhs > 0) call add_part(it%row, need, t, pose, formulas(it%rhs), coordinates, -1.0_wp, 0.0_wp, 1, &
+                    [real(wp) ::], lambda(it%row), derivatives)
             end associate
         end do
     end subroutine differentiate_rate_rows
 
-    !> The part c v of V, or for column 0 the part -e.
-    pure subroutine add_part(row, need, t, pose, formula, coordinates, v, v_rate, c, lambda, derivatives)
+    !> The part c v of V due to the derivatives of c, or the part -e.
+    pure subroutine add_part(row, need, t, pose, formula, coordinates, v, v_rate, c, g, lambda, derivatives)
         integer, intent(in) :: row, need
         real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
         type(formula_type), intent(inout) :: formula
         type(coordinate_type), intent(inout) :: coordinates(:)
-        !> The velocity, its rate, its column, and the row's multiplier.
+        !> The velocity v = g'qd(c:), its rate, its first column with its coefficients, none for -e; and the row's multiplier.
         real(wp), intent(in) :: v, v_rate
         integer, intent(in) :: c
-        real(wp), intent(in) :: lambda
+        real(wp), intent(in) :: g(:), lambda
         type(derivatives_type), intent(inout) :: derivatives
         real(wp) :: value, rate
-        integer :: k, j
+        integer :: k, j, m
 
         call formula%read_state(t, pose, coordinates, .true.)
         call formula%pieces%evaluate_gradient_along(formula%x, formula%v, value, rate, formula%by, formula%by_rate)
-        if (c > 0 .and. iand(need, need_acceleration_qd) /= 0) derivatives%acceleration_qd(row, c) = &
-            derivatives%acceleration_qd(row, c) + rate
+        if (iand(need, need_acceleration_qd) /= 0) then
+            do m = 1, size(g)
+                derivatives%acceleration_qd(row, c + m - 1) = derivatives%acceleration_qd(row, c + m - 1) + rate*g(m)
+            end do
+        end if
         do k = 1, size(formula%variables)
             j = column(formula%variables(k), pose)
             if (j == 0) cycle
@@ -158,9 +201,36 @@ contains
             if (iand(need, need_acceleration_qd) /= 0) then
                 derivatives%acceleration_qd(row, j) = derivatives%acceleration_qd(row, j) + v*formula%by(k)
             end if
-            if (c > 0 .and. iand(need, need_dynamics_q) /= 0) then
-                derivatives%dynamics_q(c, j) = derivatives%dynamics_q(c, j) + lambda*formula%by(k)
+            if (iand(need, need_dynamics_q) /= 0) then
+                do m = 1, size(g)
+                    derivatives%dynamics_q(c + m - 1, j) = derivatives%dynamics_q(c + m - 1, j) + lambda*g(m)*formula%by(k)
+                end do
             end if
         end do
     end subroutine add_part
+
+    !> The part c v of V due to the derivatives of v, an entry of an angular velocity. The formula of c was evaluated by `add_part`,
+    !> which leaves its variables and their rates.
+    pure subroutine add_turning(row, need, velocity, pose, formula, qdd, c, lambda, derivatives)
+        integer, intent(in) :: row, need
+        type(variable_type), intent(in) :: velocity
+        type(pose_type), intent(in) :: pose(0:)
+        type(formula_type), intent(inout) :: formula
+        real(wp), intent(in) :: qdd(:)
+        !> The first column of the Euler parameters.
+        integer, intent(in) :: c
+        real(wp), intent(in) :: lambda
+        type(derivatives_type), intent(inout) :: derivatives
+        real(wp) :: value, rate, curve, by_p(4), rate_by_p(4)
+
+        call formula%pieces%evaluate_along(formula%x, formula%v, value, rate, curve)
+        by_p = -e_transposed_product(pose(velocity%of)%p(:, 1), twice_axis(velocity))
+        rate_by_p = -e_transposed_product(qdd(c:c + 3), twice_axis(velocity))
+        if (iand(need, need_velocity_q) /= 0) derivatives%velocity_q(row, c:c + 3) = derivatives%velocity_q(row, c:c + 3) + &
+            value*by_p
+        if (iand(need, need_acceleration_q) /= 0) derivatives%acceleration_q(row, c:c + 3) = &
+            derivatives%acceleration_q(row, c:c + 3) + value*rate_by_p + rate*by_p
+        if (iand(need, need_dynamics_q) /= 0) derivatives%dynamics_q(c:c + 3, c:c + 3) = &
+            derivatives%dynamics_q(c:c + 3, c:c + 3) + lambda*value*e_transposed_gradient(twice_axis(velocity))
+    end subroutine add_turning
 end module tandem_mechanism_rate_row

@@ -11,8 +11,8 @@ module tandem_model_affine_motion
 
     public :: affine_motion_type, motion_name_length
 
-    !> Length of the name of a motion.
-    integer, parameter :: motion_name_length = 64
+    !> Length of the name of a motion, which may be made of those of two coordinates.
+    integer, parameter :: motion_name_length = 196
 
     type :: affine_motion_type
         !> As users call it.

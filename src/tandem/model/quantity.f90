@@ -7,12 +7,12 @@ module tandem_model_quantity
     public :: quantity_type, label_length
 
     !> Length of a coordinate's, unit's or constraint row's name.
-    integer, parameter :: label_length = 32
+    integer, parameter :: label_length = 96
 
     !> Something that a model can tell of a motion besides its coordinates.
     type :: quantity_type
         !> `NAME/WHAT`, as files call it.
-        character(len=64) :: path = ''
+        character(len=label_length + 16) :: path = ''
         !> How many numbers it has, 0 for a single one.
         integer :: width = 0
         !> Its unit, and what it is.

@@ -7,12 +7,14 @@ submodule(tandem_simulation) tandem_simulate_checkpoint
     implicit none (type, external)
 
     character(len=*), parameter :: kind_of_row = 'run'
+    !> Room for two names and the words around them.
+    integer, parameter :: problem_length = 2*label_length + 64
 
 contains
 
     module procedure save_state
         type(pack_type) :: pack
-        character(len=96) :: problem
+        character(len=problem_length) :: problem
 
         if (.not. self%is_ready) then
             call set_error(error, status_invalid_checkpoint, 'there is no run to save', 'call initialize first')
@@ -33,7 +35,7 @@ contains
 
     module procedure restore_state
         type(pack_type) :: pack
-        character(len=96) :: problem
+        character(len=problem_length) :: problem
 
         if (.not. self%is_ready) then
             call set_error(error, status_invalid_checkpoint, 'there is no simulation to restore', 'call initialize first')

@@ -28,6 +28,7 @@ contains
         testsuite = [ &
             new_unittest('rattleback', test_rattleback), &
             new_unittest('ball-on-a-turntable', test_turntable), &
+            new_unittest('ball-in-a-cylinder', test_cylinder), &
             new_unittest('forty-four-bars', test_many_bars), &
             new_unittest('stiff-governor', test_governor), &
             new_unittest('gears-over-many-turns', test_gears), &
@@ -98,6 +99,74 @@ contains
         turned = cmplx(velocity(1), velocity(2), wp)*(exp(cmplx(0.0_wp, al*t, wp)) - 1)/cmplx(0.0_wp, al, wp)
         call check_close(error, simulation%state%q(1:3), place + [real(turned), aimag(turned), 0.0_wp], 1.0e-8_wp, 'centre')
     end subroutine test_turntable
+
+    !> A ball that rolls inside an upright cylinder, its centre at the distance R from the axis on an arm that turns about the axis and
+    !> slides along it. With v + omega x (a e_r) = 0 the arm turns at a constant rate W, the spin about the radius obeys
+    !> omega_r' = W z'/a, and (m + m_arm + I/a^2) z'' = -(m + m_arm) g - I W/a omega_r: the ball goes up and down harmonically.
+    subroutine test_cylinder(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: a = 0.2_wp, r = 0.7_wp, w = 4.0_wp, mass = 2.0_wp, m_arm = 0.5_wp, g = 9.81_wp, spin = 3.0_wp, &
+            climb = 0.9_wp, inertia = 0.4_wp*mass*a**2, t = 5.0_wp
+        real(wp), parameter :: total = mass + m_arm + inertia/a**2
+        character(len=6), parameter :: steppers(3) = [character(len=6) :: 'dop853', 'radau5', 'dop853'], &
+            kinds(3) = [character(len=6) :: 'dense', 'dense', 'sparse']
+        real(wp) :: nu, low, height
+        integer :: i
+
+        nu = sqrt(inertia*w**2/a**2/total)
+        low = ((mass + m_arm)*g + inertia*w/a*spin)/total/nu**2
+        height = -low*(1 - cos(nu*t)) + climb/nu*sin(nu*t)
+        do i = 1, size(steppers)
+            call roll(trim(steppers(i)), trim(kinds(i)))
+            if (allocated(error)) return
+        end do
+
+    contains
+
+        subroutine roll(stepper, kind)
+            character(len=*), intent(in) :: stepper, kind
+            type(mechanism_type), target :: mechanism
+            type(simulation_type) :: simulation
+            type(failure_type), allocatable :: failure
+            type(expression_type) :: c(3)
+
+            mechanism%gravity = [0.0_wp, 0.0_wp, -g]
+            call mechanism%add_body('ball', mass, [r, 0.0_wp, 0.0_wp], failure, inertia=spread(inertia, 1, 3), &
+                velocity=[0.0_wp, r*w, climb], omega=[spin, climb/a, -r*w/a])
+            call check_no_failure(error, failure)
+            call mechanism%add_body('arm', m_arm, [0.3_wp, 0.0_wp, 0.0_wp], failure, inertia=[0.1_wp, 0.1_wp, 0.15_wp], &
+                velocity=[0.0_wp, 0.3_wp*w, climb], omega=[0.0_wp, 0.0_wp, w])
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('axis', 'cylindrical', 'ground', 'arm', failure, at=[0.0_wp, 0.0_wp, 0.0_wp], axis=z)
+            call check_no_failure(error, failure)
+            call mechanism%add_joint('hand', 'spherical', 'arm', 'ball', failure, at=[r, 0.0_wp, 0.0_wp])
+            call check_no_failure(error, failure)
+            call set(mechanism, c(1), '-ball.y/0.7')
+            call set(mechanism, c(2), 'ball.x/0.7')
+            call set(mechanism, c(3), '0.2')
+            call mechanism%add_rate_row('round', ['ball.vx', 'ball.vy', 'ball.wz'], c, failure)
+            call check_no_failure(error, failure)
+            call set(mechanism, c(1), '1')
+            call set(mechanism, c(2), '0.2*ball.y/0.7')
+            call set(mechanism, c(3), '-0.2*ball.x/0.7')
+            call mechanism%add_rate_row('up', ['ball.vz', 'ball.wx', 'ball.wy'], c, failure)
+            call check_no_failure(error, failure)
+            call go(mechanism, 1.0e-11_wp, t, simulation, error, stepper, kind)
+            if (allocated(error)) return
+            call check_close(error, simulation%state%q(1:3), [r*cos(w*t), r*sin(w*t), height], 1.0e-8_wp, &
+                'centre by '//stepper//' on the chart '//kind)
+        end subroutine roll
+
+        subroutine set(mechanism, coefficient, text)
+            type(mechanism_type), intent(in) :: mechanism
+            type(expression_type), intent(out) :: coefficient
+            character(len=*), intent(in) :: text
+            type(failure_type), allocatable :: failure
+
+            call parse_expression(coefficient, text, mechanism%variable_names(), failure)
+            call check_no_failure(error, failure)
+        end subroutine set
+    end subroutine test_cylinder
 
     !> 40 four-bars in a row, 243 coordinates. theta'' = c sin(theta) by steps of fourth order that are short enough for 1e-14.
     subroutine test_many_bars(error)

@@ -407,6 +407,7 @@ contains
         type(mechanism_type) :: mechanism
         type(failure_type), allocatable :: failure
         type(expression_type) :: c(2), rhs
+        integer :: i
 
         call draw(mechanism, .true.)
         call parse_expression(c(1), 'sin(first.angle)*(1 + t*second.x)', mechanism%variable_names(), failure)
@@ -428,6 +429,24 @@ contains
         call mechanism%add_rate_row('it', [character(len=12) :: 'first.vx', 'second.vz'], c, failure)
         call check_no_failure(error, failure)
         call verify(mechanism, 'rows by expression in space', error)
+        call draw(mechanism, .false.)
+        call parse_expression(c(1), 'first.e1*second.y + cos(second.e3)*t', mechanism%variable_names(), failure)
+        call check_no_failure(error, failure)
+        call parse_expression(c(2), '1 + first.x*second.e0^2', mechanism%variable_names(), failure)
+        call check_no_failure(error, failure)
+        call parse_expression(rhs, 'sin(t)*first.e2', mechanism%variable_names(), failure)
+        call check_no_failure(error, failure)
+        call mechanism%add_rate_row('x', [character(len=9) :: 'first.wx', 'second.wx'], c, failure, rhs=rhs)
+        call check_no_failure(error, failure)
+        call mechanism%add_rate_row('y', [character(len=9) :: 'first.wy', 'first.wy'], c, failure)
+        call check_no_failure(error, failure)
+        call mechanism%add_rate_row('z', [character(len=9) :: 'second.vy', 'first.wz'], c, failure)
+        call check_no_failure(error, failure)
+        call verify(mechanism, 'rows of angular velocities', error)
+        if (allocated(error)) return
+        i = mechanism%n_holonomic
+        call check_true(error, mechanism%unit_of_multiplier(i + 1) == 'N m', 'a torque in a row of angular velocities')
+        call check_true(error, mechanism%unit_of_multiplier(i + 3) == 'N', 'a force in a row with another velocity')
     end subroutine test_rate_rows
 
     subroutine test_rolling(error)
@@ -512,6 +531,14 @@ contains
         call check_no_failure(error, failure)
         call mechanism%add_rate_row('it', ['first.x'], c, failure)
         call expect('first.x is no velocity')
+        call mechanism%add_rate_row('it', ['first.e1'], c, failure)
+        call expect('body.wx in space')
+        call mechanism%add_rate_row('it', ['first.omega'], c, failure)
+        call expect('first.omega is no velocity')
+        call parse_expression(c(1), 'first.wz', mechanism%variable_names(), failure)
+        call check_no_failure(error, failure)
+        call mechanism%add_rate_row('it', ['first.wz'], c, failure)
+        call expect('row it depends on first.wz')
         call mechanism%add_rolling_ellipsoid('egg', 'first', [1.0_wp, 0.0_wp, 1.0_wp], failure)
         call expect('a semi-axis that is not positive')
         call mechanism%add_rolling_disk('rim', 'first', 0.3_wp, axis, failure, crown=0.3_wp)

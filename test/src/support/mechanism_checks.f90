@@ -84,12 +84,12 @@ contains
     end subroutine check_drawing
 
     !> Carry a mechanism from its drawing to a time, by dop853 or another stepper.
-    subroutine go(mechanism, rtol, t_end, simulation, error, stepper)
+    subroutine go(mechanism, rtol, t_end, simulation, error, stepper, chart_kind)
         type(mechanism_type), intent(inout), target :: mechanism
         real(wp), intent(in) :: rtol, t_end
         type(simulation_type), intent(inout) :: simulation
         type(error_type), allocatable, intent(inout) :: error
-        character(len=*), intent(in), optional :: stepper
+        character(len=*), intent(in), optional :: stepper, chart_kind
         type(failure_type), allocatable :: failure
         type(options_type) :: options
         real(wp), allocatable :: q(:), qd(:)
@@ -102,6 +102,7 @@ contains
         call mechanism%start(q, qd)
         options%stepper = 'dop853'
         if (present(stepper)) options%stepper = stepper
+        if (present(chart_kind)) options%chart_kind = chart_kind
         options%rtol = rtol
         call run(simulation, mechanism, options, 0.0_wp, q, qd, t_end, failure)
         call check_no_failure(error, failure)

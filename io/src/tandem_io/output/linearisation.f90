@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> A linearised system as an HDF5 file: /linearisation with the matrices, the eigenvalues and the modes.
 module tandem_io_output_linearisation
-    use tandem, only: cause_name, error_type, inputs_type, kind_name, linearisation_type, long, model_type, &
+    use tandem, only: cause_name, error_type, inputs_type, kind_name, label_length, linearisation_type, long, model_type, &
         nearest_type, set_error, wp
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_io_output_modes, only: put_body_motions
@@ -62,7 +62,7 @@ contains
         type(nearest_type), intent(in) :: it
         type(error_type), allocatable, intent(out) :: error
         type(hdf5_type) :: file
-        character(len=64) :: names(size(it%q))
+        character(len=label_length) :: names(size(it%q))
         integer :: i
 
         call file%create(path)
@@ -102,7 +102,7 @@ contains
         class(model_type), intent(in) :: model
         type(linearisation_type), intent(in) :: it
         type(inputs_type), intent(in) :: io
-        character(len=64) :: names(size(it%q))
+        character(len=label_length) :: names(size(it%q))
         integer :: i
 
         do i = 1, size(names)

@@ -9,6 +9,8 @@ module tandem_io_scene_events
 
     public :: read_events
 
+    !> Length of /GROUP/NAME/WHAT.
+    integer, parameter :: path_length = label_length + 40
     character(len=7), parameter :: directions(-1:1) = [character(len=7) :: 'falling', 'both', 'rising']
     character(len=6), parameter :: actions(2) = [character(len=6) :: 'record', 'stop']
 
@@ -66,7 +68,7 @@ contains
         character(len=*), intent(in) :: watch
         type(threshold_event_type), intent(inout) :: event
         character(len=*), parameter :: axis(3) = ['x', 'y', 'z']
-        character(len=96), allocatable :: paths(:)
+        character(len=path_length), allocatable :: paths(:)
         character(len=:), allocatable :: path
         integer :: i, k, n, dot
 
@@ -83,7 +85,7 @@ contains
             do i = 1, size(model%quantities)
                 associate (quantity => model%quantities(i))
                     if (quantity%place() /= path) then
-                        paths = [character(len=96) :: paths, quantity%place()]
+                        paths = [character(len=path_length) :: paths, quantity%place()]
                         n = n + max(1, quantity%width)
                         cycle
                     end if

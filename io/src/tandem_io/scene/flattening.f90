@@ -117,7 +117,7 @@ contains
         has_dot = .false.
     end function has_dot
 
-    !> A value, or a list of values that are no lists.
+    !> A value, a list of values, or a list of lists of one length.
     subroutine convert_value(source, found, value, problem)
         class(source_type), intent(in) :: source
         class(toml_value), intent(inout) :: found
@@ -127,23 +127,60 @@ contains
         integer :: i
 
         problem = ''
+        allocate (value%atoms(0))
         select type (found)
         type is (toml_array)
             value%is_list = .true.
-            allocate (value%atoms(len(found)))
-            do i = 1, size(value%atoms)
+            do i = 1, len(found)
                 call found%get(i, element)
-                call convert_atom(source, element, value%atoms(i), problem)
-                if (problem == '') cycle
-                problem = 'has an element '//to_toml(i)//' that '//problem
-                return
+                select type (element)
+                type is (toml_array)
+                    if (i == 1) value%row_length = len(element)
+                    if (value%row_length /= len(element) .or. len(element) == 0) then
+                        problem = 'has an element '//to_toml(i)//' that is a list'
+                        if (value%row_length > 0) problem = problem//' of another length than the first one'
+                        return
+                    end if
+                    call add_row(source, element, value, problem)
+                class default
+                    if (value%row_length == 0) then
+                        if (i == 1) value%atoms = spread(atom_type(), 1, len(found))
+                        call convert_atom(source, element, value%atoms(i), problem)
+                    else
+                        problem = 'is no list as the first one is'
+                    end if
+                    if (problem /= '') problem = 'has an element '//to_toml(i)//' that '//problem
+                end select
+                if (problem /= '') return
             end do
-            if (size(value%atoms) == 0) problem = 'is an empty list'
+            if (len(found) == 0) problem = 'is an empty list'
         class default
+            deallocate (value%atoms)
             allocate (value%atoms(1))
             call convert_atom(source, found, value%atoms(1), problem)
         end select
     end subroutine convert_value
+
+    !> One row more of a list of lists.
+    subroutine add_row(source, row, value, problem)
+        class(source_type), intent(in) :: source
+        type(toml_array), intent(inout) :: row
+        type(value_type), intent(inout) :: value
+        character(len=:), allocatable, intent(inout) :: problem
+        class(toml_value), pointer :: element
+        type(atom_type) :: atom
+        integer :: i
+
+        do i = 1, len(row)
+            call row%get(i, element)
+            call convert_atom(source, element, atom, problem)
+            if (problem /= '') then
+                problem = 'has an element '//to_toml(i)//' in a row that '//problem
+                return
+            end if
+            value%atoms = [value%atoms, atom]
+        end do
+    end subroutine add_row
 
     !> A number, a text, true or false.
     subroutine convert_atom(source, found, atom, problem)
@@ -178,6 +215,10 @@ contains
         text = ''
         do i = 1, size(value%atoms)
             if (i > 1) text = text//', '
+            if (value%row_length > 0) then
+                if (i > 1 .and. mod(i - 1, value%row_length) == 0) text = text(:len_trim(text) - 1)//'], '
+                if (mod(i - 1, value%row_length) == 0) text = text//'['
+            end if
             associate (atom => value%atoms(i))
                 select case (atom%kind)
                 case (is_text)
@@ -189,6 +230,7 @@ contains
                 end select
             end associate
         end do
+        if (value%row_length > 0) text = text//']'
         if (value%is_list) text = '['//text//']'
     end function value_to_toml
 

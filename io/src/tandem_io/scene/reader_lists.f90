@@ -22,6 +22,7 @@ contains
         end if
         allocate (values)
         call convert_value(self%sources(source), found, values, problem)
+        if (problem == '' .and. values%row_length > 0) problem = 'must not have lists in it'
         if (problem == '' .and. .not. values%is_list) problem = 'must be a list, as in [1.0, 2.0]'
         if (problem /= '') then
             call self%refuse_value(key, found, source, problem)

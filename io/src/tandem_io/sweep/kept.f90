@@ -39,7 +39,7 @@ module tandem_io_sweep_kept
     !> One entry of `[[keep]]`.
     type :: kept_type
         !> Its name in the table, its quantity as it was written, and its unit.
-        character(len=64) :: name = ''
+        character(len=160) :: name = ''
         character(len=:), allocatable :: quantity
         character(len=label_length) :: unit = ''
         !> One of the kinds above, and which of them.

@@ -18,7 +18,7 @@ module tandem_io_sweep_plan
     public :: no_slash, own_names, random_points, latin_points, sobol_points
 
     !> Length of the names of inputs.
-    integer, parameter :: name_length = 96
+    integer, parameter :: name_length = 160
     !> What is said of a name that has one.
     character(len=*), parameter :: no_slash = 'must have no slash, since it names a dataset'
     !> Columns that every table has.
