@@ -121,7 +121,7 @@ contains
         type(census_type) :: census
         character(len=:), allocatable :: bodies
         logical :: is_known
-        integer :: i
+        integer :: i, width
 
         call count_mechanism(scene, simulation, start_error, census, is_known)
         if (.not. is_known) return
@@ -134,10 +134,11 @@ contains
             if (size(model%bodies) > most_names) bodies = bodies//', ...'
             call say(counted(size(model%bodies), 'bod', 'ies', 'y')//bodies)
         end select
-        if (size(census%elements) > 0) call say(padded('rows of', 24)//padded('type', 18)//'position  velocity  redundant')
+        width = max(24, maxval([0, len_trim(census%elements%name)]) + 4)
+        if (size(census%elements) > 0) call say(padded('rows of', width)//padded('type', 18)//'position  velocity  redundant')
         do i = 1, size(census%elements)
             associate (element => census%elements(i))
-                call say(padded('  '//trim(element%name), 24)//padded(trim(element%kind), 18)// &
+                call say(padded('  '//trim(element%name), width)//padded(trim(element%kind), 18)// &
                     padded(to_text(element%n_position), 10)//padded(to_text(element%n_velocity), 10)//to_text(element%n_redundant))
             end associate
         end do

@@ -55,7 +55,7 @@ contains
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: linearisation
         character(len=24) :: number
-        integer :: i
+        integer :: i, width
 
         associate (settling => scene%settling, spectrum => linearisation%spectrum)
             call say(scene%name//' rests; found in '//to_text(settling%iterations)//' iterations and '// &
@@ -69,9 +69,10 @@ contains
                 'this one is the nearest')
             if (linearisation%depends_on_time) call say('functions of time stand still at t = '//to_text(scene%t_start))
             call say('')
+            width = maxval([24, (len(scene%model%coordinate_label(i)), i=1, min(size(scene%q), most_names))])
             do i = 1, min(size(scene%q), most_names)
                 write (number, '(es23.15)') scene%q(i)
-                call say(padded(scene%model%coordinate_label(i), 24)//number)
+                call say(padded(scene%model%coordinate_label(i), width)//number)
             end do
             if (size(scene%q) > most_names) call say('... (--json has all)')
         end associate

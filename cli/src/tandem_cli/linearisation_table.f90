@@ -157,23 +157,24 @@ contains
         complex(wp), allocatable :: motions(:, :)
         character(len=:), allocatable :: line
         character(len=4), parameter :: heads(6) = [character(len=4) :: 'x', 'y', 'z', 'rx', 'ry', 'rz']
-        integer :: i, k, mode
+        integer :: i, k, mode, width
 
         select type (model)
         class is (mechanism_type)
             call body_motions(model, q, shapes, motions)
+            width = max(20, maxval([0, len_trim(model%bodies%name)]) + 2)
             do mode = 1, size(values)
                 if (aimag(values(mode)) < 0.0_wp) cycle
                 call say('')
                 call say('motions of bodies at '//trim(eigenvalue_text(values(mode), .true.))//': x, y, z in m, turns in rad')
-                line = padded('body', 20)
+                line = padded('body', width)
                 do k = 1, 6
                     line = line//padded(heads(k), 12)
                 end do
                 call say(line)
                 do i = 1, size(model%bodies)
                     if (maxval(abs(motions(6*i - 5:6*i, mode))) < 1.0e-3_wp*maxval(abs(motions(:, mode)))) cycle
-                    line = padded(trim(model%bodies(i)%name), 20)
+                    line = padded(trim(model%bodies(i)%name), width)
                     do k = 1, 6
                         if (abs(motions(6*i - 6 + k, mode)) < 5.0e-4_wp) then
                             line = line//padded('0', 12)
