@@ -66,8 +66,8 @@ module tandem_chart
         real(wp) :: iterate_tolerance = 0.0_wp
         !> The smallest singular value of the unit rows of C at the origin.
         real(wp) :: independence = 1.0_wp
-        !> The largest of these so far, and how many redundant rows were left out.
-        real(wp) :: best_independence = 0.0_wp
+        !> The largest of these so far, the largest since the rows in use were chosen, and how many redundant rows were left out.
+        real(wp) :: best_independence = 0.0_wp, chosen_independence = 0.0_wp
         !> The part of it that `measure_rank` found left, where it looked; else 1.
         real(wp) :: fallen = 1.0_wp
         !> The same of how firmly the constraints tie the coordinates without mass.
@@ -112,7 +112,7 @@ module tandem_chart
         procedure(change_interface), deferred :: relative_change
         procedure(health_interface), deferred :: measure_health
         procedure(energy_interface), deferred :: kinetic_energy
-        procedure :: inherit, wants_other_rows, leave_out_dependent, find_partners
+        procedure :: inherit, is_firm, note_independence, wants_other_rows, leave_out_dependent, find_partners
         procedure(pack_interface), deferred :: pack_state
         procedure :: pack_contract
     end type chart_type
@@ -505,8 +505,25 @@ contains
     pure logical function wants_other_rows(self)
         class(chart_type), intent(in) :: self
 
-        wants_other_rows = self%n_dropped > 0 .and. self%independence <= near_rank_loss*self%best_independence
+        wants_other_rows = self%n_dropped > 0 .and. self%independence <= near_rank_loss*self%chosen_independence
     end function wants_other_rows
+
+    !> Whether the rows in use are nearly as independent as they ever were.
+    pure logical function is_firm(self)
+        class(chart_type), intent(in) :: self
+
+        is_firm = self%independence > near_rank_loss*self%best_independence
+    end function is_firm
+
+    !> Take note of the smallest singular value of the unit rows of C at the origin.
+    pure subroutine note_independence(self, smallest)
+        class(chart_type), intent(inout) :: self
+        real(wp), intent(in) :: smallest
+
+        self%independence = smallest
+        self%best_independence = max(self%best_independence, smallest)
+        self%chosen_independence = max(self%chosen_independence, smallest)
+    end subroutine note_independence
 
     !> Leave out rows that depend on others at a state, and make it the origin; for charts that can do that by themselves. Others
     !> are made anew with the rows that are kept.
@@ -542,7 +559,7 @@ contains
         call pack%item(self%failed_rows)
         call pack%item(self%failed_coordinate)
         call pack%item(self%is_stage)
-        call pack%item(self%independence, self%best_independence, self%fallen, self%loosened)
+        call pack%item(self%independence, self%best_independence, self%chosen_independence, self%fallen, self%loosened)
         call pack%item(self%n_dropped)
         call pack%item(self%left_out)
         call pack%text(self%failed_term)

@@ -92,7 +92,9 @@ contains
             ! To name the rows.
             loss = chart%loss_ahead(state%t, state%q, state%qd, 2*self%room)
             loss = merge(status_rank_deficient, status_singular_mass, chart%fallen < least_independence)
-        else if (0.5_wp*self%room < h) then
+        else if (0.5_wp*self%room < h .and. chart%n_dropped == 0) then
+            ! Redundant rows belong to linkages with symmetries, whose branches may cross where C loses two ranks at once and keeps
+            ! its orientation.
             if (chart%loss_ahead(state%t, state%q, state%qd, 2*self%room) == status_ok) call self%forget_ahead()
         end if
     end subroutine look_ahead

@@ -37,7 +37,8 @@ contains
         call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
         if (.not. self%chart%wants_other_rows()) return
         call self%choose_rows_anew(stat)
-        call self%lost_rank%forget_ahead()
+        ! Where no choice of rows is firm, the loss ahead is one of all rows.
+        if (self%chart%is_firm()) call self%lost_rank%forget_ahead()
     end procedure move_origin
 
     module procedure renew_by_policy

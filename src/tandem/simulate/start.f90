@@ -279,11 +279,14 @@ contains
         integer, intent(in) :: kept(:)
         type(error_type), allocatable, intent(out) :: error
         type(counts_type) :: counts
+        real(wp) :: best
 
         counts = self%chart%counts
+        best = self%chart%best_independence
         call self%allocate_chart()
         call self%chart%initialize(self%model, self%options, self%method%implicit, error, kept)
         self%chart%counts = counts
+        self%chart%best_independence = best
     end subroutine use_rows
 
     !> Warn of nonholonomic rows that are integrable.

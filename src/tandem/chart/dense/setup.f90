@@ -198,8 +198,7 @@ contains
             call self%basis%factor_qr(self%model%terms%jacobian, self%basis_scale, columns)
         end if
         self%counts%basis_factorizations = self%counts%basis_factorizations + min(self%m, 1)
-        self%independence = self%basis%smallest
-        self%best_independence = max(self%best_independence, self%independence)
+        call self%note_independence(self%basis%smallest)
         if (self%basis%deficient) then
             call self%blame_dependent(self%basis%dependent_row)
             stat = status_rank_deficient

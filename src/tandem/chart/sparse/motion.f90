@@ -193,8 +193,7 @@ contains
         call self%system%take_origin()
         call self%system%find_weights(q, qd, self%scale, self%phi_weight, self%velocity_weight)
         if (self%secants%is_used) call self%system%find_diagonal(self%secants%weight)
-        self%independence = sqrt(self%system%factor(self%system%base)%least)
-        self%best_independence = max(self%best_independence, self%independence)
+        call self%note_independence(sqrt(self%system%factor(self%system%base)%least))
     end subroutine renew
 
     !> Leave out rows that depend on others, and make (t, q, qd) the origin. A row of E must not stand for one of Phi.
@@ -218,6 +217,7 @@ contains
         end associate
         self%n_dropped = size(self%left_out)
         self%best_independence = 0.0_wp
+        self%chosen_independence = 0.0_wp
         if (self%n_dropped > 0) call self%renew(t, q, qd, stat)
         if (self%n_dropped == 0) stat = status_rank_deficient
     end subroutine leave_out_dependent
