@@ -88,7 +88,7 @@ module tandem_mechanism
         !> The gradient blocks of one element, in the coordinates of the bodies that it joins.
         type(derivatives_type), private :: window
     contains
-        procedure :: define, start, composed, note_blocks, find_body_motions, pack_state, arrive, is_idle, hides
+        procedure :: define, start, composed, note_blocks, find_body_motions, pack_state, arrive, is_idle, hides, list_imposed
     end type mechanism_type
 
     interface
@@ -202,6 +202,13 @@ module tandem_mechanism
             real(wp), intent(in) :: t, q(:)
             logical, intent(in) :: starts
         end subroutine arrive
+
+        !> Rows of motions, and of couplings, which follow these.
+        pure module subroutine list_imposed(self, is_imposed, is_angle)
+            implicit none (type, external)
+            class(mechanism_type), intent(in) :: self
+            logical, intent(out) :: is_imposed(:), is_angle(:)
+        end subroutine list_imposed
 
         !> Count them at the point that the poses are set for.
         pure module subroutine follow_turns(self)

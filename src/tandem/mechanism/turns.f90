@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> Turns of angles in space, which orientations do not hold. In the search for a start they are counted from point to point by the
+!> Imposed motions at the start, and turns of angles in space, which orientations do not hold. In the search for a start they are counted from point to point by the
 !> smallest change, from the start on where the run arrives. An angle that follows a function of time has the turns of that.
 submodule(tandem_mechanism) tandem_mechanism_turns
-    use tandem_mechanism_coordinate, only: begin_turns, count_turns, end_search
+    use tandem_mechanism_coordinate, only: begin_turns, count_turns, end_search, is_an_angle => is_angle
     use tandem_mechanism_sensor, only: begin_sensor
     implicit none (type, external)
 
@@ -44,6 +44,29 @@ contains
             call visit_sensors(self, end_search)
         end if
     end procedure arrive
+
+    module procedure list_imposed
+        integer :: i
+
+        is_imposed = .false.
+        is_angle = .false.
+        do i = 1, size(self%dots)
+            if (self%dots(i)%motion > 0) is_imposed(self%dots(i)%row) = .true.
+        end do
+        do i = 1, size(self%distances)
+            if (self%distances(i)%motion > 0) is_imposed(self%distances(i)%row) = .true.
+        end do
+        do i = 1, size(self%angles)
+            if (self%angles(i)%motion == 0) cycle
+            is_imposed(self%angles(i)%row) = .true.
+            is_angle(self%angles(i)%row) = .true.
+        end do
+        do i = 1, size(self%couplings)
+            if (.not. self%couplings(i)%is_locked) cycle
+            is_imposed(self%couplings(i)%row) = .true.
+            is_angle(self%couplings(i)%row) = self%couplings(i)%coordinates(1)%kind == is_an_angle
+        end do
+    end procedure list_imposed
 
     module procedure follow_turns
         call visit_elements(self, count_turns)

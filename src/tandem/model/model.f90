@@ -168,7 +168,7 @@ module tandem_model
         procedure(vector_of_motion), pointer :: force_rate => null()
     contains
         procedure :: n_constraints, row_name, coordinate_label, unit_of_coordinate, unit_of_multiplier, has_units, composed
-        procedure :: scales, largest_on_scales, note_blocks, pack_state, arrive, is_idle, know_breakpoints, hides
+        procedure :: scales, largest_on_scales, note_blocks, pack_state, arrive, is_idle, know_breakpoints, hides, list_imposed
     end type model_type
 
     abstract interface
@@ -542,6 +542,17 @@ contains
         !> Writes or reads.
         type(pack_type), intent(inout) :: pack
     end subroutine pack_state
+
+    !> Rows at position level that impose a motion, and those of them that impose an angle (rad): a start is led along them where
+    !> they are far from held. None unless overridden.
+    pure subroutine list_imposed(self, is_imposed, is_angle)
+        class(model_type), intent(in) :: self
+        !> One for each holonomic row.
+        logical, intent(out) :: is_imposed(:), is_angle(:)
+
+        is_imposed = .false.
+        is_angle = .false.
+    end subroutine list_imposed
 
     !> A run has come to q, at its start or by a step that is kept. Procedures that count something along the way, as turns, count
     !> it here, and not at the points that steps try. Nothing unless overridden.

@@ -12,6 +12,7 @@ module tandem_simulate_assembly
     use tandem_simulate_nearest_velocity, only: nearest_velocity_type
     use tandem_status, only: status_inconsistent_start, status_invalid_option, status_of, status_ok, status_type
     use tandem_model_counts, only: counts_type
+    use tandem_model_terms, only: need_phi
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private
@@ -62,7 +63,8 @@ contains
         type(nearest_position_type) :: position
         type(nearest_velocity_type) :: velocity
         logical :: fixed_q(size(q)), fixed_qd(size(q))
-        real(wp) :: scale(size(q)), new_q(size(q)), new_qd(size(q))
+        real(wp) :: scale(size(q)), move(size(q)), new_q(size(q)), new_qd(size(q))
+        logical :: is_led
         integer :: stat
 
         call check_model(model, error)
@@ -83,10 +85,13 @@ contains
         call evaluator%initialize(model)
 
         new_q = q
+        request%iterations = 0
         call position%initialize(model%n_holonomic, fixed_q, weights(request%weight_q, scale), scale, request%tolerance, &
             request%iteration_limit)
+        call follow_motions(model, request, evaluator, position, t, new_q, move, is_led)
         call position%find(evaluator, t, new_q, request%counts, stat)
-        request%iterations = position%trials
+        request%iterations = request%iterations + position%trials
+        if (.not. is_led) move = new_q - q
         request%is_nearest = position%is_nearest
         if (stat == status_inconsistent_start) then
             call set_error(error, stat, 'no consistent position near the start: constraint "'// &
@@ -97,7 +102,7 @@ contains
             call fail(evaluator, stat, 'while the position was assembled', error)
         else
             request%row_q = strongest(position%pull, scale)
-            call check_move(model, position%pull, (new_q - q)/scale, request%largest_move_q, '', error)
+            call check_move(model, position%pull, move/scale, request%largest_move_q, '', error)
         end if
         if (allocated(error)) return
 
@@ -122,6 +127,51 @@ contains
         q = new_q
         qd = new_qd
     end subroutine assemble
+
+    !> Where motions are imposed that lead far from the start, go there in small steps: a Newton step of a large turn would find
+    !> bodies turned over, on another branch of the rows of their joints. Along the way Phi of these rows falls evenly from its
+    !> value at the start to 0. Where the way is barred, q stays.
+    subroutine follow_motions(model, request, evaluator, position, t, q, move, is_led)
+        class(model_type), intent(in) :: model
+        type(assembly_type), intent(inout) :: request
+        type(evaluator_type), intent(inout) :: evaluator
+        type(nearest_position_type), intent(inout) :: position
+        !> Time, coordinates (n).
+        real(wp), intent(in) :: t
+        real(wp), intent(inout), contiguous :: q(:)
+        !> How far q is from the other rows, which is what the limit of a move is for (n).
+        real(wp), intent(out) :: move(:)
+        !> Whether q is now at the end of the way.
+        logical, intent(out) :: is_led
+        !> The largest step of an angle (rad), and the most steps.
+        real(wp), parameter :: largest = 0.4_wp
+        integer, parameter :: most = 1000
+        real(wp) :: start(size(q)), phi(model%n_holonomic), rest
+        logical :: is_imposed(model%n_holonomic), is_angle(model%n_holonomic)
+        integer :: i, n, stat
+
+        move = 0.0_wp
+        is_led = .false.
+        call model%list_imposed(is_imposed, is_angle)
+        if (.not. any(is_angle)) return
+        call evaluator%evaluate(need_phi, t, q, q, request%counts, stat)
+        if (stat /= status_ok) return
+        phi = evaluator%terms%phi
+        rest = maxval(abs(phi), mask=is_angle)
+        if (.not. (rest > largest .and. rest < most*largest)) return
+        n = ceiling(rest/largest)
+        start = q
+        do i = 0, n
+            position%goal = merge(real(n - i, wp)/n*phi, 0.0_wp, is_imposed)
+            call position%find(evaluator, t, q, request%counts, stat)
+            request%iterations = request%iterations + position%trials
+            if (stat /= status_ok) exit
+            if (i == 0) move = q - start
+        end do
+        is_led = stat == status_ok
+        if (.not. is_led) q = start
+        position%goal = 0.0_wp
+    end subroutine follow_motions
 
     !> Refuse what cannot be asked for.
     subroutine check_request(model, request, t, q, qd, error)

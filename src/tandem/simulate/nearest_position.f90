@@ -37,6 +37,8 @@ module tandem_simulate_nearest_position
         logical :: is_nearest = .false.
         !> How far each row moved each coordinate (nh, n).
         real(wp), allocatable :: pull(:, :)
+        !> The Phi that is looked for (nh), 0 unless it is set after `initialize`.
+        real(wp), allocatable :: goal(:)
         !> After inconsistent_start: the row that is violated most, by how much, and on its natural scale.
         integer :: failed_row = 0
         real(wp) :: failed_amount = 0.0_wp, failed_value = 0.0_wp
@@ -82,6 +84,7 @@ contains
         self%tolerance = tolerance
         self%most_trials = most_trials
         self%length = spread(0.0_wp, 1, nh)
+        self%goal = self%length
         if (allocated(self%a)) deallocate (self%a)
         allocate (self%a(nh, size(self%free)), source=0.0_wp)
         if (allocated(self%pull)) deallocate (self%pull)
@@ -137,7 +140,7 @@ contains
         call model%evaluate(need_phi, t, q, q, counts, stat)
         if (stat /= status_ok) return
         point%q = q
-        point%phi = model%terms%phi
+        point%phi = model%terms%phi - self%goal
         if (.not. all(ieee_is_finite(point%phi))) then
             stat = status_not_finite
             model%failed_term = 'phi'
