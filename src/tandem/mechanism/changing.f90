@@ -143,6 +143,7 @@ contains
             call pack%item(self%coordinates(i)%last)
         end do
         do i = 1, size(self%couplings)
+            if (self%couplings(i)%drops_turns) cycle
             do k = 1, self%couplings(i)%n
                 call pack%item(self%couplings(i)%coordinates(k)%last)
             end do

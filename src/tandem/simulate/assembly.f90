@@ -64,7 +64,8 @@ contains
         type(nearest_velocity_type) :: velocity
         logical :: fixed_q(size(q)), fixed_qd(size(q))
         real(wp) :: scale(size(q)), move(size(q)), new_q(size(q)), new_qd(size(q))
-        logical :: is_led
+        real(wp), allocatable :: pull(:, :)
+        logical :: knows_move
         integer :: stat
 
         call check_model(model, error)
@@ -88,10 +89,13 @@ contains
         request%iterations = 0
         call position%initialize(model%n_holonomic, fixed_q, weights(request%weight_q, scale), scale, request%tolerance, &
             request%iteration_limit)
-        call follow_motions(model, request, evaluator, position, t, new_q, move, is_led)
+        call follow_motions(model, request, evaluator, position, t, new_q, move, pull, knows_move)
         call position%find(evaluator, t, new_q, request%counts, stat)
         request%iterations = request%iterations + position%trials
-        if (.not. is_led) move = new_q - q
+        if (.not. knows_move) then
+            move = new_q - q
+            pull = position%pull
+        end if
         request%is_nearest = position%is_nearest
         if (stat == status_inconsistent_start) then
             call set_error(error, stat, 'no consistent position near the start: constraint "'// &
@@ -102,7 +106,7 @@ contains
             call fail(evaluator, stat, 'while the position was assembled', error)
         else
             request%row_q = strongest(position%pull, scale)
-            call check_move(model, position%pull, move/scale, request%largest_move_q, '', error)
+            call check_move(model, pull, move/scale, request%largest_move_q, '', error)
         end if
         if (allocated(error)) return
 
@@ -128,10 +132,10 @@ contains
         qd = new_qd
     end subroutine assemble
 
-    !> Where motions are imposed that lead far from the start, go there in small steps: a Newton step of a large turn would find
-    !> bodies turned over, on another branch of the rows of their joints. Along the way Phi of these rows falls evenly from its
-    !> value at the start to 0. Where the way is barred, q stays.
-    subroutine follow_motions(model, request, evaluator, position, t, q, move, is_led)
+    !> Find how far the start is from the rows that impose no motion. Where an imposed angle is far from the start, go there in small
+    !> steps: a Newton step of a large turn would find bodies turned over, on another branch of the rows of their joints. Along
+    !> the way Phi of these rows falls evenly from its value at the start to 0. Where the way is barred, q stays.
+    subroutine follow_motions(model, request, evaluator, position, t, q, move, pull, knows_move)
         class(model_type), intent(in) :: model
         type(assembly_type), intent(inout) :: request
         type(evaluator_type), intent(inout) :: evaluator
@@ -139,10 +143,11 @@ contains
         !> Time, coordinates (n).
         real(wp), intent(in) :: t
         real(wp), intent(inout), contiguous :: q(:)
-        !> How far q is from the other rows, which is what the limit of a move is for (n).
+        !> How far q has to move for the other rows, to which the limit of a move applies (n), how far each of them pulled each
+        !> coordinate (nh, n), and whether that was found.
         real(wp), intent(out) :: move(:)
-        !> Whether q is now at the end of the way.
-        logical, intent(out) :: is_led
+        real(wp), allocatable, intent(out) :: pull(:, :)
+        logical, intent(out) :: knows_move
         !> The largest step of an angle (rad), and the most steps.
         real(wp), parameter :: largest = 0.4_wp
         integer, parameter :: most = 1000
@@ -151,25 +156,31 @@ contains
         integer :: i, n, stat
 
         move = 0.0_wp
-        is_led = .false.
+        knows_move = .false.
         call model%list_imposed(is_imposed, is_angle)
-        if (.not. any(is_angle)) return
+        if (.not. any(is_imposed)) return
         call evaluator%evaluate(need_phi, t, q, q, request%counts, stat)
         if (stat /= status_ok) return
         phi = evaluator%terms%phi
-        rest = maxval(abs(phi), mask=is_angle)
-        if (.not. (rest > largest .and. rest < most*largest)) return
-        n = ceiling(rest/largest)
+        if (.not. maxval(abs(phi), mask=is_imposed) > 0.0_wp) return
+        rest = 0.0_wp
+        if (any(is_angle)) rest = maxval(abs(phi), mask=is_angle)
+        n = 1
+        if (rest > largest .and. rest < most*largest) n = ceiling(rest/largest)
         start = q
         do i = 0, n
             position%goal = merge(real(n - i, wp)/n*phi, 0.0_wp, is_imposed)
             call position%find(evaluator, t, q, request%counts, stat)
             request%iterations = request%iterations + position%trials
             if (stat /= status_ok) exit
-            if (i == 0) move = q - start
+            if (i == 0) then
+                move = q - start
+                pull = position%pull
+                knows_move = .true.
+            end if
+            if (n == 1) exit
         end do
-        is_led = stat == status_ok
-        if (.not. is_led) q = start
+        if (n == 1 .or. stat /= status_ok) q = start
         position%goal = 0.0_wp
     end subroutine follow_motions
 
