@@ -31,7 +31,9 @@ program main
     use test_failures, only: collect_failures
     use test_faults, only: collect_faults
     use test_large, only: collect_large
+    use test_functions_of_time, only: collect_functions_of_time
     use test_late_faults, only: collect_late_faults
+    use test_collapse, only: collect_collapse
     use test_linearisation, only: collect_linearisation
     use test_nearest, only: collect_nearest
     use test_nearest_steady, only: collect_nearest_steady
@@ -140,6 +142,8 @@ program main
         new_testsuite('failures', collect_failures), &
         new_testsuite('faults', collect_faults), &
         new_testsuite('late_faults', collect_late_faults), &
+        new_testsuite('functions_of_time', collect_functions_of_time), &
+        new_testsuite('collapse', collect_collapse), &
         new_testsuite('statuses', collect_statuses), &
         new_testsuite('rk4', collect_rk4), &
         new_testsuite('accuracy', collect_accuracy), &

@@ -134,10 +134,12 @@ module tandem_mechanism_drawn
         end subroutine hold_pieces
 
         !> Whether the pieces that are held have values between two times that a step does not see.
-        module function pieces_hide(self, from, to)
+        module function pieces_hide(self, from, to, between)
             implicit none (type, external)
             class(drawn_type), intent(in) :: self
             real(wp), intent(in) :: from, to
+            !> Whether the step looks at times between its ends.
+            logical, intent(in) :: between
             logical :: pieces_hide
         end function pieces_hide
     end interface

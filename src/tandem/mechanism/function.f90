@@ -98,12 +98,12 @@ contains
     end subroutine hold_nothing
 
     !> Whether values between two times are far from those that a step from one to the other sees: they are not.
-    logical function hides_nothing(self, from, to, rates) result(hides)
+    logical function hides_nothing(self, from, to, between, rates) result(hides)
         class(function_type), intent(in) :: self
         !> Two times within the piece that is held (s).
         real(wp), intent(in) :: from, to
-        !> Whether the rate counts too.
-        logical, intent(in) :: rates
+        !> Whether the step looks at times between its ends, and whether the rate counts too.
+        logical, intent(in) :: between, rates
 
         hides = .false.
     end function hides_nothing
@@ -153,12 +153,12 @@ contains
         call self%pieces%hold(t)
     end subroutine hold_expression
 
-    logical function expression_hides(self, from, to, rates) result(hides)
+    logical function expression_hides(self, from, to, between, rates) result(hides)
         class(expression_function_type), intent(in) :: self
         real(wp), intent(in) :: from, to
-        logical, intent(in) :: rates
+        logical, intent(in) :: between, rates
 
-        hides = self%pieces%hides(from, to, rates)
+        hides = self%pieces%hides(from, to, between, rates)
     end function expression_hides
 
     pure subroutine evaluate_table(self, t, f)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Interval arithmetic for the operations of expressions: bounds of values and of first partial derivatives, where the operands vary
+!> Interval arithmetic for the operations of expressions: bounds of values and of first partial derivatives, where operands vary
 !> within bounds. Results are widened by more than their rounding errors, so that the bounds hold for exact arithmetic and for values
 !> as they are computed. An empty interval, whose bounds are not numbers, stands for a result that does not exist.
 module tandem_mechanism_interval

@@ -102,10 +102,12 @@ contains
     end subroutine hold_nothing
 
     !> Whether values between two times are far from those that a step from one to the other sees: they are not.
-    logical function hides_nothing(self, from, to) result(hides)
+    logical function hides_nothing(self, from, to, between) result(hides)
         class(law_type), intent(in) :: self
         !> Two times within the piece that is held (s).
         real(wp), intent(in) :: from, to
+        !> Whether the step looks at times between its ends.
+        logical, intent(in) :: between
 
         hides = .false.
     end function hides_nothing
@@ -183,11 +185,12 @@ contains
         call self%pieces%hold(t)
     end subroutine hold_expression
 
-    logical function expression_hides(self, from, to) result(hides)
+    logical function expression_hides(self, from, to, between) result(hides)
         class(expression_law_type), intent(in) :: self
         real(wp), intent(in) :: from, to
+        logical, intent(in) :: between
 
-        hides = self%pieces%hides(from, to, .false.)
+        hides = self%pieces%hides(from, to, between, .false.)
     end function expression_hides
 
     pure subroutine evaluate_friction(self, t, x, v, f)

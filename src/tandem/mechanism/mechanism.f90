@@ -400,12 +400,13 @@ contains
         self%time_of_f = huge(self%time_of_f)
     end subroutine hold_segment
 
-    logical function hides(self, from, to)
+    logical function hides(self, from, to, between)
         class(mechanism_type), intent(inout) :: self
         real(wp), intent(in) :: from, to
+        logical, intent(in) :: between
 
         if (self%segment /= self%held_segment) call hold_segment(self)
-        hides = self%pieces_hide(from, to)
+        hides = self%pieces_hide(from, to, between)
     end function hides
 
     subroutine evaluate_mechanism(self, need, t, q, qd, terms, stat)

@@ -5,7 +5,8 @@ module tandem_mechanism_piecewise
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_mechanism_expression, only: expression_type
-    use tandem_mechanism_interval, only: interval_type
+    use tandem_mechanism_expression_code, only: max_slots
+    use tandem_mechanism_interval, only: common_part, interval_type
     use tandem_status, only: status_invalid_model
     implicit none (type, external)
     private
@@ -185,39 +186,41 @@ contains
     end subroutine find_signs
 
     !> Whether the parts that depend on time alone take values between two times that are far from those at times that a step
-    !> looks at, such as a pulse that is narrower than the step. A pulse that a step meets by chance is not seen at other times: each
+    !> looks at, such as a pulse that is narrower than the step. What a step meets by chance is not seen at other times: each
     !> of two groups of times has to show what bounds from interval arithmetic allow.
-    logical function hides(self, from, to, rates)
+    logical function hides(self, from, to, between, rates)
         class(piecewise_type), intent(in) :: self
         !> Two times within a smooth piece, which is held.
         real(wp), intent(in) :: from, to
-        !> Whether derivatives count too.
-        logical, intent(in) :: rates
+        !> Whether the step looks at times between its ends, and whether derivatives count too.
+        logical, intent(in) :: between, rates
         !> The two groups besides the ends, as parts of the step.
         real(wp), parameter :: looks(3, 2) = reshape([0.5_wp, 0.29_wp, 0.77_wp, 0.62_wp, 0.13_wp, 0.91_wp], [3, 2])
         !> How many parts of the step are looked at more closely.
         integer, parameter :: most = 40
-        type(interval_type), dimension(2*size(self%parts)) :: at_ends, seen, allowed
-        integer :: i, j
+        !> Of fixed size, since nothing is allocated in a step: values of the parts, then their derivatives.
+        type(interval_type), dimension(2*max_slots) :: now, at_ends, seen, allowed
+        integer :: i, j, k, m, n
 
         hides = .false.
-        if (size(self%parts) == 0) return
-        at_ends = values_at(self, from)
-        call include(at_ends, values_at(self, to))
-        allowed = around(at_ends)
+        m = size(self%parts)
+        if (m == 0) return
+        n = merge(2*m, m, rates)
+        call take_values(self, from, at_ends)
+        call take_values(self, to, now)
+        call include(at_ends(:n), now(:n))
+        allowed(:n) = around(at_ends(:n))
         if (.not. violation(from, to) > 0.0_wp) return
-        do j = 1, size(looks, 2)
-            seen = at_ends
+        do j = 1, merge(size(looks, 2), 0, between)
+            seen(:n) = at_ends(:n)
             do i = 1, size(looks, 1)
-                call include(seen, values_at(self, from + looks(i, j)*(to - from)))
+                call take_values(self, from + looks(i, j)*(to - from), now)
+                call include(seen(:n), now(:n))
             end do
-            seen = around(seen)
-            if (j == 1) then
-                allowed = seen
-            else
-                allowed%low = max(allowed%low, seen%low)
-                allowed%high = min(allowed%high, seen%high)
-            end if
+            do k = 1, n
+                if (j == 1) allowed(k) = around(seen(k))
+                if (j > 1) allowed(k) = common_part(allowed(k), around(seen(k)))
+            end do
         end do
         if (violation(from, to) > 0.0_wp) call search()
 
@@ -226,80 +229,86 @@ contains
         !> By how much bounds exceed what is allowed, relative to that.
         real(wp) function violation(left, right)
             real(wp), intent(in) :: left, right
-            type(interval_type) :: bounds(2*size(self%parts))
-            integer :: k
 
-            bounds = bounds_between(self, left, right)
-            violation = 0.0_wp
-            do k = 1, merge(2, 1, rates)*size(self%parts)
-                associate (excess => max(allowed(k)%low - bounds(k)%low, bounds(k)%high - allowed(k)%high))
-                    if (excess > 0.0_wp) violation = max(violation, excess/(allowed(k)%high - allowed(k)%low))
-                end associate
-            end do
+            call take_bounds(self, left, right, now)
+            violation = largest_excess()
         end function violation
+
+        !> The same of values or bounds that were taken.
+        real(wp) function largest_excess()
+            real(wp) :: excess
+
+            largest_excess = 0.0_wp
+            do k = 1, n
+                excess = max(allowed(k)%low - now(k)%low, now(k)%high - allowed(k)%high)
+                if (excess > 0.0_wp) largest_excess = max(largest_excess, excess/(allowed(k)%high - allowed(k)%low))
+            end do
+        end function largest_excess
 
         !> Look for a value that was not seen, in the part with the widest bounds first, until bounds show that there is none.
         subroutine search()
             real(wp) :: places(2, most + 1), violations(2), middle, left, right
-            integer :: n, n_halvings, first
+            integer :: n_places, n_halvings, first
 
-            n = 1
+            n_places = 1
             places(:, 1) = [from, to]
             do n_halvings = 1, most
-                if (n == 0) return
-                left = places(1, n)
-                right = places(2, n)
+                if (n_places == 0) return
+                left = places(1, n_places)
+                right = places(2, n_places)
                 middle = left + (right - left)/2
-                n = n - 1
+                n_places = n_places - 1
                 if (.not. (middle > left .and. middle < right)) cycle
-                hides = violation(middle, middle) > 0.0_wp
+                ! A value that does not exist, as at a pole, is left to the step.
+                call take_values(self, middle, now)
+                hides = largest_excess() > 0.0_wp .and. all(abs(now(:n)%low) <= huge(middle))
                 if (hides) return
                 violations = [violation(left, middle), violation(middle, right)]
                 first = maxloc(violations, dim=1)
                 if (violations(3 - first) > 0.0_wp) then
-                    n = n + 1
-                    places(:, n) = merge([left, middle], [middle, right], first == 2)
+                    n_places = n_places + 1
+                    places(:, n_places) = merge([left, middle], [middle, right], first == 2)
                 end if
                 if (violations(first) > 0.0_wp) then
-                    n = n + 1
-                    places(:, n) = merge([left, middle], [middle, right], first == 1)
+                    n_places = n_places + 1
+                    places(:, n_places) = merge([left, middle], [middle, right], first == 1)
                 end if
             end do
         end subroutine search
     end function hides
 
     !> The values of the parts that depend on time alone at one time, then their derivatives.
-    pure function values_at(self, t) result(values)
+    pure subroutine take_values(self, t, values)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: t
-        type(interval_type) :: values(2*size(self%parts))
-        real(wp) :: now(2*size(self%parts))
+        type(interval_type), intent(inout) :: values(:)
+        real(wp) :: now(2*max_slots)
+        integer :: m
 
-        associate (m => size(self%parts))
-            if (self%holds) then
-                call self%expression%evaluate_parts(self%time, self%parts, t, now(:m), now(m + 1:), self%sides)
-            else
-                call self%expression%evaluate_parts(self%time, self%parts, t, now(:m), now(m + 1:))
-            end if
-        end associate
-        values%low = now
-        values%high = now
-    end function values_at
+        m = size(self%parts)
+        if (self%holds) then
+            call self%expression%evaluate_parts(self%time, self%parts, t, now(:m), now(m + 1:2*m), self%sides)
+        else
+            call self%expression%evaluate_parts(self%time, self%parts, t, now(:m), now(m + 1:2*m))
+        end if
+        values(:2*m)%low = now(:2*m)
+        values(:2*m)%high = now(:2*m)
+    end subroutine take_values
 
     !> Their bounds between two times.
-    pure function bounds_between(self, left, right) result(bounds)
+    pure subroutine take_bounds(self, left, right, bounds)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: left, right
-        type(interval_type) :: bounds(2*size(self%parts))
+        type(interval_type), intent(inout) :: bounds(:)
+        integer :: m
 
-        associate (m => size(self%parts))
-            if (self%holds) then
-                call self%expression%enclose_parts(self%time, self%parts, left, right, bounds(:m), bounds(m + 1:), self%sides)
-            else
-                call self%expression%enclose_parts(self%time, self%parts, left, right, bounds(:m), bounds(m + 1:))
-            end if
-        end associate
-    end function bounds_between
+        m = size(self%parts)
+        if (self%holds) then
+            call self%expression%enclose_parts(self%time, self%parts, left, right, bounds(:m), bounds(m + 1:2*m), self%sides)
+        else
+            call self%expression%enclose_parts(self%time, self%parts, left, right, bounds(:m), bounds(m + 1:2*m))
+        end if
+    end subroutine take_bounds
 
     !> Widen a range by another one.
     elemental subroutine include(range, other)

@@ -182,15 +182,15 @@ contains
 
         pieces_hide = .false.
         do i = 1, size(self%motions)
-            pieces_hide = self%motions(i)%f%hides(from, to, self%motions(i)%jump_order > 0)
+            pieces_hide = self%motions(i)%f%hides(from, to, between, self%motions(i)%jump_order > 0)
             if (pieces_hide) return
         end do
         do i = 1, size(self%laws)
-            pieces_hide = self%laws(i)%law%hides(from, to)
+            pieces_hide = self%laws(i)%law%hides(from, to, between)
             if (pieces_hide) return
         end do
         do i = 1, size(self%formulas)
-            pieces_hide = self%formulas(i)%pieces%hides(from, to, .false.)
+            pieces_hide = self%formulas(i)%pieces%hides(from, to, between, .false.)
             if (pieces_hide) return
         end do
     end procedure pieces_hide

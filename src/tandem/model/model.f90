@@ -582,9 +582,11 @@ contains
 
     !> Whether functions of time take values between two times of the current segment that a step from one to the other does not
     !> see, as those of a narrow pulse: the step should be shorter. Unknown unless overridden, which is no.
-    logical function hides(self, from, to)
+    logical function hides(self, from, to, between)
         class(model_type), intent(inout) :: self
         real(wp), intent(in) :: from, to
+        !> Whether the step looks at times between its ends.
+        logical, intent(in) :: between
 
         hides = .false.
     end function hides

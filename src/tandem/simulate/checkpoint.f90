@@ -243,6 +243,8 @@ contains
         call pack%item(self%is_interrupted, self%try_has_failed)
         call pack%item(self%has_overlooked)
         call pack%item(self%tries)
+        call pack%item(self%tries_of_look)
+        call pack%item(self%n_collapsed)
         call pack%item(self%tries_from, self%creeps_from)
         call self%stepper%pack_state(pack)
         call self%control%pack_state(pack)

@@ -119,6 +119,7 @@ contains
             if (stat == status_ok) call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
             ! The chart of the step that ends here is kept for its dense output until the next step.
             self%renewal = by_breakpoint
+            self%n_collapsed = 0
             call self%watch%forget_values()
             if (stat == status_ok) then
                 call self%measure_errors(error)

@@ -144,6 +144,9 @@ contains
         self%is_interrupted = .false.
         self%lost_rank = lost_rank_type()
         self%tries = 0
+        self%tries_of_look = 0
+        self%n_collapsed = 0
+        self%has_overlooked = .false.
         self%chart_is_current = .false.
         self%n_redundant = 0
         self%renewal = 0

@@ -105,8 +105,9 @@ module tandem_simulation
         logical, private :: is_interrupted = .false., try_has_failed = .false.
         !> Whether a fixed step was found to pass over values of functions of time.
         logical, private :: has_overlooked = .false.
-        !> Tries of controlled steps since a time; the time of the last look whether steps creep.
-        integer, private :: tries = 0
+        !> Tries of controlled steps since a time; tries since the last look whether steps creep, and its time; how many looks have
+        !> found that they do.
+        integer, private :: tries = 0, tries_of_look = 0, n_collapsed = 0
         real(wp), private :: tries_from = 0.0_wp, creeps_from = 0.0_wp
         type(statistics_type), private :: tally
         class(step_control_type), allocatable, private :: control
@@ -497,7 +498,6 @@ contains
         ! A caller who takes single steps sees how far they get, and need not mean to reach the limit.
         self%tries = 0
         self%tries_from = self%state%t
-        self%creeps_from = self%state%t
         call self%advance(t_limit, error)
         if (allocated(error)) call self%explain(error)
         if (.not. allocated(error) .and. self%watch%has_to_act) call self%act_on_events(error)

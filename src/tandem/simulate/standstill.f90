@@ -10,38 +10,34 @@ contains
         !> model contradicts itself is not worth more than so many times as many.
         integer, parameter :: many = 100000
         real(wp), parameter :: hopeless = 1.0e-7_wp, pointless = 0.1_wp
-        !> After so many tries it is looked whether steps creep: they get less far than this part of what as many have on average.
-        integer, parameter :: few = 1000
-        real(wp), parameter :: collapsed = 0.01_wp
-        real(wp) :: hopeful, tries, way
-        character(len=64) :: suspect
+        real(wp) :: hopeful
 
+        call check_creeping(self, t_limit, stop_at, error)
+        if (allocated(error)) return
         self%tries = self%tries + 1
-        if (modulo(self%tries, few) == 0) then
-            way = self%state%t - self%creeps_from
-            self%creeps_from = self%state%t
-            tries = real(self%tally%steps + self%tally%rejected + self%tally%failed, wp)
-            if (way*tries < collapsed*few*(self%state%t - self%t_start)) then
-                call name_loss_ahead(self, way, stop_at, 'which steps do not reach', error)
-            end if
-            if (allocated(error)) return
-        end if
         if (self%tries < many) return
         hopeful = merge(hopeless, pointless, self%tally%contradiction == '')
         associate (t => self%state%t, from => self%tries_from)
             if (.not. t - from > hopeful*(t_limit - t)) then
                 call name_near_loss(self, error)
-                suspect = ', or a procedure that is wrong (tandem check, verify_model)'
-                if (self%model%is_ready_made) suspect = ''
                 if (.not. allocated(error)) call set_error(error, status_step_underflow, 'the last '// &
                     to_text(many)//' tries of steps got from t = '//to_text(from)//' to t = '//to_text(t)//', '// &
                     to_text(t - from)//' further', &
-                    'see what makes steps fail or errors large there: a singularity'//trim(suspect)//trim(for_stiffness(self)))
+                    trim(causes(self))//trim(for_stiffness(self)))
             end if
             from = t
         end associate
         self%tries = 0
     end procedure check_progress
+
+    !> Causes of steps that fail or have large errors, by what the user can change.
+    pure function causes(self) result(advice)
+        class(simulation_type), intent(in) :: self
+        character(len=200) :: advice
+
+        advice = 'see what makes errors large there: a singularity, a kink that depends on the state, or tolerances near rounding'
+        if (.not. self%model%is_ready_made) advice = trim(advice)//', or a procedure that is wrong (tandem check, verify_model)'
+    end function causes
 
     !> Advice for a model that was found to be stiff.
     pure function for_stiffness(self) result(advice)
@@ -52,6 +48,44 @@ contains
         if (self%stiffness%is_stiff .and. .not. self%switching%is_on) &
             advice = '; the model is stiff: choose an implicit stepper ('//implicit_advice//')'
     end function for_stiffness
+
+    !> Every thousand tries: do they get much less far than as many do on average, so that it is worth looking for a loss of rank
+    !> ahead, or have steps collapsed? Steps that the next stop would cut do not count, and where events or breakpoints cut them,
+    !> counting begins anew.
+    subroutine check_creeping(self, t_limit, stop_at, error)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: t_limit, stop_at
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: few = 1000
+        real(wp), parameter :: slow = 0.01_wp
+        !> Steps have collapsed where so many looks found that a thousand tries get no further than this part of the run, that is
+        !> 1e-10 of it each. Looks that find them longer by this factor start anew; what is left may then still be reached.
+        integer, parameter :: enough = 5
+        real(wp), parameter :: collapsed = 1.0e-7_wp, recovered = 10.0_wp, near = 100.0_wp
+        real(wp) :: tries, way
+
+        if (.not. self%control%h < 0.5_wp*(stop_at - self%state%t)) return
+        self%tries_of_look = self%tries_of_look + 1
+        if (self%tries_of_look < few) return
+        way = self%state%t - self%creeps_from
+        self%creeps_from = self%state%t
+        self%tries_of_look = 0
+        tries = real(self%tally%steps + self%tally%rejected + self%tally%failed, wp)
+        if (way*tries < slow*few*(self%state%t - self%t_start)) then
+            call name_loss_ahead(self, way, stop_at, 'which steps do not reach', error)
+            if (allocated(error)) return
+        end if
+        associate (limit => collapsed*(t_limit - self%t_start))
+            if (way > recovered*limit .or. near*way > t_limit - self%state%t) self%n_collapsed = 0
+            if (way <= limit .and. near*way <= t_limit - self%state%t) self%n_collapsed = self%n_collapsed + 1
+        end associate
+        if (self%n_collapsed < enough) return
+        self%n_collapsed = 0
+        call name_near_loss(self, error)
+        if (.not. allocated(error)) call set_error(error, status_step_underflow, 'the sizes of steps have collapsed: '// &
+            to_text(few)//' tries got only '//to_text(way)//' further, to t = '//to_text(self%state%t), &
+            trim(causes(self))//trim(for_stiffness(self)))
+    end subroutine check_creeping
 
     !> Steps have become hopelessly short: a loss of rank may be why.
     subroutine name_near_loss(self, error)

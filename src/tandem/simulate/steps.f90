@@ -185,6 +185,7 @@ contains
 
         call self%look_for_events(self%next%t >= t_limit, is_cut, error)
         if (is_cut) then
+            self%n_collapsed = 0
             ends_at_breakpoint = ends_at_breakpoint .and. self%state%t >= self%next%t
             ! The next step ends on the grid of fixed steps where this one would have, unless too little is left of it.
             if (.not. self%options%is_adaptive() .and. &
@@ -255,7 +256,7 @@ contains
     subroutine look_between(self)
         class(simulation_type), intent(inout) :: self
 
-        self%has_overlooked = self%model%hides(self%state%t, self%next%t)
+        self%has_overlooked = self%model%hides(self%state%t, self%next%t, self%method%stages > 2)
         if (self%has_overlooked) call self%warn('between t = '//to_text(self%state%t)//' and t = '//to_text(self%next%t)// &
             ' a function of time has values that the fixed step passes over; set rtol, or take a smaller step')
     end subroutine look_between
@@ -343,7 +344,7 @@ contains
             self%next%t = self%state%t + h
         end if
         ! Nor may it pass over what functions of time are in between, such as a pulse that is narrower than the step.
-        do while (self%model%hides(self%state%t, self%next%t))
+        do while (self%model%hides(self%state%t, self%next%t, self%method%stages > 2))
             h = 0.5_wp*(self%next%t - self%state%t)
             if (.not. h > 4.0_wp*spacing(abs(self%state%t))) exit
             is_cut = .false.
