@@ -35,6 +35,7 @@ program main
     use test_late_faults, only: collect_late_faults
     use test_collapse, only: collect_collapse
     use test_linearisation, only: collect_linearisation
+    use test_spectra, only: collect_spectra
     use test_nearest, only: collect_nearest
     use test_nearest_steady, only: collect_nearest_steady
     use test_sparse_steady, only: collect_sparse_steady
@@ -187,6 +188,7 @@ program main
         new_testsuite('sparse_turns', collect_sparse_turns), &
         new_testsuite('mechanism_references', collect_mechanism_references), &
         new_testsuite('linearisation', collect_linearisation), &
+        new_testsuite('spectra', collect_spectra), &
         new_testsuite('small_motions', collect_small_motions), &
         new_testsuite('nearest', collect_nearest), &
         new_testsuite('nearest_steady', collect_nearest_steady), &

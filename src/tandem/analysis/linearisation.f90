@@ -15,6 +15,7 @@
 !> The rates of the steady motion follow from the point: those symmetries for which X q0 = qd0 and L qd0 = qdd0. An equilibrium is
 !> the case of no rates at all. Elsewhere A is that of the instant.
 module tandem_analysis_linearisation
+    use tandem_analysis_drift, only: find_drift
     use tandem_analysis_point, only: point_type
     use tandem_analysis_spectrum, only: spectrum_type
     use tandem_analysis_symmetry, only: symmetry_type
@@ -68,6 +69,9 @@ module tandem_analysis_linearisation
 
     !> What is left of the rates of a steady motion is rounding up to this of the size of their terms.
     real(wp), parameter :: steady_bound = 1.0e-9_wp
+    !> Errors of entries of A over the sizes of all terms that they come from, in units of the rounding of these, and that of
+    !> differences.
+    real(wp), parameter :: rounding_of_terms = 4.0_wp, rounding_of_differences = 1.0e-11_wp
 
 contains
 
@@ -81,8 +85,8 @@ contains
         !> Names of the fields along which the motion may go on; any, where they are absent.
         character(len=*), intent(in), optional :: names(:)
         type(point_type), allocatable :: point
-        !> The sizes of the terms that entries of A are sums of.
-        real(wp), allocatable :: terms(:, :)
+        !> The sizes of the terms that entries of A are sums of, those of all terms that errors come from, and bounds on errors.
+        real(wp), allocatable :: terms(:, :), all_terms(:, :), uncertainty(:, :)
         integer :: stat
 
         call check_model(model, error)
@@ -113,21 +117,29 @@ contains
         call point%describe(stat, 'cannot be linearised at the point', error)
         if (allocated(error)) return
         self%qdd = point%qdd
-        call self%form(point, terms)
+        call self%form(point, terms, all_terms)
         call self%find_rates(point)
-        if (self%kind == in_steady_motion) call self%go_along(point, terms)
+        if (self%kind == in_steady_motion) call self%go_along(point, terms, all_terms)
+        uncertainty = rounding_of_terms*merge(epsilon(1.0_wp), rounding_of_differences, self%has_gradients)*all_terms
+        ! An error of the point of that part of its size changes each term by as much.
+        if (self%kind /= at_an_instant) uncertainty = uncertainty + rounding_of_terms*self%residual*terms
         ! Balances leave rounding where the terms of an entry cancel: a square root of it would be an eigenvalue.
         if (self%has_gradients) then
-            where (abs(self%a) <= 100*epsilon(1.0_wp)*terms) self%a = 0.0_wp
+            where (abs(self%a) <= 100*epsilon(1.0_wp)*terms)
+                uncertainty = max(uncertainty, abs(self%a))
+                self%a = 0.0_wp
+            end where
         end if
-        call self%find_spectrum(point, error)
+        call self%find_spectrum(point, uncertainty, error)
     end subroutine make
 
     !> A of the point, and the sizes of what its entries are sums of.
-    subroutine form(self, point, terms)
+    subroutine form(self, point, terms, all_terms)
         class(linearisation_type), intent(inout) :: self
         type(point_type), intent(in) :: point
         real(wp), allocatable, intent(out) :: terms(:, :)
+        !> With those that only rounding of bases and inverses brings in.
+        real(wp), allocatable, intent(out) :: all_terms(:, :)
         real(wp), allocatable :: g(:, :), by_v(:, :), by_w(:, :), none(:, :)
         integer :: i
 
@@ -149,6 +161,10 @@ contains
             terms(:nv, :nv) = matmul(transpose(abs(v)), abs(g))
             call point%size_of_acceleration(abs(v), abs(g), terms(nv + 1:, :nv))
             call point%size_of_acceleration(none, abs(w), terms(nv + 1:, nv + 1:))
+            allocate (all_terms, source=terms)
+            all_terms(:nv, nv + 1:) = matmul(transpose(abs(v)), abs(w))
+            call point%add_hidden_sizes(abs(v), abs(g), self%a(nv + 1:, :nv), all_terms(:, :nv))
+            call point%add_hidden_sizes(none, abs(w), self%a(nv + 1:, nv + 1:), all_terms(:, nv + 1:))
             self%v = v
             self%g = g
             self%w = w
@@ -255,11 +271,11 @@ contains
     end function residual_of
 
     !> A in coordinates that go along with the steady motion.
-    subroutine go_along(self, point, terms)
+    subroutine go_along(self, point, terms, all_terms)
         class(linearisation_type), intent(inout) :: self
         type(point_type), intent(in) :: point
-        real(wp), intent(inout) :: terms(:, :)
-        real(wp), allocatable :: l(:, :), g(:, :)
+        real(wp), intent(inout) :: terms(:, :), all_terms(:, :)
+        real(wp), allocatable :: l(:, :), g(:, :), more(:, :)
         integer :: j
 
         allocate (l, source=self%symmetry%matrix(self%rates, point%n))
@@ -272,19 +288,23 @@ contains
             a(:nv, :nv) = a(:nv, :nv) - matmul(transpose(v), matmul(l, v))
             a(nv + 1:, :nv) = a(nv + 1:, :nv) - matmul(transpose(w), matmul(l, g))
             a(nv + 1:, nv + 1:) = a(nv + 1:, nv + 1:) - matmul(transpose(w), matmul(l, w))
-            terms(:nv, :nv) = terms(:nv, :nv) + matmul(transpose(abs(v)), matmul(abs(l), abs(v)))
-            terms(nv + 1:, :nv) = terms(nv + 1:, :nv) + matmul(transpose(abs(w)), matmul(abs(l), abs(g)))
-            terms(nv + 1:, nv + 1:) = terms(nv + 1:, nv + 1:) + matmul(transpose(abs(w)), matmul(abs(l), abs(w)))
+            allocate (more(size(a, 1), size(a, 1)), source=0.0_wp)
+            more(:nv, :nv) = matmul(transpose(abs(v)), matmul(abs(l), abs(v)))
+            more(nv + 1:, :nv) = matmul(transpose(abs(w)), matmul(abs(l), abs(g)))
+            more(nv + 1:, nv + 1:) = matmul(transpose(abs(w)), matmul(abs(l), abs(w)))
+            terms = terms + more
+            all_terms = all_terms + more
         end associate
     end subroutine go_along
 
     !> Eigenvalues, with what the symmetries say of them.
-    subroutine find_spectrum(self, point, error)
+    subroutine find_spectrum(self, point, uncertainty, error)
         class(linearisation_type), intent(inout) :: self
         type(point_type), intent(in) :: point
+        real(wp), intent(in) :: uncertainty(:, :)
         type(error_type), allocatable, intent(out) :: error
-        real(wp), allocatable :: directions(:, :)
-        real(wp) :: x(point%n), y(point%n)
+        real(wp), allocatable :: directions(:, :), drift(:, :)
+        real(wp) :: x(point%n), y(point%n), rate
         integer :: k
 
         associate (rates => self%symmetry%rates)
@@ -297,7 +317,14 @@ contains
             end do
         end associate
         if (self%kind == at_an_instant) directions = directions(:, :0)
-        call self%spectrum%find(self%a, self%nv, directions, merge(1.0e-12_wp, 1.0e-8_wp, self%has_gradients), error)
+        rate = 0.0_wp
+        if (self%kind == in_steady_motion) then
+            call find_drift(self%symmetry, self%rates, self%q, self%qd, self%a, self%v, self%g, self%w, drift, rate)
+        else
+            allocate (drift(self%nv + self%nw, 0))
+        end if
+        call self%spectrum%find(self%a, uncertainty, self%nv, directions, drift, rate, &
+            merge(1.0e-12_wp, 1.0e-8_wp, self%has_gradients), error)
         if (allocated(error)) return
         call self%spectrum%make_shapes(self%v, self%g, self%w)
     end subroutine find_spectrum

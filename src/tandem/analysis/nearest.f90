@@ -12,11 +12,13 @@
 !> are those of A nearest to sigma, lambda = sigma + 1/theta.
 module tandem_analysis_nearest
     use tandem_analysis_comoving, only: comoving_type
+    use tandem_analysis_nearest_errors, only: bound_errors
     use tandem_analysis_sparse_point, only: most_factor_entries, sparse_point_type
     use tandem_analysis_steadiness, only: check_rows, check_symmetry
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_linalg_krylov, only: krylov_type, operator_type
+    use tandem_linalg_random, only: random_vector
     use tandem_linalg_sparse_lu, only: sparse_lu_type, sparse_matrix_type
     use tandem_model, only: model_type
     use tandem_model_check, only: check_model
@@ -41,7 +43,7 @@ module tandem_analysis_nearest
         complex(wp) :: shift = (0.0_wp, 0.0_wp)
         !> The nearest first, each the first of its copies.
         complex(wp), allocatable :: values(:)
-        !> How far each is from being an eigenvalue of the matrices, to first order, its condition left out.
+        !> Bounds on the errors.
         real(wp), allocatable :: error(:)
         !> Motions of the coordinates, the largest entry 1 (n, size(values)).
         complex(wp), allocatable :: shapes(:, :)
@@ -66,8 +68,12 @@ module tandem_analysis_nearest
         integer, allocatable :: rows(:)
         !> Work space: unknowns, coordinates.
         complex(wp), allocatable :: b(:), y(:), x(:), f(:)
+        !> [M, C'; C, 0] with the rows of Phi, and with all rows.
+        type(sparse_matrix_type) :: ties(2)
+        type(sparse_lu_type) :: factors(2)
+        real(wp) :: units(2) = 1.0_wp
     contains
-        procedure :: apply, factor
+        procedure :: apply, factor, draw, factor_ties
     end type inverse_type
 
     !> Forces are in balance where what is left is this of their terms.
@@ -93,7 +99,7 @@ contains
         real(wp), intent(in), optional :: qd(:)
         type(inverse_type), allocatable :: inverse
         type(krylov_type), allocatable :: krylov
-        integer :: stat
+        integer :: n_finite, stat
 
         call check_model(model, error)
         if (allocated(error)) return
@@ -117,24 +123,29 @@ contains
         self%q = q
         self%n_redundant = count(inverse%point%is_out)
         self%shift = shift
-        ! Of dq and of dqd: what the rows leave.
+        ! Of dq and of dqd: what the rows leave. All other eigenvalues of the pencil are infinite.
         associate (point => inverse%point)
-            if (2*point%n <= count(.not. point%is_out(:point%nh)) + count(.not. point%is_out)) then
+            n_finite = 2*point%n - count(.not. point%is_out(:point%nh)) - count(.not. point%is_out)
+            if (n_finite <= 0) then
                 allocate (self%values(0), self%error(0), self%shapes(point%n, 0))
                 self%is_complete = .true.
                 return
             end if
+            inverse%rank = n_finite
         end associate
         call inverse%factor(shift, error)
         if (allocated(error)) return
         self%shift = inverse%shift
         self%factor_entries = inverse%lu%n_entries()
-        call krylov%find(inverse, k, tolerance, stat)
+        call inverse%factor_ties(stat)
+        if (stat == 0) call krylov%find(inverse, k, tolerance, stat)
         if (stat /= 0) then
             call set_error(error, status_work_limit, 'the eigenvalues near the shift did not converge', 'take another shift')
             return
         end if
-        call self%take(inverse, krylov)
+        call self%take(inverse, krylov, stat)
+        if (stat /= 0) call set_error(error, status_work_limit, 'the errors of the eigenvalues near the shift could not be '// &
+            'bounded', 'take another shift')
     end subroutine find
 
     !> How all of it goes on, from its velocities and the accelerations that go with them.
@@ -230,6 +241,59 @@ contains
         end associate
     end subroutine factor
 
+    !> What brings states onto the rows.
+    subroutine factor_ties(self, stat)
+        class(inverse_type), intent(inout) :: self
+        !> 0, or that of a matrix that cannot be factored.
+        integer, intent(out) :: stat
+        complex(wp), parameter :: mass_only(3) = [(1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)]
+        logical :: is_out(self%point%m)
+        integer, allocatable :: order(:)
+        integer :: l
+
+        is_out = self%point%is_out
+        do l = 1, 2
+            if (l == 1) self%point%is_out(self%point%nh + 1:) = .true.
+            call self%point%assemble(mass_only, self%ties(l), order, self%units(l))
+            call self%factors(l)%factor(self%ties(l), order, most_factor_entries, stat)
+            self%point%is_out = is_out
+            if (stat /= 0) return
+        end do
+    end subroutine factor_ties
+
+    !> A random state (q, u) with Phi_q q = 0 and C u + (C X q - nu)_q q = 0.
+    subroutine draw(self, seed, x)
+        class(inverse_type), intent(inout) :: self
+        integer, intent(inout) :: seed
+        complex(wp), intent(out) :: x(:)
+        real(wp), dimension(self%point%n) :: none, change
+        real(wp) :: g(self%point%m), unused(self%point%m)
+        logical :: is_out(self%point%m)
+        integer :: i, l
+
+        associate (point => self%point, n => self%point%n)
+            none = 0.0_wp
+            is_out = point%is_out
+            x(:n) = point%scale*random_vector(seed, n)
+            x(n + 1:) = max(abs(self%shift), 1.0_wp)*point%scale*random_vector(seed, n)
+            ! Twice, for rounding.
+            do l = 1, 4
+                point%is_out = is_out
+                if (modulo(l, 2) == 1) then
+                    g = [(-real(point%row_times(i, x(:n)), wp), i=1, point%m)]
+                    point%is_out(point%nh + 1:) = .true.
+                    call point%solve(self%ties(1), self%factors(1), self%units(1), none, g, change, unused)
+                    x(:n) = x(:n) + change
+                else
+                    g = [(-real(point%row_times(i, x(n + 1:)) + point%turning_times(i, x(:n)), wp), i=1, point%m)]
+                    call point%solve(self%ties(2), self%factors(2), self%units(2), none, g, change, unused)
+                    x(n + 1:) = x(n + 1:) + change
+                end if
+            end do
+            point%is_out = is_out
+        end associate
+    end subroutine draw
+
     !> y = (A - sigma)^-1 x of states (q, u).
     subroutine apply(self, x, y)
         class(inverse_type), intent(inout) :: self
@@ -254,28 +318,26 @@ contains
         end associate
     end subroutine apply
 
-    !> Eigenvalues of A from those of the operator, with what a product more says of each.
-    subroutine take(self, inverse, krylov)
+    !> Eigenvalues of A from those of the operator, with bounds on their errors.
+    subroutine take(self, inverse, krylov, stat)
         class(nearest_type), intent(inout) :: self
         type(inverse_type), intent(inout) :: inverse
         type(krylov_type), intent(in) :: krylov
-        complex(wp) :: y(inverse%n), largest
+        !> 0, or that of a matrix that cannot be factored.
+        integer, intent(out) :: stat
+        complex(wp) :: largest
         integer :: i, n
 
         n = inverse%point%n
         self%is_complete = krylov%is_complete
-        self%products = krylov%products + size(krylov%values)
-        allocate (self%values(size(krylov%values)), self%error(size(krylov%values)))
-        allocate (self%shapes(n, size(krylov%values)))
-        do i = 1, size(krylov%values)
-            associate (theta => krylov%values(i), x => krylov%vectors(:, i))
-                call inverse%apply(x, y)
-                self%values(i) = self%shift + 1/theta
-                self%error(i) = sqrt(sum(abs(y - theta*x)**2))/abs(theta)**2 + epsilon(1.0_wp)*abs(self%values(i))
-                self%shapes(:, i) = x(:n)
-                largest = x(maxloc(abs(x(:n)), dim=1))
-                if (abs(largest) > 0.0_wp) self%shapes(:, i) = x(:n)/largest
-            end associate
+        self%products = krylov%products
+        self%values = self%shift + 1/krylov%values
+        allocate (self%error(size(krylov%values)))
+        self%shapes = krylov%vectors(:n, :)
+        call bound_errors(inverse%point, self%shift, self%values, self%shapes, self%residual, self%error, stat)
+        do i = 1, size(self%values)
+            largest = self%shapes(maxloc(abs(self%shapes(:, i)), dim=1), i)
+            if (abs(largest) > 0.0_wp) self%shapes(:, i) = self%shapes(:, i)/largest
         end do
     end subroutine take
 end module tandem_analysis_nearest

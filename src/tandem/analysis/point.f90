@@ -35,6 +35,8 @@ module tandem_analysis_point
         real(wp), allocatable :: velocity_q(:, :), acceleration_q(:, :), acceleration_qd(:, :), dynamics_q(:, :), dynamics_qd(:, :)
         !> V (n, nv) and W (n, nw), orthonormal in scaled coordinates.
         real(wp), allocatable :: v(:, :), w(:, :)
+        !> Coordinates that take no part, see `is_idle` of a model: V and W leave them at rest.
+        integer, allocatable :: idle(:)
         !> Whether all gradients are the model's own; differences have fewer digits.
         logical :: has_gradients = .false.
         !> Whether it is friction that it was refused for.
@@ -54,7 +56,7 @@ module tandem_analysis_point
         procedure :: initialize, evaluate, refuse_friction, make_bases, solve_dynamics
         procedure :: vary_acceleration, differentiate
         procedure :: apply_right_inverse, apply_position_inverse, restore_position
-        procedure :: set_acceleration, size_of_acceleration, describe
+        procedure :: set_acceleration, size_of_acceleration, add_hidden_sizes, describe
     end type point_type
 
 contains
@@ -64,6 +66,7 @@ contains
         class(point_type), intent(inout) :: self
         !> It must outlive the point.
         class(model_type), intent(inout), target :: model
+        integer :: i
 
         self%model => model
         self%n = model%n
@@ -79,8 +82,9 @@ contains
         call self%differences%initialize(model, self%scale)
         self%differences%is_central = .true.
         call self%derivatives%allocate(self%n, self%m)
-        call self%of_phi%allocate(self%nh, self%n)
-        call self%of_c%allocate(self%m, self%n)
+        self%idle = pack([(i, i=1, self%n)], model%is_idle())
+        call self%of_phi%allocate(self%nh + size(self%idle), self%n)
+        call self%of_c%allocate(self%m + size(self%idle), self%n)
         self%has_gradients = self%differences%has_all_derivatives()
     end subroutine initialize
 
@@ -134,7 +138,8 @@ contains
         if (stat /= status_ok .or. self%model%n_frictions == 0) return
         call self%evaluator%find_directions(self%t, self%q, self%qd, stat)
         if (stat /= status_ok) return
-        if (any(abs(self%evaluator%directions) > 0.0_wp) .or. (self%nw > self%n - self%m)) stat = status_not_evaluable
+        if (any(abs(self%evaluator%directions) > 0.0_wp) .or. (self%nw > self%n - self%m - size(self%idle))) stat = &
+            status_not_evaluable
         self%has_wrong_friction = stat /= status_ok
     end subroutine refuse_friction
 
@@ -142,14 +147,19 @@ contains
     subroutine make_bases(self)
         class(point_type), intent(inout) :: self
         real(wp), allocatable :: rows(:, :)
-        integer :: i
+        integer :: i, last
 
         self%n_bases = self%n_bases + 1
-        allocate (rows, source=self%jacobian)
+        last = self%m + size(self%idle)
+        ! Coordinates that take no part are held by rows behind the others.
+        allocate (rows(last, self%n), source=0.0_wp)
         do i = 1, self%m
-            rows(i, :) = self%row_scale(i)*rows(i, :)
+            rows(i, :) = self%row_scale(i)*self%jacobian(i, :)
         end do
-        call self%of_phi%factor(rows(:self%nh, :))
+        do i = 1, size(self%idle)
+            rows(self%m + i, self%idle(i)) = 1.0_wp
+        end do
+        call self%of_phi%factor(rows([(i, i=1, self%nh), (i, i=self%m + 1, last)], :))
         call self%of_phi%get_null_basis(self%v)
         call self%of_c%factor(rows)
         call self%of_c%get_null_basis(self%w)
@@ -162,10 +172,13 @@ contains
         class(point_type), intent(in) :: self
         real(wp), intent(in) :: b(:, :)
         real(wp), intent(out) :: x(:, :)
+        real(wp) :: rows(self%m + size(self%idle))
         integer :: j
 
+        rows = 0.0_wp
         do j = 1, size(b, 2)
-            call self%of_c%solve(self%row_scale*b(:, j), x(:, j))
+            rows(:self%m) = self%row_scale*b(:, j)
+            call self%of_c%solve(rows, x(:, j))
         end do
     end subroutine apply_right_inverse
 
@@ -175,7 +188,11 @@ contains
         real(wp), intent(in) :: b(:)
         real(wp), intent(out) :: x(:)
 
-        call self%of_phi%solve(self%row_scale(:self%nh)*b, x)
+        real(wp) :: rows(self%nh + size(self%idle))
+
+        rows = 0.0_wp
+        rows(:self%nh) = self%row_scale(:self%nh)*b
+        call self%of_phi%solve(rows, x)
     end subroutine apply_position_inverse
 
     !> Bring coordinates onto the position constraints by corrections of least norm; the point and its bases are those there.
@@ -220,11 +237,11 @@ contains
     subroutine set_acceleration(self, qdd)
         class(point_type), intent(inout) :: self
         real(wp), intent(in) :: qdd(:)
-        real(wp) :: y(self%m)
+        real(wp) :: y(self%m + size(self%idle))
 
         self%qdd = qdd
         call self%of_c%solve_transposed(self%force - matmul(self%mass, qdd/self%scale), y)
-        self%lambda = self%row_scale*y
+        self%lambda = self%row_scale*y(:self%m)
     end subroutine set_acceleration
 
     !> qdd and lambda: W'M qdd = W'(S + Q_A), C qdd = -gamma.
@@ -292,6 +309,36 @@ contains
         end do
         size_of = matmul(abs(inverse), matmul(transpose(abs(self%w)), changes))
     end subroutine size_of_acceleration
+
+    !> Add the sizes of terms that leave nothing but rounding: those of the right inverse of C and of the reduced mass.
+    subroutine add_hidden_sizes(self, dq, dqd, result_of, size_of)
+        class(point_type), intent(in) :: self
+        !> Sizes of changes of q and qd (n, k), and the changes of w' that they cause (nw, k).
+        real(wp), intent(in) :: dq(:, :), dqd(:, :), result_of(:, :)
+        !> (nv + nw, k): those of v' first.
+        real(wp), intent(inout) :: size_of(:, :)
+        real(wp) :: inverse(self%nw, self%nw), right(self%n, self%m), ones(self%m, self%m), forces(self%nw, size(dq, 2))
+        integer :: j
+
+        ones = 0.0_wp
+        do j = 1, self%m
+            ones(j, j) = 1.0_wp
+        end do
+        call self%apply_right_inverse(ones, right)
+        right = abs(right)
+        inverse = 0.0_wp
+        do j = 1, self%nw
+            inverse(j, j) = 1.0_wp
+            call self%reduced_mass%solve(inverse(:, j))
+        end do
+        associate (w => abs(self%w), mass => abs(self%mass))
+            forces = matmul(transpose(w), matmul(mass, matmul(right, matmul(abs(self%acceleration_q), dq) + &
+                matmul(abs(self%acceleration_qd), dqd)) + matmul(w, abs(result_of))))
+            size_of(self%nv + 1:, :) = size_of(self%nv + 1:, :) + matmul(abs(inverse), forces)
+        end associate
+        size_of(:self%nv, :) = size_of(:self%nv, :) + matmul(transpose(abs(self%v)), matmul(right, &
+            matmul(abs(self%velocity_q), dq)))
+    end subroutine add_hidden_sizes
 
     !> The gradients at the point, for the qdd and lambda that it holds.
     subroutine differentiate(self, stat)

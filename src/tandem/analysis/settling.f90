@@ -309,7 +309,7 @@ contains
             call svd%allocate(size(residual), size(step))
             call svd%factor(jacobian)
             point%n_bases = point%n_bases + 1
-            self%n_free = size(step) - svd%rank
+            self%n_free = size(step) - svd%rank - size(point%idle)
             call svd%solve(-residual, step)
             size_of_q = 1 + maxval(abs(self%q/point%scale))
             if (maxval(abs(step)) <= 1.0e-14_wp*size_of_q .or. (is_last .and. maxval(abs(step)) <= 1.0e-10_wp*size_of_q)) then

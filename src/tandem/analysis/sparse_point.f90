@@ -25,7 +25,7 @@ module tandem_analysis_sparse_point
     implicit none (type, external)
     private
 
-    public :: sparse_point_type, most_factor_entries
+    public :: sparse_point_type, most_factor_entries, rounding_of_differences
 
     type :: sparse_point_type
         !> Numbers of coordinates, rows of Phi and rows of C.
@@ -61,12 +61,14 @@ module tandem_analysis_sparse_point
         procedure :: initialize, look, balance, find_dependent_rows
         procedure :: differentiate, check_structure
         procedure :: assemble, solve, multiply
-        procedure :: imbalance, violation, row_length, row_times
+        procedure :: imbalance, violation, row_length, row_times, turning_times, row_size, size_errors
         procedure, private :: set_structure, add_forces, multiply_columns
     end type sparse_point_type
 
     !> The most entries of factors: 2 GB.
     integer, parameter :: most_factor_entries = 80000000
+    !> K and D are differences with steps of some 1/256 of the scale: of the rounding of forces they make so much.
+    real(wp), parameter :: rounding_of_differences = 3000*epsilon(1.0_wp)
     !> A row whose pivot falls to this part of what it was depends on others: an angle of 1e-5, as the sparse chart has it.
     real(wp), parameter :: least_pivot = 1.0e-10_wp
 
@@ -479,11 +481,12 @@ contains
         if (.not. length > 0.0_wp) length = 1.0_wp
     end function row_length
 
-    !> Row i of C times x (n).
-    pure complex(wp) function row_times(self, i, x) result(product)
+    !> Row i of C times x (n), at velocity level that of C + (C X q - nu)_q/value where a value is given.
+    pure complex(wp) function row_times(self, i, x, value) result(product)
         class(sparse_point_type), intent(in) :: self
         integer, intent(in) :: i
         complex(wp), intent(in) :: x(:)
+        complex(wp), intent(in), optional :: value
         integer :: j, k
 
         product = (0.0_wp, 0.0_wp)
@@ -494,7 +497,68 @@ contains
                 end do
             end do
         end associate
+        if (present(value) .and. i > self%nh) product = product + self%turning_times(i, x)/value
     end function row_times
+
+    !> (C X q - nu)_q of a row times x (n); zero of a row of Phi.
+    pure complex(wp) function turning_times(self, i, x) result(product)
+        class(sparse_point_type), intent(in) :: self
+        integer, intent(in) :: i
+        complex(wp), intent(in) :: x(:)
+        integer :: j, k
+
+        product = (0.0_wp, 0.0_wp)
+        if (i <= self%nh .or. .not. allocated(self%turning)) return
+        associate (pattern => self%pattern)
+            do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
+                do j = pattern%first(pattern%row_body(k)), pattern%first(pattern%row_body(k) + 1) - 1
+                    product = product + self%turning(i, pattern%column(j))*x(j)
+                end do
+            end do
+        end associate
+    end function turning_times
+
+    !> What the terms of row i of C times x (n) add up to.
+    pure real(wp) function row_size(self, i, x) result(total)
+        class(sparse_point_type), intent(in) :: self
+        integer, intent(in) :: i
+        complex(wp), intent(in) :: x(:)
+        integer :: j, k
+
+        total = 0.0_wp
+        associate (pattern => self%pattern)
+            do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
+                do j = pattern%first(pattern%row_body(k)), pattern%first(pattern%row_body(k) + 1) - 1
+                    total = total + abs(self%evaluator%terms%jacobian(i, pattern%column(j))*x(j))
+                end do
+            end do
+        end associate
+    end function row_size
+
+    !> Bounds on the errors of (lambda^2 M + lambda D + K) x (n): that part of each term, and rounding of the differences that K and
+    !> D are, of forces as large as the terms of the balance and as K and D make of the rounding of coordinates.
+    pure subroutine size_errors(self, lambda, part, x, sizes)
+        class(sparse_point_type), intent(in) :: self
+        !> The modulus of lambda, the part, and moduli of x (n).
+        real(wp), intent(in) :: lambda, part, x(:)
+        real(wp), intent(out) :: sizes(:)
+        real(wp), dimension(self%n) :: forces, of_q, of_qd, scaled
+        integer :: j, k
+
+        scaled = max(abs(self%q), self%scale/64)
+        call multiply_columns(self, self%stiffness, scaled, forces, of_q)
+        call multiply_columns(self, self%damping, max(abs(self%rest), self%scale/64), forces, of_qd)
+        forces = self%sizes + of_q + of_qd
+        sizes = 0.0_wp
+        do j = 1, self%n
+            do k = self%start(j), self%start(j + 1) - 1
+                associate (i => self%row(k))
+                    sizes(i) = sizes(i) + (part*(lambda**2*abs(self%mass(k)) + lambda*abs(self%damping(k)) + &
+                        abs(self%stiffness(k))) + rounding_of_differences*(1 + lambda)*forces(i)/self%scale(j))*x(j)
+                end associate
+            end do
+        end do
+    end subroutine size_errors
 
     !> Solve A (x; lambda) = (f; g) with the real factors that `assemble` and `factor` left.
     subroutine solve(self, a, lu, unit, f, g, x, lambda)

@@ -9,7 +9,7 @@ module tandem_analysis_spectrum
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_linalg_complex_lu, only: complex_lu_type
-    use tandem_linalg_eigenvalues, only: find_eigenvalues, split_zeros
+    use tandem_linalg_eigenvalues, only: bound_errors, find_eigenvalues, split_zeros
     use tandem_linalg_singular, only: singular_type
     use tandem_status, only: status_not_finite
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
@@ -33,8 +33,7 @@ module tandem_analysis_spectrum
         complex(wp), allocatable :: values(:)
         !> `of_motion`, `of_symmetry` or `of_family`.
         integer, allocatable :: cause(:)
-        !> The error that rounding of the matrix may leave; of zeros that were split off, what a Jordan block of their size would
-        !> make of it.
+        !> Bounds on the errors; of zeros that were split off, what a Jordan block of their size would make of those of the matrix.
         real(wp), allocatable :: error(:)
         !> Eigenvectors in (v, w) of the eigenvalues of the motion, others zero (nv + nw, nv + nw).
         complex(wp), allocatable :: vectors(:, :)
@@ -45,27 +44,28 @@ module tandem_analysis_spectrum
         integer, allocatable :: blocks(:)
     contains
         procedure :: find, make_shapes, frequency, natural_frequency, damping_ratio, stability
-        procedure, private :: set_zeros, set_vectors, sort
+        procedure, private :: set_zeros, set_vectors, set_errors, sort
     end type spectrum_type
 
 contains
 
     !> Eigenvalues of A (n, n).
-    subroutine find(self, a, nv, directions, tolerance, error)
+    subroutine find(self, a, uncertainty, nv, directions, drift, rate, tolerance, error)
         class(spectrum_type), intent(out) :: self
-        real(wp), intent(in) :: a(:, :)
+        !> With bounds on the errors of its entries (n, n).
+        real(wp), intent(in) :: a(:, :), uncertainty(:, :)
         !> How many of its rows are those of v.
         integer, intent(in) :: nv
-        !> Directions of symmetries (n, any); they may depend on each other.
-        real(wp), intent(in) :: directions(:, :)
+        !> Directions of symmetries, and of drift in a turning frame (n, any); they may depend on each other. The frame's rate.
+        real(wp), intent(in) :: directions(:, :), drift(:, :), rate
         !> Errors of A over its norm: singular values up to this part count as zero.
         real(wp), intent(in) :: tolerance
         type(error_type), allocatable, intent(out) :: error
-        real(wp), allocatable :: b(:, :), d(:), q(:, :), z(:, :), condition(:)
-        complex(wp), allocatable :: values(:), vectors(:, :)
-        real(wp) :: norm
+        real(wp), allocatable :: b(:, :), e(:, :), d(:), q(:, :), z(:, :), condition(:), rounding(:)
+        complex(wp), allocatable :: values(:), vectors(:, :), left(:, :)
+        real(wp) :: norm, dropped
         integer, allocatable :: blocks(:)
-        integer :: n, ns, nz, stat, i
+        integer :: n, ns, nd, nz, stat, i
 
         n = size(a, 1)
         allocate (self%values(n), self%vectors(n, n), source=(0.0_wp, 0.0_wp))
@@ -80,26 +80,34 @@ contains
         allocate (d(n))
         call choose_unit_of_time(b, nv, d)
         norm = norm2(b)
-        call split_directions(b, d, directions, tolerance*norm, q, ns)
+        e = uncertainty
+        do i = 1, n
+            e(:, i) = e(:, i)*d(i)/d
+        end do
+        call split_directions(b, d, directions, tolerance*norm, q, ns, dropped)
+        call split_drift(nd)
         allocate (z(n - ns, n - ns))
         call split_rest(nz, blocks)
         i = n - ns - nz
-        allocate (values(max(ns, i)), vectors(max(ns, i), max(ns, i)), condition(max(ns, i)))
-        ! Those of the symmetries.
-        call find_symmetry_values(stat)
+        allocate (values(n), vectors(n, n), condition(n), rounding(i), left(i, i))
+        ! Those of the symmetries and of drift.
+        call find_known_values(1, ns - nd, of_symmetry, stat)
+        if (stat == 0) call find_known_values(ns - nd + 1, ns, of_family, stat)
         if (stat == 0) then
             self%values(ns + 1:ns + nz) = (0.0_wp, 0.0_wp)
             self%cause(ns + 1:ns + nz) = of_family
-            call find_eigenvalues(b(ns + nz + 1:, ns + nz + 1:), values(:i), vectors(:i, :i), condition(:i), stat)
+            call find_eigenvalues(b(ns + nz + 1:, ns + nz + 1:), values(:i), vectors(:i, :i), condition(:i), stat, left, rounding)
         end if
         if (stat /= 0) then
             call set_error(error, status_not_finite, 'the eigenvalues did not converge', 'check the numbers of the model')
             return
         end if
         self%values(ns + nz + 1:) = values(:i)
-        self%error(ns + nz + 1:) = epsilon(1.0_wp)*norm/max(condition(:i), tiny(1.0_wp))
-        call self%set_zeros(b, ns + nz, tolerance*norm, norm)
+        call self%set_zeros(b, ns + nz, tolerance*norm, norm, dropped + norm2(e))
         call self%set_vectors(b, d, q, ns + nz, vectors(:i, :i))
+        ! Rounding of the transformations, which are those of no rows where nothing was split off.
+        dropped = dropped + merge(4*epsilon(1.0_wp)*norm, 0.0_wp, ns + nz > 0)
+        call self%set_errors(b, e, d, q, ns + nz, left, rounding, dropped)
         call self%sort()
 
     contains
@@ -111,25 +119,59 @@ contains
             real(wp), allocatable :: rest(:, :)
 
             allocate (rest, source=b(ns + 1:, ns + 1:))
-            call split_zeros(rest, tolerance*norm, z, k, dimensions)
+            call split_zeros(rest, tolerance*norm, z, k, dimensions, dropped)
             b(ns + 1:, ns + 1:) = rest
             b(:ns, ns + 1:) = matmul(b(:ns, ns + 1:), z)
             q(:, ns + 1:) = matmul(q(:, ns + 1:), z)
         end subroutine split_rest
 
-        !> On the directions of symmetries: zeros, and the rates of a turning frame.
-        subroutine find_symmetry_values(info)
-            integer, intent(out) :: info
-            real(wp) :: block(ns, ns), y(ns, ns)
-            integer, allocatable :: dimensions(:)
-            integer :: k
+        !> Split drift off what the symmetries leave; it counts among their directions then.
+        subroutine split_drift(k)
+            integer, intent(out) :: k
+            real(wp), allocatable :: rest(:, :), turn(:, :)
+            real(wp) :: left_out, scaled(n, size(drift, 2))
 
-            block = b(:ns, :ns)
+            allocate (rest, source=b(ns + 1:, ns + 1:))
+            scaled = drift/spread(d, 2, size(drift, 2))
+            call split_directions(rest, spread(1.0_wp, 1, n - ns), matmul(transpose(q(:, ns + 1:)), scaled), tolerance*norm, &
+                turn, k, left_out)
+            dropped = dropped + left_out
+            b(ns + 1:, ns + 1:) = rest
+            b(:ns, ns + 1:) = matmul(b(:ns, ns + 1:), turn)
+            q(:, ns + 1:) = matmul(q(:, ns + 1:), turn)
+            ns = ns + k
+        end subroutine split_drift
+
+        !> On directions that were split off: zeros, and rates of a turning frame, which Jordan blocks leave with half their digits
+        !> unless they are known.
+        subroutine find_known_values(first, last, cause, info)
+            integer, intent(in) :: first, last, cause
+            integer, intent(out) :: info
+            real(wp), allocatable :: block(:, :), y(:, :)
+            complex(wp) :: known(3)
+            integer, allocatable :: dimensions(:)
+            integer :: k, j, m
+
+            m = last - first + 1
+            allocate (block, source=b(first:last, first:last))
+            allocate (y(m, m))
             call split_zeros(block, tolerance*norm, y, k, dimensions)
-            self%cause(:ns) = of_symmetry
-            call find_eigenvalues(block(k + 1:, k + 1:), self%values(k + 1:ns), vectors(:ns - k, :ns - k), condition(:ns - k), info)
-            self%error(k + 1:ns) = epsilon(1.0_wp)*norm
-        end subroutine find_symmetry_values
+            self%cause(first:last) = cause
+            m = m - k
+            call find_eigenvalues(block(k + 1:, k + 1:), values(:m), vectors(:m, :m), condition(:m), info)
+            known = [(0.0_wp, 0.0_wp), cmplx(0.0_wp, rate, wp), cmplx(0.0_wp, -rate, wp)]
+            do j = 1, m
+                self%error(first + k + j - 1) = 8*epsilon(1.0_wp)*norm + norm2(e) + dropped
+                associate (nearest => known(minloc(abs(known - values(j)), dim=1)))
+                    if (abs(nearest - values(j)) <= sqrt(tolerance)*norm) then
+                        values(j) = nearest
+                    else
+                        self%error(first + k + j - 1) = self%error(first + k + j - 1)/max(condition(j), tiny(1.0_wp)**0.25_wp)
+                    end if
+                end associate
+            end do
+            self%values(first + k:last) = values(:m)
+        end subroutine find_known_values
     end subroutine find
 
     !> Measure velocities in a unit in which they are about as large as the coordinates: B := D^-1 B D, so that what couples one to
@@ -151,12 +193,14 @@ contains
     end subroutine choose_unit_of_time
 
     !> Split the directions of symmetries off: Q'BQ = [S, X; 0, B'] in the place of B, S (k, k).
-    subroutine split_directions(b, d, directions, tolerance, q, k)
+    subroutine split_directions(b, d, directions, tolerance, q, k, dropped)
         real(wp), intent(inout) :: b(:, :)
         !> The units of B (n).
         real(wp), intent(in) :: d(:), directions(:, :), tolerance
         real(wp), allocatable, intent(out) :: q(:, :)
         integer, intent(out) :: k
+        !> The size of what was left out.
+        real(wp), intent(out) :: dropped
         type(singular_type) :: svd
         real(wp), allocatable :: rows(:, :), rest(:, :), basis(:, :)
         real(wp) :: length
@@ -164,6 +208,7 @@ contains
 
         n = size(d)
         k = 0
+        dropped = 0.0_wp
         allocate (q(n, n), source=0.0_wp)
         do i = 1, n
             q(i, i) = 1.0_wp
@@ -190,14 +235,15 @@ contains
         q(:, :k) = basis
         q(:, k + 1:) = rest
         b = matmul(transpose(q), matmul(b, q))
+        dropped = norm2(b(k + 1:, :k))
         b(k + 1:, :k) = 0.0_wp
     end subroutine split_directions
 
     !> The Jordan blocks of all zeros together, and how large they would come out unless they were split off.
-    subroutine set_zeros(self, b, k, tolerance, norm)
+    subroutine set_zeros(self, b, k, tolerance, norm, uncertainty)
         class(spectrum_type), intent(inout) :: self
-        !> B, in whose leading block (k, k) they are.
-        real(wp), intent(in) :: b(:, :), tolerance, norm
+        !> B, in whose leading block (k, k) they are; its norm, and that of its errors.
+        real(wp), intent(in) :: b(:, :), tolerance, norm, uncertainty
         integer, intent(in) :: k
         real(wp) :: block(k, k), q(k, k)
         integer, allocatable :: dimensions(:)
@@ -207,7 +253,7 @@ contains
         self%blocks = dimensions
         if (self%n_zeros == 0) return
         where (.not. abs(self%values(:k)) > 0.0_wp) &
-            self%error(:k) = norm*epsilon(1.0_wp)**(1.0_wp/max(size(dimensions), 1))
+            self%error(:k) = norm*max(epsilon(1.0_wp), uncertainty/norm)**(1.0_wp/max(size(dimensions), 1))
     end subroutine set_zeros
 
     !> Eigenvectors of A from those of the last block of Q'BQ.
@@ -254,6 +300,35 @@ contains
             left = cmplx(re, im, wp)
         end function solved
     end subroutine set_vectors
+
+    !> Bounds on the errors of the eigenvalues of the last block of Q'BQ: left vectors times errors of B times right vectors.
+    subroutine set_errors(self, b, e, d, q, k, left, rounding, dropped)
+        class(spectrum_type), intent(inout) :: self
+        !> With bounds E on the errors of B, which are not transformed.
+        real(wp), intent(in) :: b(:, :), e(:, :), d(:), q(:, :)
+        !> The order of the leading block.
+        integer, intent(in) :: k
+        !> Left eigenvectors of the last block; errors of the iteration; the size of what the transformations left out.
+        complex(wp), intent(in) :: left(:, :)
+        real(wp), intent(in) :: rounding(:), dropped
+        real(wp), allocatable :: last(:, :)
+        complex(wp) :: x(size(d)), y(size(d))
+        integer :: j, n
+
+        n = size(d)
+        if (n == k) return
+        do j = 1, size(rounding)
+            x = self%vectors(:, k + j)/d
+            y = matmul(q(:, k + 1:), left(:, j))
+            associate (along => dot_product(left(:, j), matmul(x, q(:, k + 1:))))
+                self%error(k + j) = rounding(j) + (dot_product(abs(y), matmul(e, abs(x))) + dropped*norm2(abs(x)))/ &
+                    max(abs(along), tiny(1.0_wp)**0.25_wp)
+            end associate
+        end do
+        allocate (last, source=matmul(transpose(abs(q(:, k + 1:))), matmul(e, abs(q(:, k + 1:)))))
+        last = last + dropped/(n - k) + 2*epsilon(1.0_wp)*norm2(b(k + 1:, k + 1:))/sqrt(real(n - k, wp))
+        call bound_errors(b(k + 1:, k + 1:), last, self%values(k + 1:), self%error(k + 1:))
+    end subroutine set_errors
 
     !> Sort by real parts, then by imaginary parts; conjugates have bitwise the same real part.
     subroutine sort(self)
@@ -319,8 +394,7 @@ contains
         stability = merge(is_asymptotically_stable, is_marginal, any(self%cause == of_motion))
         do i = 1, size(self%values)
             if (self%cause(i) /= of_motion) cycle
-            ! A factor of safety over the first-order bound.
-            bound = 100*self%error(i)
+            bound = self%error(i)
             if (real(self%values(i), wp) > bound) stability = is_unstable
             if (stability /= is_unstable .and. real(self%values(i), wp) >= -bound) stability = is_marginal
         end do

@@ -10,15 +10,20 @@
 module tandem_linalg_eigenvalues
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dgeevx, dgesvd
+    use tandem_linalg_random, only: random_vector
     implicit none (type, external)
     private
 
-    public :: find_eigenvalues, split_zeros
+    public :: find_eigenvalues, split_zeros, bound_errors
+
+    !> The backward error of the iteration over eps and the norm of the balanced matrix, of which it takes about the square root of
+    !> the order.
+    real(wp), parameter :: rounding_of_iteration = 2.0_wp
 
 contains
 
     !> Eigenvalues (n) and right eigenvectors (n, n) of length 1 of a matrix of finite numbers, and how well each is determined.
-    subroutine find_eigenvalues(a, values, vectors, condition, stat)
+    subroutine find_eigenvalues(a, values, vectors, condition, stat, left_vectors, rounding)
         !> (n, n)
         real(wp), intent(in) :: a(:, :)
         complex(wp), intent(out) :: values(:), vectors(:, :)
@@ -26,6 +31,9 @@ contains
         real(wp), intent(out) :: condition(:)
         !> > 0: without convergence.
         integer, intent(out) :: stat
+        !> Left eigenvectors (n, n) of length 1, and bounds to first order on what rounding of the iteration adds to each value (n).
+        complex(wp), intent(out), optional :: left_vectors(:, :)
+        real(wp), intent(out), optional :: rounding(:)
         real(wp), dimension(size(a, 1), size(a, 1)) :: copy, left, right
         real(wp), dimension(size(a, 1)) :: wr, wi, scale, rcondv
         real(wp) :: norm
@@ -45,21 +53,82 @@ contains
         j = 1
         do while (j <= n)
             values(j) = cmplx(wr(j), wi(j), wp)
-            if (abs(wi(j)) > 0.0_wp .and. j < n) then
-                vectors(:, j) = cmplx(right(:, j), right(:, j + 1), wp)
+            if (abs(wi(j)) > 0.0_wp .and. j < n) values(j + 1) = conjg(values(j))
+            j = j + merge(2, 1, abs(wi(j)) > 0.0_wp)
+        end do
+        call make_complex(right, wi, vectors)
+        if (present(left_vectors)) call make_complex(left, wi, left_vectors)
+        ! Of the balanced matrix, whose condition numbers these are.
+        if (present(rounding)) rounding = rounding_of_iteration*sqrt(real(n, wp))*epsilon(1.0_wp)*norm/ &
+            max(condition, tiny(1.0_wp)**0.25_wp)
+    end subroutine find_eigenvalues
+
+    !> Vectors as LAPACK stores them, pairs as real and imaginary parts.
+    pure subroutine make_complex(parts, imaginary, vectors)
+        !> (n, n), and the imaginary parts of the eigenvalues (n).
+        real(wp), intent(in) :: parts(:, :), imaginary(:)
+        complex(wp), intent(out) :: vectors(:, :)
+        integer :: j
+
+        j = 1
+        do while (j <= size(imaginary))
+            if (abs(imaginary(j)) > 0.0_wp .and. j < size(imaginary)) then
+                vectors(:, j) = cmplx(parts(:, j), parts(:, j + 1), wp)
                 vectors(:, j + 1) = conjg(vectors(:, j))
-                values(j + 1) = conjg(values(j))
                 j = j + 2
             else
-                vectors(:, j) = cmplx(right(:, j), 0.0_wp, wp)
+                vectors(:, j) = cmplx(parts(:, j), 0.0_wp, wp)
                 j = j + 1
             end if
         end do
-    end subroutine find_eigenvalues
+    end subroutine make_complex
+
+    !> Bounds on errors of eigenvalues from those to first order, which hold as long as they are small beside the distances to the
+    !> other eigenvalues. Of others, as near a Jordan block, errors of the matrix are drawn at random within its bounds; eigenvalues
+    !> move by no more than some times as much as they do then.
+    subroutine bound_errors(a, uncertainty, values, errors)
+        !> The matrix, bounds on the errors of its entries (n, n), and its eigenvalues (n).
+        real(wp), intent(in) :: a(:, :), uncertainty(:, :)
+        complex(wp), intent(in) :: values(:)
+        !> To first order; bounds in their place.
+        real(wp), intent(inout) :: errors(:)
+        integer, parameter :: samples = 4
+        real(wp), parameter :: apart = 8.0_wp, safety = 10.0_wp
+        complex(wp) :: others(size(values)), vectors(size(values), size(values))
+        real(wp) :: b(size(values), size(values)), moved(size(values)), ignored(size(values)), distance(size(values))
+        logical :: is_close(size(values))
+        integer :: i, k, seed, stat, sample
+
+        do i = 1, size(values)
+            distance = abs(values - values(i))
+            distance(i) = huge(1.0_wp)
+            is_close(i) = errors(i) > minval(distance)/apart
+        end do
+        if (.not. any(is_close)) return
+        moved = 0.0_wp
+        seed = 31415
+        do sample = 1, samples
+            do k = 1, size(values)
+                b(:, k) = a(:, k) + sign(uncertainty(:, k), random_vector(seed, size(values)))
+            end do
+            call find_eigenvalues(b, others, vectors, ignored, stat)
+            if (stat /= 0) return
+            do k = 1, size(values)
+                moved(k) = max(moved(k), minval(abs(others - values(k))))
+                i = minloc(abs(values - others(k)), dim=1)
+                moved(i) = max(moved(i), abs(values(i) - others(k)))
+            end do
+        end do
+        ! Eigenvalues that meet move alike.
+        do i = 1, size(values)
+            if (is_close(i)) ignored(i) = maxval(moved, mask=abs(values - values(i)) <= safety*moved)
+        end do
+        where (is_close) errors = min(errors, safety*ignored)
+    end subroutine bound_errors
 
     !> Split the eigenvalue zero off: Q' A Q = [N, X; 0, B] with N nilpotent (k, k) and B without an eigenvalue that is zero within
     !> the tolerance.
-    subroutine split_zeros(a, tolerance, q, k, dimensions)
+    subroutine split_zeros(a, tolerance, q, k, dimensions, dropped)
         !> (n, n); Q' A Q in its place.
         real(wp), intent(inout) :: a(:, :)
         !> Singular values of at most this count as zero.
@@ -69,6 +138,8 @@ contains
         integer, intent(out) :: k
         !> How many chains have a vector at each stage: entry j is the number of Jordan blocks of size j or more.
         integer, allocatable, intent(out) :: dimensions(:)
+        !> The size of what counts as zero is added to it.
+        real(wp), intent(inout), optional :: dropped
         real(wp), allocatable :: z(:, :)
         integer :: n, i, r
 
@@ -85,6 +156,7 @@ contains
             a(k + 1:, k + 1:) = matmul(transpose(z), matmul(a(k + 1:, k + 1:), z))
             a(:k, k + 1:) = matmul(a(:k, k + 1:), z)
             q(:, k + 1:) = matmul(q(:, k + 1:), z)
+            if (present(dropped)) dropped = dropped + norm2(a(k + 1:, k + 1:k + r))
             a(k + 1:, k + 1:k + r) = 0.0_wp
             dimensions = [dimensions, r]
             k = k + r

@@ -20,8 +20,13 @@ module tandem_linalg_krylov
     type, abstract :: operator_type
         !> The length of vectors.
         integer :: n = 0
+        !> The dimension of the space in which O and all of its powers leave vectors, where it is known to be less than n: beyond it
+        !> there is nothing but rounding.
+        integer :: rank = huge(1)
     contains
         procedure(apply_operator), deferred :: apply
+        !> A random vector of that space.
+        procedure :: draw => draw_image
     end type operator_type
 
     abstract interface
@@ -50,7 +55,7 @@ module tandem_linalg_krylov
         integer, private :: seed = 4711
     contains
         procedure :: find
-        procedure, private :: expand, orthogonalize, add_random, form_schur, restart, take
+        procedure, private :: span, expand, orthogonalize, add_random, form_schur, restart, take
     end type krylov_type
 
     !> A vector that keeps less than this of its length beside the others lies in their space.
@@ -72,16 +77,20 @@ contains
         integer :: locked, kept, m, next, wanted
         logical :: is_space
 
-        m = min(max(2*k + 24, 36), operator%n)
+        m = min(max(2*k + 24, 36), operator%n, operator%rank)
         call start_basis(self, operator%n, m)
         locked = 0
         kept = 0
         wanted = 0
-        is_space = .false.
-        call self%add_random(operator, 0, is_space)
+        is_space = operator%rank <= m
+        if (is_space) then
+            call self%span(operator, m)
+        else
+            call self%add_random(operator, 0, is_space)
+        end if
         stat = 0
         do
-            next = kept
+            next = merge(m, kept, operator%rank <= m)
             if (.not. is_space) call self%expand(operator, kept, m, next, is_space)
             if (next == 0) exit
             call self%form_schur(next, stat)
@@ -148,6 +157,43 @@ contains
         is_space = .not. length > nothing_left
         if (.not. is_space) self%basis(:, kept + 1) = x/length
     end subroutine add_random
+
+    !> The operator in the whole space, which random vectors span: small spaces need no more, and copies and Jordan blocks are seen.
+    subroutine span(self, operator, m)
+        class(krylov_type), intent(inout) :: self
+        class(operator_type), intent(inout) :: operator
+        !> Its dimension.
+        integer, intent(in) :: m
+        complex(wp) :: x(operator%n), coefficients(m)
+        real(wp) :: length
+        integer :: j
+
+        do j = 1, m
+            call operator%draw(self%seed, x)
+            x = x/norm_of(x)
+            call self%orthogonalize(j - 1, x, coefficients(:j - 1), length)
+            self%basis(:, j) = x/length
+        end do
+        do j = 1, m
+            call operator%apply(self%basis(:, j), x)
+            self%products = self%products + 1
+            call self%orthogonalize(m, x, self%h(:m, j), length)
+        end do
+    end subroutine span
+
+    !> Twice a product with a random vector.
+    subroutine draw_image(self, seed, x)
+        class(operator_type), intent(inout) :: self
+        integer, intent(inout) :: seed
+        !> (n)
+        complex(wp), intent(out) :: x(:)
+        complex(wp) :: y(self%n)
+
+        y = cmplx(random_vector(seed, self%n), 0.0_wp, wp)
+        call self%apply(y, x)
+        y = x/norm_of(x)
+        call self%apply(y, x)
+    end subroutine draw_image
 
     !> Expand the basis from `kept` vectors and the one behind them to m.
     subroutine expand(self, operator, kept, m, last, is_space)

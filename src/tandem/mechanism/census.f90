@@ -24,7 +24,7 @@ module tandem_mechanism_census
     !> The rows of all elements of a mechanism, and its degrees of freedom.
     type :: census_type
         type(element_count_type), allocatable :: elements(:)
-        !> n less the rank of Phi_q, and n less the rank of C.
+        !> n less the coordinates that take no part and the rank of Phi_q, and that of C.
         integer :: position_freedom = 0, velocity_freedom = 0
     end type census_type
 
@@ -43,12 +43,13 @@ contains
         type(terms_type) :: terms
         real(wp), allocatable :: combination(:, :), ones(:)
         integer, allocatable :: kept(:), dropped(:)
-        integer :: i, k, m
+        integer :: i, k, m, n
 
         stat = 0
         m = mechanism%n_constraints()
-        census%position_freedom = mechanism%n
-        census%velocity_freedom = mechanism%n
+        n = count(.not. mechanism%is_idle())
+        census%position_freedom = n
+        census%velocity_freedom = n
         allocate (census%elements(0), dropped(0))
         if (m == 0) return
         allocate (terms%jacobian(m, mechanism%n))
@@ -58,10 +59,10 @@ contains
         associate (nh => mechanism%n_holonomic)
             if (nh > 0) then
                 call split_rows(terms%jacobian(:nh, :), ones, nh, dependent, kept, dropped, combination)
-                census%position_freedom = mechanism%n - size(kept)
+                census%position_freedom = n - size(kept)
             end if
             call split_rows(terms%jacobian, ones, nh, dependent, kept, dropped, combination)
-            census%velocity_freedom = mechanism%n - size(kept)
+            census%velocity_freedom = n - size(kept)
             do i = 1, m
                 k = element_of(mechanism, i, census)
                 associate (element => census%elements(k))

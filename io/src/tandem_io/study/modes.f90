@@ -45,7 +45,7 @@ module tandem_io_study_modes
         complex(wp) :: eigenvalue = (0.0_wp, 0.0_wp)
         !> Whether it grows beyond the value, else before it.
         logical :: grows_beyond = .false.
-        !> Half the width of what is left of the bracket.
+        !> Half the width of what is left of the bracket, and what errors of eigenvalues make of it.
         real(wp) :: uncertainty = 0.0_wp
     end type critical_type
 
@@ -163,7 +163,7 @@ contains
     pure integer function growing(point)
         type(locus_point_type), intent(in) :: point
 
-        growing = count(point%cause == of_motion .and. real(point%values, wp) > 100*point%error)
+        growing = count(point%cause == of_motion .and. real(point%values, wp) > point%error)
     end function growing
 
     !> The sign of the product of the eigenvalues of the motion.
@@ -196,7 +196,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(bracket_type) :: bracket
         type(locus_point_type) :: point
-        real(wp) :: x, value
+        real(wp) :: x, value, slope, rounding
         integer :: i, n_motion, n_real
 
         n_motion = count(a%cause == of_motion)
@@ -205,18 +205,22 @@ contains
         bracket%b = b%value
         bracket%value_a = product_of(a, a)
         bracket%value_b = product_of(b, a)
+        slope = 0.0_wp
+        rounding = max(error_of_product(a, a), error_of_product(b, a))
         do i = 1, most_points
+            call take_slope(bracket, b%value - a%value, slope)
             if (is_fine(bracket, a, b)) exit
             x = bracket%next_point()
             call self%sample(x, point, error)
             if (allocated(error)) return
             value = product_of(point, a)
             if (.not. abs(value) > 0.0_wp) exit
+            rounding = error_of_product(point, a)
             call bracket%narrow(x, value)
         end do
         n = n + 1
         found(n)%value = (bracket%a + bracket%b)/2
-        found(n)%uncertainty = (bracket%b - bracket%a)/2
+        found(n)%uncertainty = (bracket%b - bracket%a)/2 + rounding/abs(slope)
         if (.not. is_fine(bracket, a, b)) call self%interpolate(x, bracket, a, found(n), error)
         if (allocated(error)) return
         found(n)%crossing = at_zero
@@ -225,6 +229,25 @@ contains
         found(n)%grows_beyond = n_real > 0
         change = change + sign(1, n_real)
     end subroutine find_zero
+
+    !> The error of a product of eigenvalues over that at another point.
+    pure real(wp) function error_of_product(point, other) result(error)
+        type(locus_point_type), intent(in) :: point, other
+
+        error = abs(product_of(point, other))*sum(point%error/abs(point%values), mask=point%cause == of_motion)
+    end function error_of_product
+
+    !> The slope of what is followed, as long as the bracket is so wide that rounding does not matter.
+    pure subroutine take_slope(bracket, whole, slope)
+        type(bracket_type), intent(in) :: bracket
+        !> The width of the bracket at the start.
+        real(wp), intent(in) :: whole
+        real(wp), intent(inout) :: slope
+        real(wp), parameter :: least = 1.0e-5_wp
+
+        if (bracket%b - bracket%a < least*whole) return
+        slope = (bracket%value_b - bracket%value_a)/(bracket%b - bracket%a)
+    end subroutine take_slope
 
     !> Near its zero an eigenvalue counts among the zeros. So the value is interpolated between four points beside it, as a cubic
     !> function of the product; what a quadratic one differs by is its uncertainty.
@@ -239,21 +262,25 @@ contains
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp]
         type(locus_point_type) :: point
-        real(wp) :: values(4), delta
+        real(wp) :: values(4), delta, rounding
         integer :: i
 
         delta = min(x - bracket%a, bracket%b - x, 1.0e-3_wp*max(abs(bracket%a), abs(bracket%b)))/2
         found%value = x
         found%uncertainty = delta
+        rounding = 0.0_wp
         do i = 1, 4
             call self%sample(x + place(i)*delta, point, error)
             if (allocated(error)) return
             values(i) = product_of(point, other)
+            rounding = max(rounding, error_of_product(point, other))
         end do
         ! So near to an end of the interval that there is no room beside it.
         if (any(abs(values) <= 0.0_wp) .or. values(2)*values(3) > 0.0_wp) return
         found%value = x + delta*lagrange(values, place)
-        found%uncertainty = abs(delta)*abs(lagrange(values, place) - lagrange(values(:3), place(:3)))
+        ! Errors of the values beside the zero weigh 4/3 together, and those further out a third.
+        found%uncertainty = abs(delta)*(abs(lagrange(values, place) - lagrange(values(:3), place(:3))) + &
+            2*rounding*abs(place(3) - place(2))/abs(values(3) - values(2)))
     end subroutine interpolate
 
     !> The polynomial through (values, places) at zero.
@@ -295,7 +322,7 @@ contains
             if (a%cause(i) /= of_motion .or. .not. aimag(a%values(i)) > 0.0_wp .or. .not. any(is_free)) cycle
             k = minloc(abs(b%values - a%values(i)), dim=1, mask=is_free)
             is_free(k) = .false.
-            if (min(abs(real(a%values(i), wp)) - 100*a%error(i), abs(real(b%values(k), wp)) - 100*b%error(k)) <= 0.0_wp) cycle
+            if (min(abs(real(a%values(i), wp)) - a%error(i), abs(real(b%values(k), wp)) - b%error(k)) <= 0.0_wp) cycle
             if ((real(a%values(i), wp) > 0.0_wp) .eqv. (real(b%values(k), wp) > 0.0_wp)) cycle
             n = n + 1
             call self%refine_pair(a, b, a%values(i), b%values(k), found(n), error)
@@ -314,9 +341,11 @@ contains
         type(bracket_type) :: bracket
         type(locus_point_type) :: point
         complex(wp) :: at_a, at_b, expected, value
-        real(wp) :: x
-        integer :: i
+        real(wp) :: x, slope, rounding
+        integer :: i, k
 
+        slope = 0.0_wp
+        rounding = max(a%error(minloc(abs(a%values - value_a), dim=1)), b%error(minloc(abs(b%values - value_b), dim=1)))
         at_a = value_a
         at_b = value_b
         value = (at_a + at_b)/2
@@ -325,18 +354,21 @@ contains
         bracket%value_a = real(at_a, wp)
         bracket%value_b = real(at_b, wp)
         do i = 1, most_points
+            call take_slope(bracket, b%value - a%value, slope)
             if (is_fine(bracket, a, b)) exit
             x = bracket%next_point()
             call self%sample(x, point, error)
             if (allocated(error)) return
             expected = at_a + (x - bracket%a)/(bracket%b - bracket%a)*(at_b - at_a)
-            value = point%values(minloc(abs(point%values - expected), dim=1, mask=point%cause == of_motion))
+            k = minloc(abs(point%values - expected), dim=1, mask=point%cause == of_motion)
+            value = point%values(k)
+            rounding = point%error(k)
             call bracket%narrow(x, real(value, wp))
             if (bracket%a >= x) at_a = value
             if (bracket%b <= x) at_b = value
         end do
         found%value = (bracket%a + bracket%b)/2
-        found%uncertainty = (bracket%b - bracket%a)/2
+        found%uncertainty = (bracket%b - bracket%a)/2 + rounding/abs(slope)
         found%crossing = at_pair
         found%eigenvalue = cmplx(0.0_wp, abs(aimag(value)), wp)
         found%grows_beyond = bracket%value_b > 0.0_wp
@@ -353,7 +385,7 @@ contains
         type(bracket_type) :: bracket
         type(locus_point_type) :: point
         complex(wp) :: at_a, at_b, centre
-        real(wp) :: x, square
+        real(wp) :: x, square, slope, rounding
         logical :: grows_beyond
         integer :: i, k
 
@@ -371,25 +403,27 @@ contains
             at_a = cmplx(0.0_wp, aimag(a%values(k)), wp)
             at_b = at_a
         end if
-        call look_at_two(a, at_a, bracket%value_a)
-        call look_at_two(b, at_b, bracket%value_b)
+        slope = 0.0_wp
+        call look_at_two(a, at_a, bracket%value_a, rounding)
+        call look_at_two(b, at_b, bracket%value_b, rounding)
         if (.not. bracket%value_a*bracket%value_b < 0.0_wp .or. (bracket%value_b > 0.0_wp .neqv. grows_beyond)) return
         bracket%a = a%value
         bracket%b = b%value
         do i = 1, most_points
+            call take_slope(bracket, b%value - a%value, slope)
             if (is_fine(bracket, a, b)) exit
             x = bracket%next_point()
             call self%sample(x, point, error)
             if (allocated(error)) return
             centre = at_a + (x - bracket%a)/(bracket%b - bracket%a)*(at_b - at_a)
-            call look_at_two(point, centre, square)
+            call look_at_two(point, centre, square, rounding)
             call bracket%narrow(x, square)
             if (bracket%a >= x) at_a = centre
             if (bracket%b <= x) at_b = centre
         end do
         n = n + 1
         found(n)%value = (bracket%a + bracket%b)/2
-        found(n)%uncertainty = (bracket%b - bracket%a)/2
+        found(n)%uncertainty = (bracket%b - bracket%a)/2 + rounding/abs(slope)
         found(n)%crossing = at_meeting
         found(n)%eigenvalue = cmplx(0.0_wp, aimag(at_a + at_b)/2, wp)
         found(n)%grows_beyond = grows_beyond
@@ -402,29 +436,34 @@ contains
         logical :: grows(size(point%values))
 
         fastest_pair = 0
-        grows = point%cause == of_motion .and. aimag(point%values) > 0.0_wp .and. real(point%values, wp) > 100*point%error
+        grows = point%cause == of_motion .and. aimag(point%values) > 0.0_wp .and. real(point%values, wp) > point%error
         if (any(grows)) fastest_pair = maxloc(real(point%values, wp), dim=1, mask=grows)
     end function fastest_pair
 
     !> The two eigenvalues above the real axis that are nearest to a place, which becomes their middle, and the square of half their
     !> difference: below zero for two on the imaginary axis, above it for two beside it.
-    pure subroutine look_at_two(point, centre, square)
+    pure subroutine look_at_two(point, centre, square, rounding)
         type(locus_point_type), intent(in) :: point
         complex(wp), intent(inout) :: centre
-        real(wp), intent(out) :: square
+        !> With its error.
+        real(wp), intent(out) :: square, rounding
         logical :: is_free(size(point%values))
         complex(wp) :: two(2)
+        real(wp) :: errors(2)
         integer :: i, k
 
         square = 0.0_wp
+        rounding = 0.0_wp
         is_free = point%cause == of_motion .and. aimag(point%values) > 0.0_wp
         if (count(is_free) < 2) return
         do i = 1, 2
             k = minloc(abs(point%values - centre), dim=1, mask=is_free)
             two(i) = point%values(k)
+            errors(i) = point%error(k)
             is_free(k) = .false.
         end do
         square = real(((two(1) - two(2))/2)**2, wp)
+        rounding = abs(two(1) - two(2))*sum(errors)/2 + sum(errors)**2/4
         centre = (two(1) + two(2))/2
     end subroutine look_at_two
 

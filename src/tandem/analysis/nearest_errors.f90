@@ -1,0 +1,182 @@
+! SPDX-License-Identifier: MIT
+!> Bounds on the errors of eigenvalues near a shift. With the matrix P(lambda) = [lambda^2 M + lambda D + K, C'; C, 0], x = (q, nu)
+!> and z its right and left null vectors, errors E of P and what is left of P x move an eigenvalue to first order by
+!>
+!>   (|z|' E |x| + |z' P x|)/|z' P_lambda x|.
+!>
+!> z comes from inverse iterations with the transposed matrix beside the eigenvalue. E is rounding of M and C, and that of the
+!> differences which K and D are.
+!>
+!> Near a Jordan block eigenvectors are parallel and the first order is too large: an error changes the characteristic polynomial p
+!> by e |p'| there, and p has as many zeros as before within the circle of radius r for which r prod |1 - r/g| exceeds e (Rouché),
+!> with the distances g to eigenvalues whose vectors are parallel.
+module tandem_analysis_nearest_errors
+    use tandem_analysis_sparse_point, only: most_factor_entries, rounding_of_differences, sparse_point_type
+    use tandem_kinds, only: wp
+    use tandem_linalg_random, only: random_vector
+    use tandem_linalg_sparse_lu, only: sparse_lu_type, sparse_matrix_type
+    implicit none (type, external)
+    private
+
+    public :: bound_errors
+
+    !> Errors of single entries over eps and their sizes.
+    real(wp), parameter :: rounding = 8.0_wp*epsilon(1.0_wp)
+
+contains
+
+    !> Bounds on the errors of all of them.
+    subroutine bound_errors(point, shift, values, vectors, imbalance, errors, stat)
+        type(sparse_point_type), intent(inout) :: point
+        !> Near which they are, and the eigenvalues.
+        complex(wp), intent(in) :: shift, values(:)
+        !> Their motions of the coordinates (n, size(values)), and the imbalance of the point, an error of it.
+        complex(wp), intent(in) :: vectors(:, :)
+        real(wp), intent(in) :: imbalance
+        real(wp), intent(out) :: errors(:)
+        !> 0, or that of a matrix that cannot be factored.
+        integer, intent(out) :: stat
+        real(wp) :: first(size(values))
+        integer :: i, k, seed
+
+        stat = 0
+        seed = 2718281
+        do i = 1, size(values)
+            ! Conjugates have the same.
+            k = 0
+            if (i > 1) k = minloc(abs(values(:i - 1) - conjg(values(i))), dim=1)
+            if (k > 0) then
+                if (abs(values(k) - conjg(values(i))) <= 1.0e-10_wp*abs(aimag(values(i)))) then
+                    first(i) = first(k)
+                    cycle
+                end if
+            end if
+            call bound_to_first_order(point, shift, values(i), vectors(:, i), imbalance, seed, first(i), stat)
+            if (stat /= 0) return
+        end do
+        do i = 1, size(values)
+            errors(i) = first(i)
+            call bound_in_block(values, vectors, i, errors(i))
+        end do
+    end subroutine bound_errors
+
+    !> The bound of one to first order.
+    subroutine bound_to_first_order(point, shift, value, q, imbalance, seed, error, stat)
+        type(sparse_point_type), intent(inout) :: point
+        complex(wp), intent(in) :: shift, value, q(:)
+        real(wp), intent(in) :: imbalance
+        integer, intent(inout) :: seed
+        real(wp), intent(out) :: error
+        integer, intent(out) :: stat
+        !> How far beside the eigenvalue the matrix is factored, over its size or its distance from the shift.
+        real(wp), parameter :: beside(3) = [1.0e-3_wp, 1.0e-2_wp, 0.1_wp]
+        integer, parameter :: iterations = 3
+        !> A correction leads to an eigenvalue of a Jordan block by one over its order only.
+        real(wp), parameter :: largest_block = 4.0_wp
+        type(sparse_matrix_type) :: a
+        type(sparse_lu_type) :: lu
+        complex(wp), allocatable :: z(:), b(:)
+        complex(wp) :: near, f(point%n), residual, slope
+        real(wp) :: unit, sizes(point%n), of_error
+        integer, allocatable :: order(:)
+        integer :: i, k, n
+
+        n = point%n
+        do k = 1, size(beside)
+            near = value + beside(k)*max(abs(value), abs(value - shift))
+            call point%assemble([near**2, near, (1.0_wp, 0.0_wp)], a, order, unit)
+            call transpose_in_place(a)
+            call lu%factor(a, order, most_factor_entries, stat)
+            if (stat <= 0) exit
+        end do
+        if (stat /= 0) return
+        allocate (b(a%n))
+        z = cmplx(random_vector(seed, a%n), 0.0_wp, wp)
+        do k = 1, iterations
+            ! With C z = 0, so that nu is not needed.
+            b(:n) = z(:n)/maxval(abs(z))
+            b(n + 1:) = (0.0_wp, 0.0_wp)
+            call lu%solve_refined(a, b, z)
+        end do
+        z = z/maxval(abs(z))
+        call point%multiply([value**2, value, (1.0_wp, 0.0_wp)], q, f)
+        residual = sum(z(:n)*f)/unit
+        call point%multiply([2*value, (1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)], q, f)
+        slope = sum(z(:n)*f)/unit
+        call point%size_errors(abs(value), rounding + imbalance, abs(q), sizes)
+        of_error = sum(abs(z(:n))*sizes)/unit
+        k = n
+        do i = 1, point%m
+            if (point%is_out(i)) cycle
+            k = k + 1
+            residual = residual + z(k)*point%row_times(i, q, near)/point%row_length(i)
+            slope = slope - z(k)*point%turning_times(i, q)/near**2/point%row_length(i)
+            of_error = of_error + abs(z(k))*(rounding + merge(rounding_of_differences, 0.0_wp, i > point%nh .and. &
+                point%frame%moves))*point%row_size(i, q)/point%row_length(i)
+        end do
+        error = (of_error + largest_block*abs(residual))/max(abs(slope), tiny(1.0_wp)**0.25_wp) + epsilon(1.0_wp)*abs(value)
+    end subroutine bound_to_first_order
+
+    !> A := A'.
+    subroutine transpose_in_place(a)
+        type(sparse_matrix_type), intent(inout) :: a
+        type(sparse_matrix_type) :: b
+        integer :: next(a%n + 1), j, k
+
+        b%n = a%n
+        allocate (b%start(a%n + 1), b%row(size(a%row)), b%value(size(a%value)))
+        next = 0
+        do k = 1, a%start(a%n + 1) - 1
+            next(a%row(k)) = next(a%row(k)) + 1
+        end do
+        b%start(1) = 1
+        do j = 1, a%n
+            b%start(j + 1) = b%start(j) + next(j)
+        end do
+        next = b%start
+        do j = 1, a%n
+            do k = a%start(j), a%start(j + 1) - 1
+                b%row(next(a%row(k))) = j
+                b%value(next(a%row(k))) = a%value(k)
+                next(a%row(k)) = next(a%row(k)) + 1
+            end do
+        end do
+        call move_alloc(b%start, a%start)
+        call move_alloc(b%row, a%row)
+        call move_alloc(b%value, a%value)
+    end subroutine transpose_in_place
+
+    !> The bound of one of several whose vectors are parallel.
+    pure subroutine bound_in_block(values, vectors, i, error)
+        complex(wp), intent(in) :: values(:), vectors(:, :)
+        integer, intent(in) :: i
+        !> To first order; the bound in its place.
+        real(wp), intent(inout) :: error
+        real(wp), parameter :: parallel = 0.99_wp, growth = 1.1_wp, safety = 4.0_wp
+        real(wp) :: r, parts, distance(size(values)), least
+        integer :: j
+
+        distance = huge(1.0_wp)
+        do j = 1, size(values)
+            if (j == i) cycle
+            if (abs(dot_product(vectors(:, i), vectors(:, j))) > parallel*norm_of(vectors(:, i))*norm_of(vectors(:, j))) &
+                distance(j) = abs(values(j) - values(i))
+        end do
+        least = minval(distance)
+        if (.not. error > least/8) return
+        r = max(least, tiny(1.0_wp)**0.25_wp)
+        do while (r < error)
+            parts = r*product(abs(1 - r/max(distance, tiny(1.0_wp)**0.25_wp)), mask=distance < huge(1.0_wp))
+            if (parts > error) exit
+            r = growth*r
+        end do
+        error = min(error, safety*r)
+    end subroutine bound_in_block
+
+    !> The length of a vector.
+    pure real(wp) function norm_of(x)
+        complex(wp), intent(in) :: x(:)
+
+        norm_of = sqrt(sum(real(x, wp)**2 + aimag(x)**2))
+    end function norm_of
+end module tandem_analysis_nearest_errors
