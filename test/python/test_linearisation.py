@@ -66,6 +66,38 @@ end = 1
 [initial]
 equilibrium = true
 """
+# An arm that hangs from a shaft, which a motor turns about the vertical.
+HOOP = """
+[scene]
+model = "mechanism"
+[parameters]
+w = 3.0
+[gravity]
+vector = [0, 0, -9.81]
+[body.shaft]
+mass = 1
+inertia = [1, 1, 1]
+position = [0, 0, 0]
+omega = [0, 0, "w"]
+[body.arm]
+mass = 1
+inertia = INERTIA
+position = [0, 0, -1]
+omega = [0, 0, "w"]
+[joint.motor]
+type = "revolute"
+bodies = ["ground", "shaft"]
+at = [0, 0, 0]
+axis = [0, 0, 1]
+motion = "w*t"
+[joint.hinge]
+type = "revolute"
+bodies = ["shaft", "arm"]
+at = [0, 0, 0]
+axis = [0, 1, 0]
+[time]
+end = 1
+"""
 # Whose rod has no length yet.
 COINCIDING = """
 [scene]
@@ -364,6 +396,16 @@ class Linearisation(Case):
         rows = self.said("study", "modes", "bicycle", "--over", "parameters.speed=1:2:2")
         self.assertEqual([len(rows["rows"]), rows["critical"]], [2, []])
 
+    def test_critical_speeds_of_a_driven_hoop(self):
+        """Arms on a driven shaft in space: each leaves the vertical at w^2 (m l^2 + I1 - I3) = m g l, within what is stated."""
+        for inertia, over in (((0.1, 0.1, 0.1), "1:8:15"), ((0.1, 0.3, 0.35), "2:6:2"), ((0.02, 0.04, 0.05), "3:3.5:40")):
+            with self.subTest(over):
+                (self.folder / "hoop.toml").write_text(HOOP.replace("INERTIA", str(list(inertia))))
+                found, = self.said("study", "modes", "hoop.toml", "--over", "parameters.w=" + over)["critical"]
+                exact = np.sqrt(9.81/(1 + inertia[0] - inertia[2]))
+                self.assertEqual([found["crossing"], found["grows_beyond"]], ["zero", True])
+                self.assertLess(abs(found["value"] - exact), min(1e-9, found["uncertainty"]))
+
     def test_a_start_at_rest_beyond_half_a_turn(self):
         """Turns are counted on the way from the drawing to the place of rest, and the run stays there."""
         (self.folder / "wound.toml").write_text(WOUND)
@@ -379,7 +421,9 @@ class Linearisation(Case):
             with self.subTest(over):
                 found, = self.said("study", "modes", *disk, "--over", "parameters.w=" + over)["critical"]
                 self.assertEqual([found["crossing"], found["grows_beyond"]], ["zero", False])
-                self.assertLess(abs(found["value"] - np.sqrt(10*9.6*2.5001/(5*(5 + 10)))), 1e-10)
+                exact = np.sqrt(10*9.6*2.5001/(5*(5 + 10)))
+                self.assertLess(abs(found["value"] - exact), 1e-10)
+                self.assertLess(abs(found["value"] - exact), found["uncertainty"])
         top = self.folder / "top.toml"
         top.write_text(SLEEPING_TOP)
         inertia, height = 0.02, 0.3
@@ -389,6 +433,7 @@ class Linearisation(Case):
                 self.assertEqual([found["crossing"], found["grows_beyond"]], ["krein", False])
                 exact = 2*np.sqrt((inertia + height**2)*9.81*height)/0.01
                 self.assertLess(abs(found["value"] - exact), 1e-9)
+                self.assertLess(abs(found["value"] - exact), found["uncertainty"])
                 # Nutation and precession are one there, half of C omega/A'.
                 self.assertLess(abs(found["eigenvalue"][1] - 0.01*exact/(2*(inertia + height**2))), 1e-5)
         # Ziegler's column (1952): two rods, masses 2 and 1, springs of 1, a force that follows the last rod.

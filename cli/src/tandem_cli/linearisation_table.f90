@@ -218,8 +218,10 @@ contains
                     call say('  +- '//to_text(aimag(spectrum%values(i)))//' i among them: the frame turns')
                 end do
             end if
-            if (any(spectrum%cause == of_family)) call say(to_text(count(spectrum%cause == of_family))// &
-                ' zeros of families: '//family_text(it))
+            k = count(spectrum%cause == of_family .and. .not. abs(spectrum%values) > 0.0_wp)
+            if (k > 0) call say(to_text(k)//' zeros of families: '//family_text(it))
+            k = count(spectrum%cause == of_family) - k
+            if (k > 0) call say(to_text(k)//' of drift, at the rate of the frame that turns: free bodies go on beside their paths')
             if (spectrum%n_zeros == 0) return
             line = 'zeros in Jordan blocks:'
             do k = 1, size(spectrum%blocks)

@@ -22,6 +22,8 @@ module tandem_analysis_nearest_errors
 
     !> Errors of single entries over eps and their sizes.
     real(wp), parameter :: rounding = 8.0_wp*epsilon(1.0_wp)
+    !> Eigenvalues whose distance is at most so many times their errors meet.
+    real(wp), parameter :: apart = 8.0_wp
 
 contains
 
@@ -54,9 +56,16 @@ contains
             call bound_to_first_order(point, shift, values(i), vectors(:, i), imbalance, seed, first(i), stat)
             if (stat /= 0) return
         end do
+        errors = first
         do i = 1, size(values)
-            errors(i) = first(i)
             call bound_in_block(values, vectors, i, errors(i))
+        end do
+        ! Eigenvalues that meet are as uncertain as any of them, and as far apart as errors have moved them.
+        first = errors
+        do i = 1, size(values)
+            associate (distance => abs(values - values(i)))
+                errors(i) = maxval(max(first, distance), mask=distance <= apart*max(first, first(i)))
+            end associate
         end do
     end subroutine bound_errors
 
@@ -163,7 +172,7 @@ contains
                 distance(j) = abs(values(j) - values(i))
         end do
         least = minval(distance)
-        if (.not. error > least/8) return
+        if (.not. error > least/apart) return
         r = max(least, tiny(1.0_wp)**0.25_wp)
         do while (r < error)
             parts = r*product(abs(1 - r/max(distance, tiny(1.0_wp)**0.25_wp)), mask=distance < huge(1.0_wp))
