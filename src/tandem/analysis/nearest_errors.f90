@@ -163,13 +163,14 @@ contains
         real(wp), intent(inout) :: error
         real(wp), parameter :: parallel = 0.99_wp, growth = 1.1_wp, safety = 4.0_wp
         real(wp) :: r, parts, distance(size(values)), least
+        logical :: is_parallel
         integer :: j
 
         distance = huge(1.0_wp)
         do j = 1, size(values)
             if (j == i) cycle
-            if (abs(dot_product(vectors(:, i), vectors(:, j))) > parallel*norm_of(vectors(:, i))*norm_of(vectors(:, j))) &
-                distance(j) = abs(values(j) - values(i))
+            is_parallel = abs(dot_product(vectors(:, i), vectors(:, j))) > parallel*norm_of(vectors(:, i))*norm_of(vectors(:, j))
+            if (is_parallel) distance(j) = abs(values(j) - values(i))
         end do
         least = minval(distance)
         if (.not. error > least/apart) return

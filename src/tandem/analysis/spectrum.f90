@@ -89,22 +89,26 @@ contains
         allocate (z(n - ns, n - ns))
         call split_rest(nz, blocks)
         i = n - ns - nz
-        allocate (values(n), vectors(n, n), condition(n), rounding(i), left(i, i))
-        ! Those of the symmetries and of drift.
-        call find_known_values(1, ns - nd, of_symmetry, stat)
-        if (stat == 0) call find_known_values(ns - nd + 1, ns, of_family, stat)
+        allocate (values(i), vectors(i, i), condition(i), rounding(i), left(i, i))
+        ! Those of the symmetries and of drift; all others that were split off are zero.
+        self%cause(:ns - nd) = of_symmetry
+        self%cause(ns - nd + 1:ns + nz) = of_family
+        associate (bound => 8*epsilon(1.0_wp)*norm + norm2(e) + dropped, first => ns - nd + 1)
+            call find_known_values(b(:ns - nd, :ns - nd), tolerance*norm, rate, bound, self%values(:ns - nd), &
+                self%error(:ns - nd), stat)
+            if (stat == 0) call find_known_values(b(first:ns, first:ns), tolerance*norm, rate, bound, self%values(first:ns), &
+                self%error(first:ns), stat)
+        end associate
         if (stat == 0) then
-            self%values(ns + 1:ns + nz) = (0.0_wp, 0.0_wp)
-            self%cause(ns + 1:ns + nz) = of_family
-            call find_eigenvalues(b(ns + nz + 1:, ns + nz + 1:), values(:i), vectors(:i, :i), condition(:i), stat, left, rounding)
+            call find_eigenvalues(b(ns + nz + 1:, ns + nz + 1:), values, vectors, condition, stat, left, rounding)
         end if
         if (stat /= 0) then
             call set_error(error, status_not_finite, 'the eigenvalues did not converge', 'check the numbers of the model')
             return
         end if
-        self%values(ns + nz + 1:) = values(:i)
+        self%values(ns + nz + 1:) = values
         call self%set_zeros(b, ns + nz, tolerance*norm, norm, dropped + norm2(e))
-        call self%set_vectors(b, d, q, ns + nz, vectors(:i, :i))
+        call self%set_vectors(b, d, q, ns + nz, vectors)
         ! Rounding of the transformations, which are those of no rows where nothing was split off.
         dropped = dropped + merge(4*epsilon(1.0_wp)*norm, 0.0_wp, ns + nz > 0)
         call self%set_errors(b, e, d, q, ns + nz, left, rounding, dropped)
@@ -141,38 +145,42 @@ contains
             q(:, ns + 1:) = matmul(q(:, ns + 1:), turn)
             ns = ns + k
         end subroutine split_drift
-
-        !> On directions that were split off: zeros, and rates of a turning frame, which Jordan blocks leave with half their digits
-        !> unless they are known.
-        subroutine find_known_values(first, last, cause, info)
-            integer, intent(in) :: first, last, cause
-            integer, intent(out) :: info
-            real(wp), allocatable :: block(:, :), y(:, :)
-            complex(wp) :: known(3)
-            integer, allocatable :: dimensions(:)
-            integer :: k, j, m
-
-            m = last - first + 1
-            allocate (block, source=b(first:last, first:last))
-            allocate (y(m, m))
-            call split_zeros(block, tolerance*norm, y, k, dimensions)
-            self%cause(first:last) = cause
-            m = m - k
-            call find_eigenvalues(block(k + 1:, k + 1:), values(:m), vectors(:m, :m), condition(:m), info)
-            known = [(0.0_wp, 0.0_wp), cmplx(0.0_wp, rate, wp), cmplx(0.0_wp, -rate, wp)]
-            do j = 1, m
-                self%error(first + k + j - 1) = 8*epsilon(1.0_wp)*norm + norm2(e) + dropped
-                associate (nearest => known(minloc(abs(known - values(j)), dim=1)))
-                    if (abs(nearest - values(j)) <= sqrt(tolerance)*norm) then
-                        values(j) = nearest
-                    else
-                        self%error(first + k + j - 1) = self%error(first + k + j - 1)/max(condition(j), tiny(1.0_wp)**0.25_wp)
-                    end if
-                end associate
-            end do
-            self%values(first + k:last) = values(:m)
-        end subroutine find_known_values
     end subroutine find
+
+    !> Eigenvalues on directions that were split off: zeros, and rates of a turning frame, which Jordan blocks leave with half their
+    !> digits unless they are known.
+    subroutine find_known_values(matrix, tolerance, rate, bound, values, errors, stat)
+        !> (n, n); what counts as zero; the rate, and a bound on errors of the matrix.
+        real(wp), intent(in) :: matrix(:, :), tolerance, rate, bound
+        complex(wp), intent(out) :: values(:)
+        real(wp), intent(out) :: errors(:)
+        !> > 0: without convergence.
+        integer, intent(out) :: stat
+        !> A value this near to a known one over the rate, and no further away than its condition explains, is that.
+        real(wp), parameter :: near = 1.0e-3_wp
+        real(wp) :: block(size(values), size(values)), q(size(values), size(values)), condition(size(values)), first_order
+        complex(wp) :: vectors(size(values), size(values)), known(3), nearest
+        integer, allocatable :: dimensions(:)
+        integer :: k, j
+
+        values = (0.0_wp, 0.0_wp)
+        errors = 0.0_wp
+        block = matrix
+        call split_zeros(block, tolerance, q, k, dimensions)
+        call find_eigenvalues(block(k + 1:, k + 1:), values(k + 1:), vectors(k + 1:, k + 1:), condition(k + 1:), stat)
+        if (stat /= 0) return
+        known = [(0.0_wp, 0.0_wp), cmplx(0.0_wp, rate, wp), cmplx(0.0_wp, -rate, wp)]
+        do j = k + 1, size(values)
+            first_order = bound/max(condition(j), tiny(1.0_wp)**0.25_wp)
+            nearest = known(minloc(abs(known - values(j)), dim=1))
+            if (abs(nearest - values(j)) <= min(near*rate, 100*first_order)) then
+                values(j) = nearest
+                errors(j) = bound
+            else
+                errors(j) = first_order
+            end if
+        end do
+    end subroutine find_known_values
 
     !> Measure velocities in a unit in which they are about as large as the coordinates: B := D^-1 B D, so that what couples one to
     !> the other is about as large both ways. Powers of two round nothing. A full balancing would scale by what is rounding.

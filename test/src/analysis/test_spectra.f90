@@ -154,8 +154,8 @@ contains
         call check_count(error, it%kind, at_an_instant, 'kind of motion')
     end subroutine test_rate
 
-    !> A body that turns beside the shaft without any force: seen from the frame its drift circles, in Jordan blocks of i w, and so
-    !> does its path about another axis. One motion is left, its nutation, sqrt((C - A) (C - B)/(A B)) w, seen from the frame as from
+    !> A body turns beside the shaft without any force: seen from the frame its drift circles, in Jordan blocks of i w, and so does
+    !> its path about another axis. One motion is left, its nutation, sqrt((C - A) (C - B)/(A B)) w, seen from the frame as from
     !> its own axes.
     subroutine test_drift(error)
         type(error_type), allocatable, intent(out) :: error
