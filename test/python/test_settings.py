@@ -200,7 +200,7 @@ class Advice(Case):
         """A crank that is driven further than its coupler is long jams, whatever the step."""
         scene = self.scene('[scene]\nmodel = "mechanism"\nplanar = true\n[body.crank]\nmass = 1\ninertia = 0.1\nposition = [0.5, 0]\n'
                            '[body.rod]\nmass = 1\ninertia = 0.1\nposition = [1.2, 0.0]\n[joint.o]\ntype = "revolute"\n'
-                           'bodies = ["ground", "crank"]\nat = [0, 0]\ndrive = "t"\n[joint.a]\ntype = "revolute"\nbodies = ["crank", "rod"]\n'
+                           'bodies = ["ground", "crank"]\nat = [0, 0]\nmotion = "6*t"\n[joint.a]\ntype = "revolute"\nbodies = ["crank", "rod"]\n'
                            'at = [1, 0]\n[joint.b]\ntype = "revolute"\nbodies = ["rod", "ground"]\nat = [1.4, 0]\n[time]\nend = 3\n')
         for words in ([], ["--set", "solver.stepper=rk4", "--set", "solver.step=0.01"], ["--set", "solver.stepper=radau5"]):
             says = self.run_fails(scene, *words)
@@ -224,7 +224,7 @@ class Advice(Case):
         for path in sorted((ROOT / "scenes").glob("*.toml")):
             with self.subTest(path.stem):
                 done = self.tandem("run", path.stem, "--quiet", "--output", "a.h5", "--force", timeout=600)
-                self.assertEqual(done.stderr, "")
+                self.assertNotIn("WARNING", done.stderr)
 
 
 class Crash(Case):

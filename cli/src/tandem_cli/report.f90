@@ -138,7 +138,7 @@ contains
 
         if (.not. allocated(simulation%warnings)) return
         do i = 1, size(simulation%warnings)
-            call print_line('WARNING', simulation%warnings(i)%text)
+            call print_line(trim(merge('note   ', 'WARNING', simulation%warnings(i)%is_note)), simulation%warnings(i)%text)
         end do
     end subroutine print_warnings
 
@@ -167,7 +167,7 @@ contains
 
         if (allocated(simulation%warnings)) then
             do i = 1, size(simulation%warnings)
-                call complain('WARNING: '//simulation%warnings(i)%text)
+                call complain(trim(merge('note:   ', 'WARNING:', simulation%warnings(i)%is_note))//' '//simulation%warnings(i)%text)
             end do
         end if
         call find_error_warnings(simulation%options, simulation%statistics(), doubts, global_error, estimate_error)

@@ -289,6 +289,7 @@ contains
         if (.not. allocated(self%warnings)) return
         do i = 1, size(self%warnings)
             call pack%text(self%warnings(i)%text)
+            call pack%item(self%warnings(i)%is_note)
         end do
     end subroutine pack_warnings
 

@@ -104,7 +104,7 @@ contains
         do i = 1, size(self%warnings)
             if (self%warnings(i)%text == text) return
         end do
-        call add_warning(self%warnings, text)
+        call add_warning(self%warnings, text, is_note)
     end procedure warn
 
     !> The meaning of a status code, with blanks behind.

@@ -461,11 +461,13 @@ module tandem_simulation
         end function with_rows
 
         !> Keep a warning, once.
-        module subroutine warn(self, text)
+        module subroutine warn(self, text, is_note)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
             !> What was seen and what to do about it.
             character(len=*), intent(in) :: text
+            !> A property of the model, no doubt about the result; default false.
+            logical, intent(in), optional :: is_note
         end subroutine warn
     end interface
 

@@ -88,11 +88,11 @@ contains
                 associate (row => self%chart%left_out(i))
                     call self%warn('the constraint "'//model%row_name(row)//'" repeats'// &
                         trim(self%with_rows(partners(first(i):first(i + 1) - 1), row, ' '))// &
-                        ' and was left out; its multiplier is zero')
+                        ' and was left out; its multiplier is zero', is_note=.true.)
                 end associate
             end do
             if (self%n_redundant > most_told) call self%warn(to_text(self%n_redundant - most_told)// &
-                ' constraints more repeat others and were left out; their multipliers are zero')
+                ' constraints more repeat others and were left out; their multipliers are zero', is_note=.true.)
         end associate
     end subroutine leave_out_rows
 
@@ -233,11 +233,11 @@ contains
             do i = 1, size(redundancy%dropped)
                 if (size(redundancy%partners(i)) == 0) then
                     call self%warn('the constraint "'//model%row_name(redundancy%dropped(i))// &
-                        '" restricts nothing and was left out')
+                        '" restricts nothing and was left out', is_note=.true.)
                 else
                     call self%warn('the constraint "'//model%row_name(redundancy%dropped(i))//'" repeats'// &
                         trim(self%with_rows(redundancy%partners(i), 0, ' '))// &
-                        ' and was left out; the multipliers are those of least norm')
+                        ' and was left out; the multipliers are those of least norm', is_note=.true.)
                 end if
             end do
         end associate

@@ -14,7 +14,10 @@ module tandem_simulate_warning
     type :: warning_type
         !> What was seen and what to do about it.
         character(len=:), allocatable :: text
+        !> A property of the model that users should know, such as a redundant row, rather than a doubt about the result.
+        logical :: is_note = .false.
     end type warning_type
+
 contains
 
     !> The error of a step, relative to the state, above which there is something to say.
@@ -26,15 +29,17 @@ contains
     end function warning_limit
 
     !> Put a warning behind others. An array constructor would leave the memory of the new text behind (gfortran 12).
-    subroutine add_warning(warnings, text)
+    subroutine add_warning(warnings, text, is_note)
         !> Those that there are; allocated, and one longer afterwards.
         type(warning_type), allocatable, intent(inout) :: warnings(:)
         character(len=*), intent(in) :: text
+        logical, intent(in), optional :: is_note
         type(warning_type), allocatable :: longer(:)
 
         allocate (longer(size(warnings) + 1))
         longer(:size(warnings)) = warnings
         longer(size(longer))%text = text
+        if (present(is_note)) longer(size(longer))%is_note = is_note
         call move_alloc(longer, warnings)
     end subroutine add_warning
 end module tandem_simulate_warning

@@ -60,7 +60,11 @@ contains
         real(wp) :: rtol_q(2), rtol_qd(2), atol_q(2), atol_qd(2)
 
         options%constraint_tolerance = 1.0e-13_wp
+        options%step = 1.0e-3_wp
         call check_below(error, options%relative_tolerance(), 0.0_wp, 'relative tolerance of fixed steps')
+        if (allocated(error)) return
+        options%step = 0.0_wp
+        call check_close(error, [options%relative_tolerance()], [1.0e-6_wp], 0.0_wp, 'the default')
         if (allocated(error)) return
         ! Of the coordinates only: the velocities follow, and Newton's tolerance follows the smallest.
         options%rtol_q = [1.0e-4_wp, 1.0e-6_wp]

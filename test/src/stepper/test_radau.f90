@@ -43,7 +43,7 @@ contains
             new_unittest('coefficients-satisfy-the-conditions-of-their-order', test_conditions), &
             new_unittest('transformations-make-the-coefficients-block-diagonal', test_transformations), &
             new_unittest('a-pendulum-in-closed-form-shows-orders-five-nine-and-thirteen', test_orders), &
-            new_unittest('radau-is-a-stepper-by-name-that-wants-a-tolerance', test_name), &
+            new_unittest('radau-is-a-stepper-by-name-without-fixed-steps', test_name), &
             new_unittest('radau-meets-the-reference-of-a-stiff-pendulum', test_reference), &
             new_unittest('radau-takes-fewer-corrections-to-tight-tolerances', test_tight), &
             new_unittest('radau-takes-no-more-corrections-to-loose-tolerances', test_loose), &
@@ -250,8 +250,8 @@ contains
             'radau and its properties')
         call new_scene('disk', model)
         call get_start('disk', q, qd)
-        call simulation%initialize(model, options_type(stepper='radau'), 0.0_wp, q, qd, failure)
-        call check_failure(error, failure, 'invalid_option', 'chooses between orders')
+        call simulation%initialize(model, options_type(stepper='radau', step=1.0e-3_wp), 0.0_wp, q, qd, failure)
+        call check_failure(error, failure, 'invalid_option', 'step is given, but radau chooses between orders')
     end subroutine test_name
 
     !> Positions at 1e-6 and 1e-10 against Radau IIA with more digits in other coordinates.
