@@ -161,7 +161,7 @@ def build_command_line(build, flags):
 
 
 def run_path(prefix):
-    """What lets a program find the shared library where it is installed, unless the system looks there anyway."""
+    """Linker flag for the run path of programs; empty for a folder that the system searches."""
     return "" if prefix == "/usr" else "-Wl,-rpath,${libdir} "
 
 

@@ -14,7 +14,7 @@
 
 enum { SLOTS = 4, ROOM = 64, GUARD = 8, MOST = 21, WORDS = 1 << 15 };
 
-/* What a call needs of a problem. */
+/* State of a problem that a call needs. */
 enum need {
     A_PROBLEM,  /* nothing else */
     FUNCTIONS,  /* a model by functions */
@@ -287,7 +287,7 @@ static int one_call(struct slot *s)
         tandem_get_sizes(s->p, &s->n, &s->rows, &writes);
         s->rows += writes;
     }
-    /* Whether there is a run now is what a call that only looks says. */
+    /* A call that only looks tells if there is a run now. */
     s->started = tandem_get_state(s->p, NULL, NULL, NULL, NULL) == 0;
     if (table[which].ends_run && status == 0 && s->started) complain(which, s, status, "a run goes on with another model");
     if (which == 19 && status == 0 && !s->started) complain(which, s, status, "a start without a run");

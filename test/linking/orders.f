@@ -91,7 +91,7 @@ C         The one that leads on.
           NDEF = NDEF + 1
         END IF
         IF (J .EQ. 20 .AND. IERR .EQ. 0) NRUN = NRUN + 1
-C       Whether there is a run now, by a call that only looks.
+C       A call that only looks tells if there is a run now.
         CALL TDNEVT (IH(1,K), N, IERR2)
         RUNS(K) = IERR2 .EQ. 0
         IF (J .EQ. 20 .AND. ((IERR .EQ. 0) .NEQV. RUNS(K))) CALL SAY

@@ -106,7 +106,7 @@ class Imports(unittest.TestCase):
                 self.assertIn(says, self.imported(mjcf, f"<mujoco>{wrong}</mujoco>", 2))
 
     def test_what_flags_disable(self):
-        """What MuJoCo leaves out where a flag disables it: springs, dampers, equalities, limits, actuators, gravity."""
+        """Flags of MuJoCo that disable springs, dampers, equalities, limits, actuators, gravity."""
         def taken(*flags):
             words = " ".join(f'{flag}="disable"' for flag in flags)
             text = FULL.replace('<flag limit="disable"/>', f"<flag {words}/>")
@@ -155,10 +155,10 @@ class Imports(unittest.TestCase):
         os.mkfifo("pipe.xml")
         os.mkdir("folder.xml")
         for module in (mjcf, urdf):
-            self.assertIn("no regular file", self.imported(module, code=2, file="pipe.xml"))
-            self.assertIn("no regular file", self.imported(module, code=2, file="folder.xml"))
+            self.assertIn("not a regular file", self.imported(module, code=2, file="pipe.xml"))
+            self.assertIn("not a regular file", self.imported(module, code=2, file="folder.xml"))
             self.assertIn("none.xml", self.imported(module, code=2, file="none.xml"))
-        self.assertIn("no regular file", self.imported(mjcf, '<mujoco><include file="pipe.xml"/></mujoco>', 2))
+        self.assertIn("not a regular file", self.imported(mjcf, '<mujoco><include file="pipe.xml"/></mujoco>', 2))
 
     def test_includes(self):
         """Each file once: neither in circles nor twice as many in each of many files."""
@@ -193,10 +193,10 @@ class Imports(unittest.TestCase):
         self.assertLess(time.monotonic() - began, 20)
 
     def test_numbers_that_overflow(self):
-        """Where a product is beyond all numbers, or the centre of something without mass is asked for."""
+        """Products that overflow, and bodies whose mass underflows."""
         chain = "".join(f'<link name="l{k}"><inertial><mass value="1"/></inertial></link><joint name="j{k}" type="continuous"><parent link="'
-                        f'{f"l{k - 1}" if k else "root"}"/><child link="l{k}"/>' + (f'<mimic joint="j{k - 1}" multiplier="1e30" offset="1e30"/>' if k else "")
-                        + "</joint>" for k in range(20))
+                        f'{f"l{k - 1}" if k else "root"}"/><child link="l{k}"/>'
+                        + (f'<mimic joint="j{k - 1}" multiplier="1e30" offset="1e30"/>' if k else "") + "</joint>" for k in range(20))
         self.assertIn("overflows", self.imported(urdf, f'<robot name="r"><link name="root"/>{chain}</robot>', 2))
         for geom in ('size="1e30" density="1e30"', 'size="1e-30" density="1e-30"', 'type="box" size="1e30 1e-30 1"'):
             self.imported(mjcf, f'<mujoco><compiler settotalmass="1e30"/><worldbody><body><joint/><geom {geom}/></body></worldbody></mujoco>')
@@ -204,7 +204,8 @@ class Imports(unittest.TestCase):
     def test_random_files(self):
         """Files with random changes: to values, names, elements and their order, and cut anywhere."""
         random.seed(1)
-        values = ("", "nan", "0", "-1", "1e300", "1e30", "1e-320", "0 0 0", "1 2 3", "0 0 0 0", "true", "hinge", "door", "rod", "fixed", "box", "\u00e9", "'", "&#10;", "x"*300)
+        values = ("", "nan", "0", "-1", "1e300", "1e30", "1e-320", "0 0 0", "1 2 3", "0 0 0 0", "true", "hinge", "door", "rod", "fixed",
+                  "box", "\u00e9", "'", "&#10;", "x"*300)
         codes = {0: 0, 2: 0}
         for k in range(MUTATIONS):
             module, text = ((mjcf, FULL), (urdf, ROBOT))[k % 2]

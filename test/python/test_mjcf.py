@@ -166,7 +166,7 @@ class Models(Mechanism):
             return f"<mujoco><worldbody>{text}</worldbody></mujoco>"
 
         for text, message in {
-            "<robot/>": "not <mujoco>", "<mujoco": "no XML", body("<geom size='1'/>"): "nothing moves",
+            "<robot/>": "not <mujoco>", "<mujoco": "not XML", body("<geom size='1'/>"): "nothing moves",
             body('<body name="b"><joint/></body>'): "no mass", body('<body><joint axis="0 0 0"/><geom size="1"/></body>'): "length zero",
             body('<body><joint type="screw"/><geom size="1"/></body>'): 'screw" is unknown',
             body('<body><freejoint/><geom type="box" size="1"/></body>'): "3 sizes",

@@ -150,7 +150,7 @@ class Robots(Mechanism):
 
     def test_wrong_files(self):
         cases = {
-            "no XML": ("<robot", "is no XML"), "another": ("<sdf/>", "no URDF"), "empty": ("<robot/>", "no links"),
+            "no XML": ("<robot", "is not XML"), "another": ("<sdf/>", "not URDF"), "empty": ("<robot/>", "no links"),
             "macros": ('<robot xmlns:xacro="http://ros.org/xacro"><xacro:macro/></robot>', "xacro"),
             "loop": (ROBOT.replace('<child link="end"/>', '<child link="stand"/>'), "trees alone"),
             "unknown": (ROBOT.replace('<child link="end"/>', '<child link="and"/>'), "there is no link and"),

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""XML files of other programs: read within bounds, and the one place where their attributes become numbers and words.
+"""Bounded reading of XML files of other programs, and conversion of their attributes to numbers and words.
 
-Whatever is wrong ends in an `InputError`. Text between elements is dropped, which neither URDF nor MJCF uses.
+Every fault raises `InputError`. Text between elements is dropped; neither URDF nor MJCF uses it.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
 class InputError(ValueError):
-    """What is wrong with a file, and what to do."""
+    """Error in a file; the message names the remedy."""
 
 
 class Budget:
-    """What is left of the bounds."""
+    """Bytes and elements that may still be read."""
 
     def __init__(self):
         self.bytes, self.elements = MOST_BYTES, MOST_ELEMENTS
@@ -71,20 +71,20 @@ def parse(path, budget: Budget | None = None) -> ElementTree.Element:
     try:
         parser.Parse(text, True)
     except expat.ExpatError as error:
-        raise InputError(f"{path} is no XML: {error}") from error
+        raise InputError(f"{path} is not XML: {error}") from error
     except (LookupError, ValueError) as error:
         # An encoding that Python does not know.
-        raise error if isinstance(error, InputError) else InputError(f"{path} is no XML: {error}") from error
+        raise error if isinstance(error, InputError) else InputError(f"{path} is not XML: {error}") from error
     return builder.close()
 
 
 def read_bytes(path, budget: Budget) -> bytes:
     """The content of a regular file."""
-    # A pipe would wait for whoever writes into it.
+    # Opening a pipe would wait for its writer.
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
     try:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise InputError(f"{path} is no regular file; write its content into one")
+            raise InputError(f"{path} is not a regular file; write its content into one")
         with open(handle, "rb", closefd=False) as file:
             text = file.read(budget.bytes + 1)
     finally:
@@ -148,7 +148,7 @@ def finite(value: float) -> float:
 def guarded(action) -> int:
     """Run an import: the exit code, 2 with a message where the input is wrong."""
     try:
-        # What overflows is refused where it is written.
+        # Numbers that overflow are refused when the scene is written.
         with np.errstate(all="ignore"):
             action()
         return 0

@@ -35,12 +35,12 @@ except ImportError:  # as a script
 
 #: Files in files, no deeper than this.
 DEEPEST = 10
-#: Flags that switch off what is taken, one of them is enough, and that.
+#: Flags, any of which disables a part of the model, and the name of that part.
 OFF = ((("spring", "passive"), "springs of joints"), (("damper", "passive"), "dampers of joints"), (("constraint", "equality"), "equalities"),
        (("constraint", "limit"), "limits of joints"), (("actuation",), "actuators"))
 #: What would change a model and is not taken.
 REFUSED = ("composite", "flexcomp", "replicate", "attach", "flex")
-#: What a body may have besides geoms, sites, frames and bodies.
+#: Content of a body besides geoms, sites, frames and bodies.
 INSIDE = ("joint", "freejoint", "inertial", "camera", "light", "plugin")
 #: Sections of a file that are taken, or that do not matter to how it moves.
 KNOWN = {"compiler", "option", "size", "statistic", "default", "asset", "worldbody", "equality", "actuator", "contact", "sensor", "keyframe",
@@ -85,8 +85,8 @@ class Model:
 
 
 class Includes:
-    """Puts what a file includes in its place. MuJoCo looks for a file beside the first one, then beside the one that includes it, and takes
-    each file once."""
+    """Replaces the includes of a file by their content. As in MuJoCo, an included file is looked for beside the main file, then beside the
+    file that includes it, and may be included once."""
 
     def __init__(self, path):
         self.folder, self.budget, self.seen = Path(path).parent, Budget(), set()
@@ -122,11 +122,11 @@ class Reader:
     def __init__(self, path, at=None, state=None):
         self.root = Includes(path).root
         if self.root.tag != "mujoco":
-            raise InputError(f"{path} is no MJCF: its first element is <{self.root.tag}>, not <mujoco>")
+            raise InputError(f"{path} is not MJCF: its first element is <{self.root.tag}>, not <mujoco>")
         known(self.root.attrib, ATTRIBUTES["mujoco"], "mujoco")
         self.compiler, option = self.merged("compiler"), self.merged("option")
         self.read_compiler()
-        #: Of the flags those that are set, and what they switch off.
+        #: Flags of the options: enable or disable.
         self.flags = {key: keyword(value, ("enable", "disable"), "", f"flag, {key}") for key, value in self.merged("option/flag").items()}
         self.classes = {"main": {}}
         for element in self.root.findall("default"):

@@ -20,7 +20,7 @@ TEXTS = ("scene", "stepper", "control", "status")
 
 @dataclass
 class Study:
-    """A study: {name: column}, the attributes of its group, its settings and what it says about itself."""
+    """A study: {name: column}, the attributes of its group, its settings, and its description of the errors."""
 
     columns: dict[str, np.ndarray]
     attributes: dict[str, Any] = field(default_factory=dict)
@@ -63,7 +63,7 @@ def read_study(path: str | Path) -> Study:
             columns = {name: column.asstr()[:].astype(str) if column.dtype == object else column[:] for name, column in group.items()}
             return Study(columns, dict(group.attrs), tomllib.loads(text(file.attrs["settings"])), text(file.attrs["about"]))
         except (AttributeError, KeyError, RuntimeError, TypeError) as error:
-            raise ValueError(f"{path} is no whole study: {error.args[0] if error.args else error}") from error
+            raise ValueError(f"{path} is not a complete study: {error.args[0] if error.args else error}") from error
 
 
 def read_rows(path: str | Path) -> Study:
@@ -74,5 +74,5 @@ def read_rows(path: str | Path) -> Study:
     try:
         columns = {name: np.array([row[name] if name in TEXTS else float(row[name] or "nan") for row in rows]) for name in names}
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{path} is no whole study: {error}") from error
+        raise ValueError(f"{path} is not a complete study: {error}") from error
     return Study(columns)

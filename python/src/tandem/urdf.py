@@ -214,7 +214,7 @@ def read(path) -> Robot:
     """The robot of a file: a tree of links."""
     root = parse(path)
     if root.tag != "robot":
-        raise InputError(f"{path} is no URDF: its first element is <{root.tag}>, not <robot>"
+        raise InputError(f"{path} is not URDF: its first element is <{root.tag}>, not <robot>"
                         + ("; let xacro expand it first" if "xacro" in root.tag else ""))
     links, joints = {}, {}
     for element in root:

@@ -63,7 +63,7 @@ def draw_studies(given, studies: list[str]) -> int:
 
     for file, study in zip(given.files, studies, strict=True):
         if study != "precision":
-            raise ValueError(f"{file} is {f'a study of {study}' if study else 'no study'}: only studies of precision are drawn"
+            raise ValueError(f"{file} is {f'a study of {study}' if study else 'not a study'}: only studies of precision are drawn"
                              + (" here; tools/plot.py draws this one" if study else " in one picture"))
     if given.kind not in ("overview", "precision") or given.names or given.plane:
         raise ValueError("a study of precision has one kind of picture, and takes neither --names nor --plane")

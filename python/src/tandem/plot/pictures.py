@@ -270,7 +270,7 @@ def energy_series(result, whole: bool = False) -> dict[str, np.ndarray]:
 
 
 def work_series(result) -> np.ndarray | None:
-    """What motions and forces have done since the start, where a balance is in the file."""
+    """Work of motions and forces since the start, if the file holds a balance."""
     for whats in (*result.groups.get("balance", {}).values(), *result.sensors.values()):
         if "work_of_motions" in whats and "work_of_forces" in whats:
             return whats["work_of_motions"].values + whats["work_of_forces"].values
@@ -310,7 +310,8 @@ def energies(given: Any, *, axes=None):
         all_axes[1, 0].plot(result.time, change, **style_of(2, k), label=shown(titles[k]) if len(results) > 1 else "E - E(0)")
         work = work_series(result)
         if work is not None:
-            all_axes[1, 0].plot(result.time, change - work, **style_of(3, k), label=shown(", ".join(["less the work", *titles[k:k + 1][:len(results) > 1]])))
+            name = f"less the work, {titles[k]}" if len(results) > 1 else "less the work"
+            all_axes[1, 0].plot(result.time, change - work, **style_of(3, k), label=shown(name))
     all_axes[0, 0].set(ylabel="energy [J]", title="energies", xlim=span_of(results))
     all_axes[0, 0].legend(ncols=3)
     all_axes[1, 0].set(ylabel="E - E(0) [J]", xlabel="time [s]", title="change of the sum")

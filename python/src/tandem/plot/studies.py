@@ -18,7 +18,7 @@ NEEDED = ("scene", "stepper", "control", "value", "error_q", "cpu_seconds", "rig
 
 
 def setting(study: Study, row: int) -> str:
-    """What a run was, in a few letters."""
+    """Stepper and step or tolerance of a run, abbreviated."""
     value = study.columns["value"][row]
     if study.columns["control"][row] == "rtol":
         return f"{study.columns['stepper'][row]}, rtol 1e{round(np.log10(value))}"
@@ -111,7 +111,7 @@ def precision(given: Any, *, title: str | None = None):
     studies = [one if isinstance(one, Study) else read_study(one) for one in paths]
     for path, study in zip(paths, studies, strict=True):
         if any(name not in study.columns for name in NEEDED):
-            raise ValueError(f"{path} is no study of precision: tandem study precision SCENE makes one")
+            raise ValueError(f"{path} is not a study of precision: tandem study precision SCENE makes one")
         if not drawable(study).any():
             raise ValueError(f"{path} has no run with an error and a run time")
     if len(studies) == 1:

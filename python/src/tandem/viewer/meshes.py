@@ -15,7 +15,7 @@ from .drawing import Drawing, Piece
 
 #: A page of more triangles would be slow, and large.
 MOST_TRIANGLES = 200_000
-#: Larger files have more triangles, or what is no triangle.
+#: Larger files have more triangles, or other content.
 MOST_BYTES = 100_000_000
 VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 
