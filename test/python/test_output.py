@@ -871,8 +871,8 @@ class SceneErrors(Case):
         self.refused("show", "junk.toml", says="is it a binary file?")
         (self.folder / "latin.toml").write_bytes(b'[scene]\nname = "\xff\xfe"\n')
         self.refused("show", "latin.toml", says="line 2 holds bytes that are no UTF-8")
-        (self.folder / "large.toml").write_bytes(b"#\n" * 100_000)
-        self.refused("show", "large.toml", says="more than 131072 bytes")
+        (self.folder / "large.toml").write_bytes(b"#\n" * 2_100_000)
+        self.refused("show", "large.toml", says="more than 4194304 bytes")
         self.refused("show", "missing.toml", says=["missing.toml", "No such file"])
         self.refused("show", str(self.folder), says="Is a directory")
 

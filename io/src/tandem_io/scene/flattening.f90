@@ -20,13 +20,15 @@ module tandem_io_scene_flattening
 contains
 
     !> Add the entries of some tables of a source. Places are numbers in a list of them.
-    subroutine flatten(source, number, tables, entries, places, error)
+    subroutine flatten(source, number, tables, entries, places, n_places, error)
         type(source_type), intent(inout) :: source
         !> The number of the source.
         integer, intent(in) :: number
         character(len=*), intent(in) :: tables(:)
         type(entries_type), intent(inout) :: entries
+        !> The first `n_places` are in use.
         type(place_type), allocatable, intent(inout) :: places(:)
+        integer, intent(inout) :: n_places
         type(error_type), allocatable, intent(out) :: error
         type(toml_key), allocatable :: names(:)
         class(toml_value), pointer :: found
@@ -39,7 +41,7 @@ contains
             call source%root%get(names(i)%key, found)
             select type (found)
             type is (toml_table)
-                call add_table(source, number, names(i)%key, found, entries, places, error)
+                call add_table(source, number, names(i)%key, found, entries, places, n_places, error)
             class default
                 call set_input_error(error, source%describe('"'//names(i)%key//'" is a table', place_of(source, found), &
                     'write ['//names(i)%key//'] or ['//names(i)%key//'.NAME] on a line of its own'))
@@ -49,13 +51,15 @@ contains
     end subroutine flatten
 
     !> The entries of a table, and of those in it.
-    recursive subroutine add_table(source, number, path, table, entries, places, error)
+    recursive subroutine add_table(source, number, path, table, entries, places, n_places, error)
         type(source_type), intent(inout) :: source
         integer, intent(in) :: number
         character(len=*), intent(in) :: path
         type(toml_table), intent(inout) :: table
         type(entries_type), intent(inout) :: entries
+        !> The first `n_places` are in use.
         type(place_type), allocatable, intent(inout) :: places(:)
+        integer, intent(inout) :: n_places
         type(error_type), allocatable, intent(inout) :: error
         type(toml_key), allocatable :: names(:), below(:)
         class(toml_value), pointer :: found
@@ -80,7 +84,7 @@ contains
                         'give it keys, or leave it out'))
                     return
                 end if
-                call add_table(source, number, path//'.'//names(i)%key, found, entries, places, error)
+                call add_table(source, number, path//'.'//names(i)%key, found, entries, places, n_places, error)
             class default
                 call convert_value(source, found, value, problem)
                 if (problem /= '') then
@@ -88,18 +92,26 @@ contains
                         'of '//path))
                     return
                 end if
-                call add_place(place_type(number, place_of(source, found)), places)
-                call entries%set(path//'.'//names(i)%key, value, size(places))
+                call add_place(place_type(number, place_of(source, found)), places, n_places)
+                call entries%set(path//'.'//names(i)%key, value, n_places)
             end select
             if (allocated(error)) return
         end do
     end subroutine add_table
 
-    subroutine add_place(place, places)
+    subroutine add_place(place, places, n_places)
         type(place_type), intent(in) :: place
         type(place_type), allocatable, intent(inout) :: places(:)
+        integer, intent(inout) :: n_places
+        type(place_type), allocatable :: longer(:)
 
-        places = [places, place]
+        if (n_places == size(places)) then
+            allocate (longer(2*n_places))
+            longer(:n_places) = places
+            call move_alloc(longer, places)
+        end if
+        n_places = n_places + 1
+        places(n_places) = place
     end subroutine add_place
 
     !> Whether a key has a dot outside of braces.
@@ -131,27 +143,21 @@ contains
         select type (found)
         type is (toml_array)
             value%is_list = .true.
+            call find_row_length(found, value%row_length, problem)
+            if (problem /= '') return
+            deallocate (value%atoms)
+            allocate (value%atoms(len(found)*max(1, value%row_length)))
             do i = 1, len(found)
                 call found%get(i, element)
                 select type (element)
                 type is (toml_array)
-                    if (i == 1) value%row_length = len(element)
-                    if (value%row_length /= len(element) .or. len(element) == 0) then
-                        problem = 'has an element '//to_toml(i)//' that is a list'
-                        if (value%row_length > 0) problem = problem//' of another length than the first one'
-                        return
-                    end if
-                    call add_row(source, element, value, problem)
+                    call convert_row(source, element, value%atoms((i - 1)*value%row_length + 1:i*value%row_length), problem)
                 class default
-                    if (value%row_length == 0) then
-                        if (i == 1) value%atoms = spread(atom_type(), 1, len(found))
-                        call convert_atom(source, element, value%atoms(i), problem)
-                    else
-                        problem = 'is no list as the first one is'
-                    end if
-                    if (problem /= '') problem = 'has an element '//to_toml(i)//' that '//problem
+                    call convert_atom(source, element, value%atoms(i), problem)
                 end select
-                if (problem /= '') return
+                if (problem == '') cycle
+                problem = 'has an element '//to_toml(i)//' that '//problem
+                return
             end do
             if (len(found) == 0) problem = 'is an empty list'
         class default
@@ -161,26 +167,47 @@ contains
         end select
     end subroutine convert_value
 
-    !> One row more of a list of lists.
-    subroutine add_row(source, row, value, problem)
+    !> The length of the lists in a list, 0 where there are none.
+    subroutine find_row_length(list, length, problem)
+        type(toml_array), intent(inout) :: list
+        integer, intent(out) :: length
+        character(len=:), allocatable, intent(out) :: problem
+        class(toml_value), pointer :: element
+        integer :: i, its
+
+        problem = ''
+        length = 0
+        do i = 1, len(list)
+            call list%get(i, element)
+            its = 0
+            select type (element)
+            type is (toml_array)
+                its = len(element)
+                if (its == 0) problem = 'has an element '//to_toml(i)//' that is an empty list'
+            end select
+            if (i == 1) length = its
+            if (problem == '' .and. its /= length) problem = 'has an element '//to_toml(i)//' that is not like the first one: '// &
+                'give one list, or lists of one length'
+            if (problem /= '') return
+        end do
+    end subroutine find_row_length
+
+    !> One of the lists in a list.
+    subroutine convert_row(source, row, atoms, problem)
         class(source_type), intent(in) :: source
         type(toml_array), intent(inout) :: row
-        type(value_type), intent(inout) :: value
-        character(len=:), allocatable, intent(inout) :: problem
+        type(atom_type), intent(inout) :: atoms(:)
+        character(len=:), allocatable, intent(out) :: problem
         class(toml_value), pointer :: element
-        type(atom_type) :: atom
         integer :: i
 
-        do i = 1, len(row)
+        problem = ''
+        do i = 1, size(atoms)
             call row%get(i, element)
-            call convert_atom(source, element, atom, problem)
-            if (problem /= '') then
-                problem = 'has an element '//to_toml(i)//' in a row that '//problem
-                return
-            end if
-            value%atoms = [value%atoms, atom]
+            call convert_atom(source, element, atoms(i), problem)
+            if (problem /= '') return
         end do
-    end subroutine add_row
+    end subroutine convert_row
 
     !> A number, a text, true or false.
     subroutine convert_atom(source, found, atom, problem)

@@ -4,8 +4,10 @@
 !> - dates: it reads behind the end of a time that is shorter than a date;
 !> - headings of tables within tables, `[a.b]`: where a is a value already, it goes on with a place that does not exist. Only
 !>   mechanisms have such tables; there, a heading that would go on below a value is refused here.
+!>
+!> It also bounds what the work of the parser grows with faster than with the length of the text.
 module tandem_io_scene_lexer
-    use tandem, only: mechanism_kinds, mechanism_singles
+    use tandem, only: mechanism_kinds, mechanism_singles, to_text
     use tomlf, only: toml_datetime
     use tomlf_de_lexer, only: token_kind, toml_lexer, toml_token
     implicit none (type, external)
@@ -19,11 +21,14 @@ module tandem_io_scene_lexer
     end type path_type
 
     type, extends(toml_lexer) :: scene_lexer_type
-        !> The dot in the first heading that is refused, where the parser has stopped; 0 where there is none. Whether it is refused
-        !> since
-        !> what stands before the dot is a value.
-        integer :: nested = 0
+        !> The first token that is refused, at which the parser has stopped; 0 where there is none. The dot of a heading may be
+        !> refused since what stands before it is a value.
+        integer :: refused = 0
         logical :: is_below_value = .false., is_doubled = .false.
+        !> The limit that is exceeded there, for the message.
+        character(len=:), allocatable :: limit
+        !> Keys since the last heading, and headings.
+        integer, private :: n_keys = 0, n_tables = 0
         !> Brackets and braces that are open.
         integer, private :: depth = 0
         !> Whether nothing but blanks has come since the end of a line, whether the line is a heading, and whether the sign that
@@ -36,9 +41,11 @@ module tandem_io_scene_lexer
         integer, private :: n_values = 0, n_headings = 0
     contains
         procedure :: next, extract_datetime
-        procedure, private :: take_key, keep_value, may_go_on, is_known
+        procedure, private :: take_key, keep_value, may_go_on, is_known, refuse_beyond
     end type scene_lexer_type
 
+    !> The parser is called again at each bracket, looks for a key among all of its table, and copies a text for each character.
+    integer, parameter :: most_nested = 200, most_keys = 10000, most_tables = 20000, most_characters = 32768
     !> What ends a key in a path; no scene holds it.
     character(len=*), parameter :: behind = achar(1)
 
@@ -67,8 +74,14 @@ contains
             lexer%is_at_start = lexer%depth == 0
             return
         case (token_kind%lbracket, token_kind%lbrace)
-            if (lexer%is_at_start) lexer%is_heading = .true.
+            if (lexer%is_at_start) then
+                lexer%is_heading = .true.
+                lexer%n_keys = 0
+                lexer%n_tables = lexer%n_tables + 1
+                call lexer%refuse_beyond(token, lexer%n_tables, most_tables, 'headings')
+            end if
             lexer%depth = lexer%depth + 1
+            call lexer%refuse_beyond(token, lexer%depth, most_nested, 'brackets within each other')
         case (token_kind%rbracket, token_kind%rbrace)
             lexer%depth = lexer%depth - 1
             if (lexer%is_heading .and. lexer%depth == 0) then
@@ -76,22 +89,26 @@ contains
                 ! The parser takes one that follows tables within it any number of times.
                 if (lexer%is_known(lexer%headings, lexer%n_headings) .and. index(lexer%keys, behind) > 0) then
                     lexer%is_doubled = .true.
-                    lexer%nested = token%first
+                    lexer%refused = token%first
                     token%kind = token_kind%invalid
                 else if (is_of_mechanism(lexer%keys)) then
                     call add_path(lexer%keys, lexer%headings, lexer%n_headings)
                 end if
             end if
+        case (token_kind%mstring, token_kind%mliteral)
+            call lexer%refuse_beyond(token, token%last - token%first, most_characters, 'characters in a text')
         case (token_kind%keypath, token_kind%string, token_kind%literal)
             if (lexer%is_heading .or. (lexer%depth == 0 .and. .not. lexer%is_in_value)) call lexer%take_key(token)
         case (token_kind%equal)
+            lexer%n_keys = lexer%n_keys + 1
+            call lexer%refuse_beyond(token, lexer%n_keys, most_keys, 'keys below one heading')
             if (lexer%depth == 0 .and. .not. lexer%is_in_value) call lexer%keep_value()
             lexer%is_in_value = .true.
         case (token_kind%dot)
             if (lexer%is_heading) then
                 if (.not. lexer%may_go_on()) then
                     token%kind = token_kind%invalid
-                    if (lexer%nested == 0) lexer%nested = token%first
+                    if (lexer%refused == 0) lexer%refused = token%first
                 end if
             end if
         case default
@@ -99,6 +116,21 @@ contains
         end select
         lexer%is_at_start = .false.
     end subroutine next
+
+    !> Refuse a token where there is more of something than there may be.
+    subroutine refuse_beyond(lexer, token, n, most, things)
+        class(scene_lexer_type), intent(inout) :: lexer
+        type(toml_token), intent(inout) :: token
+        !> How many there are, how many there may be, and of what.
+        integer, intent(in) :: n, most
+        character(len=*), intent(in) :: things
+
+        if (n <= most) return
+        token%kind = token_kind%invalid
+        if (lexer%refused > 0) return
+        lexer%refused = token%first
+        lexer%limit = 'there may be '//to_text(most)//' '//things
+    end subroutine refuse_beyond
 
     !> One key more of the line.
     subroutine take_key(lexer, token)

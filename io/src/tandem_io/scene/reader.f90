@@ -437,13 +437,14 @@ contains
         class(reader_type), intent(inout) :: self
         character(len=*), intent(in) :: tables(:)
         type(entries_type), intent(inout) :: entries
-        integer :: i
+        integer :: i, n_places
 
         if (allocated(self%places)) deallocate (self%places)
-        allocate (self%places(0))
+        allocate (self%places(64))
+        n_places = 0
         do i = 0, ubound(self%sources, 1)
             if (self%failed()) return
-            call flatten(self%sources(i), i, tables, entries, self%places, self%error)
+            call flatten(self%sources(i), i, tables, entries, self%places, n_places, self%error)
         end do
     end subroutine flatten_tables
 

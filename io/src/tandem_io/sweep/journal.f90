@@ -25,12 +25,20 @@ module tandem_io_sweep_journal
     !> Seconds between two times at which it is brought to the disk.
     integer(long), parameter :: seconds_unsynced = 10
 
+    !> Cases whose places are kept together.
+    integer(long), parameter :: block_length = 65536
+
+    !> Where the records of some cases in a row stand, in bytes; 0 where there is none. Not allocated before one of them is done.
+    type :: block_type
+        integer(long), allocatable :: places(:)
+    end type block_type
+
     type :: sweep_journal_type
         character(len=:), allocatable :: path
         !> The cases that belong to it; how many are done, how many of these failed, and how many of them were done before.
         integer(long) :: first = 1, last = 0, done = 0, failed = 0, resumed = 0
-        !> Where the records stand, in bytes; 0 where there is none.
-        integer(long), allocatable, private :: places(:)
+        !> Where the records stand, from the first case on: memory grows with what is done, not with what is asked for.
+        type(block_type), allocatable, private :: blocks(:)
         !> Where the next one goes, after `n` words that are not yet written.
         integer(long), private :: end = 0
         integer, private :: n = 0
@@ -45,7 +53,7 @@ module tandem_io_sweep_journal
     contains
         procedure :: open => open_journal, has, append, flush => flush_journal, read => read_record
         procedure :: take_from, close => close_journal
-        procedure, private :: prepare, write_head, check_head, scan, sync, say_problem
+        procedure, private :: prepare, write_head, check_head, scan, sync, say_problem, place_of, keep_place
     end type sweep_journal_type
 
     interface
@@ -142,7 +150,7 @@ contains
         self%outputs = outputs
         self%first = first
         self%last = last
-        allocate (self%places(first:last), source=0_long)
+        allocate (self%blocks(0:(last - first)/block_length))
         allocate (self%words(words_of_record(outputs) + 2))
     end subroutine prepare
 
@@ -151,8 +159,30 @@ contains
         class(sweep_journal_type), intent(in) :: self
         integer(long), intent(in) :: case
 
-        has = self%places(case) > 0
+        has = self%place_of(case) > 0
     end function has
+
+    !> Where the record of a case stands, 0 where there is none.
+    pure integer(long) function place_of(self, case) result(place)
+        class(sweep_journal_type), intent(in) :: self
+        integer(long), intent(in) :: case
+
+        place = 0
+        associate (block => self%blocks((case - self%first)/block_length))
+            if (allocated(block%places)) place = block%places(mod(case - self%first, block_length))
+        end associate
+    end function place_of
+
+    !> Keep where the record of a case stands.
+    subroutine keep_place(self, case, place)
+        class(sweep_journal_type), intent(inout) :: self
+        integer(long), intent(in) :: case, place
+
+        associate (block => self%blocks((case - self%first)/block_length))
+            if (.not. allocated(block%places)) allocate (block%places(0:block_length - 1), source=0_long)
+            block%places(mod(case - self%first, block_length)) = place
+        end associate
+    end subroutine keep_place
 
     !> Write what all records belong to.
     subroutine write_head(self, settings, error)
@@ -226,7 +256,7 @@ contains
                     self%done = self%done + 1
                     if (record%status /= 0) self%failed = self%failed + 1
                 end if
-                self%places(record%case) = self%end
+                call self%keep_place(record%case, self%end)
             end if
             self%end = self%end + bytes_a_word*(self%words(1) + 2)
         end do
@@ -269,7 +299,7 @@ contains
             call sum%add(words(:n + 1))
             words(n + 2) = sum%value()
         end associate
-        self%places(record%case) = self%end + bytes_a_word*self%n
+        call self%keep_place(record%case, self%end + bytes_a_word*self%n)
         self%n = self%n + n + 2
         self%done = self%done + 1
         if (record%status /= 0) self%failed = self%failed + 1
@@ -315,7 +345,7 @@ contains
         logical :: is_whole
 
         if (.not. allocated(record%values)) allocate (record%values(self%outputs))
-        call read_at(self, self%places(case), record, is_whole)
+        call read_at(self, self%place_of(case), record, is_whole)
         if (.not. is_whole) call self%say_problem('read', error)
     end subroutine read_record
 
