@@ -50,6 +50,30 @@ class Drawn(unittest.TestCase):
         rate = solution.qd[-1, solution.names.index("rod.angle")]
         self.assertAlmostEqual(abs(rate), sqrt(3*9.81), places=7)
 
+    def test_an_imposed_angle_at_the_start(self):
+        """A shaft that a motor has turned by 2 pi t at t = 0.3 s, by pi and by 20 rad: where it points, by words in this process."""
+        for start, motion, angle in ((0.3, "2*pi*t", 0.6*np.pi), (0.0, "pi - t", np.pi), (-1.0, "20 + t", 19.0)):
+            with self.subTest(motion):
+                shaft = {"scene.model": "mechanism", "body.arm": {"mass": 1.0, "inertia": [0.1, 0.2, 0.3], "position": [2.5, 0, 0]},
+                         "joint.motor": {"type": "revolute", "bodies": ["ground", "arm"], "at": [0, 0, 0], "axis": [0, 0, 1], "motion": motion},
+                         "sensor.turn.joint": "motor", "initial.assemble": True, "time.start": start, "time.end": start + 0.5}
+                mechanism = tandem.Mechanism(shaft)
+                solution = mechanism.solve(rtol=1e-9)
+                x, y = (solution.q[0, solution.names.index(f"arm.{name}")] for name in "xy")
+                np.testing.assert_allclose([x, y], [2.5*np.cos(angle), 2.5*np.sin(angle)], atol=1e-10)
+                result = mechanism.run(error=False)
+                self.assertAlmostEqual(result.sensors["turn"]["angle"].values[0], angle, places=10)
+
+    def test_a_motor_turns_the_way_its_torque_says(self):
+        """J phi'' = T, as a function of time and as a law."""
+        for given in ({"torque": 0.6}, {"law": "0.6 + 0*rate"}):
+            with self.subTest(given):
+                wheel = {"scene.planar": True, "body.wheel": {"mass": 1.0, "inertia": 0.3, "position": [0, 0]},
+                         "joint.axle": {"type": "revolute", "bodies": ["ground", "wheel"], "at": [0, 0]},
+                         "force.motor": {"type": "torsion", "joint": "axle", **given}, "time.end": 1.0}
+                solution = tandem.Mechanism(wheel).solve(rtol=1e-10)
+                np.testing.assert_allclose(solution.q[-1, solution.names.index("wheel.angle")], 1.0, atol=1e-9)
+
     def test_pictures_and_pages(self):
         solution = scene("slider_crank").solve(settings={"time.end": 0.2})
         solution.plot()

@@ -145,10 +145,11 @@ class Arrows(unittest.TestCase):
             "hand force": ("beam", [1, 0, 0], [0, 3, 0]), "hand torque": ("beam", [1, 0, 0], [5, 0, 0])})
 
     def test_torsions(self):
-        """A spring that turns a wheel about its middle, and one that pulls a slider back: J alpha and m a."""
+        """A spring with a motor that turn a wheel about its middle, and a spring that pulls a slider back: J alpha and m a."""
         parts = {"scene.model": "mechanism", "scene.planar": True, "body.wheel.mass": 1.0, "body.wheel.inertia": 0.3,
                  "body.wheel.position": [1, 0], "joint.axle.type": "revolute", "joint.axle.bodies": ["ground", "wheel"], "joint.axle.at": [1, 0],
                  "force.coil.type": "torsion", "force.coil.joint": "axle", "force.coil.stiffness": 2.0, "force.coil.angle": -0.4,
+                 "force.coil.torque": 1.5,
                  "body.slider.mass": 3.0, "body.slider.inertia": 0.1, "body.slider.position": [0, 2], "joint.rail.type": "prismatic",
                  "joint.rail.bodies": ["ground", "slider"], "joint.rail.at": [0, 2], "joint.rail.axis": [0.6, 0.8],
                  "force.band.type": "torsion", "force.band.joint": "rail", "force.band.stiffness": 5.0, "force.band.angle": 0.3,

@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Imposed motions at the start, and turns of angles in space, which orientations do not hold. In the search for a start they are counted from point to point by the
-!> smallest change, from the start on where the run arrives. An angle that follows a function of time has the turns of that.
+!> Rows that impose motions, along which a start is led, and turns of angles in space, which orientations do not hold. In the
+!> search for a start turns are counted from point to point by the smallest change, from the start on where the run arrives. An
+!> angle that follows a function of time has the turns of that.
 submodule(tandem_mechanism) tandem_mechanism_turns
     use tandem_mechanism_coordinate, only: begin_turns, count_turns, end_search, is_an_angle => is_angle
     use tandem_mechanism_sensor, only: begin_sensor

@@ -132,9 +132,9 @@ contains
         qd = new_qd
     end subroutine assemble
 
-    !> Find how far the start is from the rows that impose no motion. Where an imposed angle is far from the start, go there in small
-    !> steps: a Newton step of a large turn would find bodies turned over, on another branch of the rows of their joints. Along
-    !> the way Phi of these rows falls evenly from its value at the start to 0. Where the way is barred, q stays.
+    !> Find how far the start is from the rows that impose no motion. Where an imposed angle is far from the start, go there in
+    !> small steps: a Newton step of a large turn would find bodies turned over, on another branch of the rows of their joints.
+    !> Along the way Phi of these rows falls evenly from its value at the start to 0. Where the way is barred, q stays.
     subroutine follow_motions(model, request, evaluator, position, t, q, move, pull, knows_move)
         class(model_type), intent(in) :: model
         type(assembly_type), intent(inout) :: request
