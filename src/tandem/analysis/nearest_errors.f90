@@ -53,7 +53,8 @@ contains
                     cycle
                 end if
             end if
-            call bound_to_first_order(point, shift, values(i), vectors(:, i), imbalance, seed, first(i), stat)
+            call bound_to_first_order(point, values(i), step_beside(shift, values, i), vectors(:, i), imbalance, seed, first(i), &
+                stat)
             if (stat /= 0) return
         end do
         errors = first
@@ -69,16 +70,34 @@ contains
         end do
     end subroutine bound_errors
 
+    !> How far beside an eigenvalue the matrix is factored: near to it, and nearer than the next one, so that the left vector is its
+    !> own within a Jordan block too.
+    pure real(wp) function step_beside(shift, values, i) result(step)
+        complex(wp), intent(in) :: shift, values(:)
+        integer, intent(in) :: i
+        real(wp), parameter :: usual = 1.0e-3_wp, least = 1.0e-12_wp
+        real(wp) :: unit
+        integer :: j
+
+        unit = max(abs(values(i)), abs(values(i) - shift))
+        step = usual*unit
+        do j = 1, size(values)
+            if (j /= i) step = min(step, 0.1_wp*abs(values(j) - values(i)))
+        end do
+        step = max(step, least*unit)
+    end function step_beside
+
     !> The bound of one to first order.
-    subroutine bound_to_first_order(point, shift, value, q, imbalance, seed, error, stat)
+    subroutine bound_to_first_order(point, value, step, q, imbalance, seed, error, stat)
         type(sparse_point_type), intent(inout) :: point
-        complex(wp), intent(in) :: shift, value, q(:)
-        real(wp), intent(in) :: imbalance
+        complex(wp), intent(in) :: value, q(:)
+        real(wp), intent(in) :: step, imbalance
         integer, intent(inout) :: seed
         real(wp), intent(out) :: error
         integer, intent(out) :: stat
-        !> How far beside the eigenvalue the matrix is factored, over its size or its distance from the shift.
-        real(wp), parameter :: beside(3) = [1.0e-3_wp, 1.0e-2_wp, 0.1_wp]
+        !> A matrix that is as good as singular is factored further away, so often at most.
+        real(wp), parameter :: further = 100.0_wp
+        integer, parameter :: most = 6
         integer, parameter :: iterations = 3
         !> A correction leads to an eigenvalue of a Jordan block by one over its order only.
         real(wp), parameter :: largest_block = 4.0_wp
@@ -91,8 +110,8 @@ contains
         integer :: i, k, n
 
         n = point%n
-        do k = 1, size(beside)
-            near = value + beside(k)*max(abs(value), abs(value - shift))
+        do k = 1, most
+            near = value + step*further**(k - 1)
             call point%assemble([near**2, near, (1.0_wp, 0.0_wp)], a, order, unit)
             call transpose_in_place(a)
             call lu%factor(a, order, most_factor_entries, stat)
