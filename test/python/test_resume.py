@@ -531,5 +531,83 @@ class Refused(Resume):
             process.wait()
 
 
+class Again(Resume):
+    """What a run goes on from: complete ones, ones that were killed before their first state, and one process at a time."""
+
+    SWITCHED = """[scene]
+model = "mechanism"
+planar = true
+[body.block]
+mass = 1.0
+inertia = 1.0
+position = [0.0, 0.0]
+velocity = [0.0, 0.0]
+[joint.guide]
+type = "prismatic"
+bodies = ["ground", "block"]
+at = [0.0, 0.0]
+axis = [1.0, 0.0]
+[force.push]
+type = "load"
+on = "block"
+force = ["2*step(t - 0.7) - step(t - 1.3)", 0.0]
+[time]
+end = 1.0
+[solver]
+rtol = 1e-10
+[output]
+interval = 0.1
+"""
+
+    def test_a_later_end_with_later_kinks(self):
+        """A force that switches at 0.7 and 1.3 s: x(2) = 2*1.3^2/2 - 0.7^2/2 = 1.445 m."""
+        self.scene(self.SWITCHED)
+        self.tandem("run", "scene.toml", "--output", "run.h5", "--quiet", "--no-error")
+        self.tandem("resume", "run.h5", "--set", "time.end=2.0", "--quiet", "--no-error")
+        with h5py.File(self.folder / "run.h5") as file:
+            self.assertEqual(file.attrs["status"], "complete")
+            self.assertAlmostEqual(file["trajectory/time"][-1], 2.0)
+            self.assertAlmostEqual(file["trajectory/q"][-1, 0], 1.445, delta=1e-9)
+        self.tandem("verify", "run.h5")
+        # An end at a kink, and one before it.
+        for first, last in ((0.7, 1.3), (0.5, 2.0), (1.3, 2.0)):
+            self.tandem("run", "scene.toml", "--set", f"time.end={first}", "--output", "run.h5", "--force", "--quiet", "--no-error")
+            self.tandem("resume", "run.h5", "--set", f"time.end={last}", "--quiet", "--no-error")
+            with h5py.File(self.folder / "run.h5") as file:
+                true = 0.6**2 if last < 2 else 1.445
+                self.assertAlmostEqual(file["trajectory/q"][-1, 0], true, delta=1e-9)
+
+    def test_a_run_that_was_killed_before_its_first_state(self):
+        """Its file holds the scene alone: the run begins again, and ends as one that was not killed."""
+        words = ["rolling_disk", *settings(["time.end=0.2", "output.flush=0"]), "--quiet", "--no-error"]
+        self.tandem("run", *words, "--output", "whole.h5")
+        self.tandem("run", *words, "--output", "part.h5")
+        with h5py.File(self.folder / "part.h5", "r+") as file:
+            for place in file["checkpoint"].values():
+                place.resize((0,))
+            file.attrs.modify("status", "running")
+        self.tandem("resume", "part.h5", "--quiet", "--no-error")
+        self.assertEqual(contents(self.folder / "whole.h5"), contents(self.folder / "part.h5"))
+        self.tandem("verify", "part.h5")
+
+    def test_one_process_at_a_time(self):
+        """Of two that go on with a run at the same time, one is refused, and the file is whole."""
+        words = ["rolling_disk", *settings(["time.end=3", "solver.max_steps=100"]), "--quiet", "--no-error"]
+        on = settings(["solver.max_steps=100000"])
+        for _ in range(12):
+            run("run", *words, "--output", "run.h5", "--force", cwd=self.folder)
+            both = [subprocess.Popen([TANDEM, "resume", "run.h5", *on, "--quiet", "--no-error"], cwd=self.folder,
+                                     stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+            says = [process.communicate(timeout=60)[1] for process in both]
+            codes = sorted(process.returncode for process in both)
+            # One that comes when the other has ended finds a complete run.
+            self.assertEqual(codes, [0, 2], says)
+            self.assertTrue(any("in use" in text or "complete" in text for text in says), says)
+            with h5py.File(self.folder / "run.h5") as file:
+                self.assertEqual(file.attrs["status"], "complete")
+                self.assertAlmostEqual(file["trajectory/time"][-1], 3.0)
+            self.tandem("verify", "run.h5")
+
+
 if __name__ == "__main__":
     unittest.main(verbosity=2)

@@ -198,10 +198,12 @@ class Advice(Case):
 
     def test_a_mechanism_has_no_procedures(self):
         """A crank that is driven further than its coupler is long jams, whatever the step."""
-        scene = self.scene('[scene]\nmodel = "mechanism"\nplanar = true\n[body.crank]\nmass = 1\ninertia = 0.1\nposition = [0.5, 0]\n'
-                           '[body.rod]\nmass = 1\ninertia = 0.1\nposition = [1.2, 0.0]\n[joint.o]\ntype = "revolute"\n'
-                           'bodies = ["ground", "crank"]\nat = [0, 0]\nmotion = "6*t"\n[joint.a]\ntype = "revolute"\nbodies = ["crank", "rod"]\n'
-                           'at = [1, 0]\n[joint.b]\ntype = "revolute"\nbodies = ["rod", "ground"]\nat = [1.4, 0]\n[time]\nend = 3\n')
+        bodies = "".join(f"[body.{name}]\nmass = 1\ninertia = 0.1\nposition = {place}\n"
+                         for name, place in (("crank", [0.5, 0]), ("rod", [1, 0.25]), ("rocker", [1.25, 0.5])))
+        joints = "".join(f'[joint.{name}]\ntype = "revolute"\nbodies = ["{one}", "{two}"]\nat = {place}\n{more}' for name, one, two, place, more in (
+            ("o", "ground", "crank", [0, 0], 'motion = "3*t^2"\n'), ("a", "crank", "rod", [1, 0], ""),
+            ("b", "rod", "rocker", [1, 0.5], ""), ("c", "rocker", "ground", [1.5, 0.5], "")))
+        scene = self.scene(f'[scene]\nmodel = "mechanism"\nplanar = true\n{bodies}{joints}[time]\nend = 3\n')
         for words in ([], ["--set", "solver.stepper=rk4", "--set", "solver.step=0.01"], ["--set", "solver.stepper=radau5"]):
             says = self.run_fails(scene, *words)
             with self.subTest(words):
