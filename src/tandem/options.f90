@@ -202,21 +202,22 @@ contains
         class(options_type), intent(inout) :: self
         class(option_visitor_type), intent(inout) :: visitor
 
-        call visitor%take(option_row_type('stepper', '', 'the method'), word=self%stepper, choices=stepper_choices)
-        call visitor%take(option_row_type('step', 's', 'size of fixed steps, instead of rtol; 0: not given', unset_or_positive), &
-            number=self%step)
+        call visitor%take(option_row_type('stepper', '', 'the method; auto with a fixed step is rk4'), word=self%stepper, &
+            choices=stepper_choices)
+        call visitor%take(option_row_type('step', 's', &
+            'size of fixed steps, instead of rtol; 0: not given, which is 1e-3 for rk4', unset_or_positive), number=self%step)
         call visitor%take(option_row_type('rtol', '', &
-            'relative tolerance of steps that follow an error estimate, for all or per coordinate', unset_or_tolerance), &
+            'relative tolerance, for all or per coordinate; 0: 1e-6, or fixed steps with step or rk4', unset_or_tolerance), &
             number=self%rtol, list=self%rtol_q)
         call visitor%take(option_row_type('atol', '', &
             'absolute tolerance, for all or one a coordinate, in units of its scale; 0 for rtol', limit), &
             number=self%atol, list=self%atol_q)
         call visitor%take(option_row_type('rtol_q', '', &
-            'relative tolerances, one a coordinate, in the stead of rtol', tolerance, key='rtol'), list=self%rtol_q)
+            'relative tolerance per coordinate; overrides rtol', tolerance, key='rtol'), list=self%rtol_q)
         call visitor%take(option_row_type('rtol_qd', '', &
             'relative tolerances of the velocities, where it is not rtol', tolerance), list=self%rtol_qd)
         call visitor%take(option_row_type('atol_q', '', &
-            'absolute tolerances, one a coordinate, in the stead of atol', limit, key='atol'), list=self%atol_q)
+            'absolute tolerance per coordinate; overrides atol', limit, key='atol'), list=self%atol_q)
         call visitor%take(option_row_type('atol_qd', '', &
             'absolute tolerances of the velocities, where it is not atol', limit), list=self%atol_qd)
         call visitor%take(option_row_type('first_step', 's', &

@@ -41,7 +41,6 @@ contains
         real(wp), parameter :: two_pi = 8.0_wp*atan(1.0_wp)
 
         self%name = 'articulated_vehicle'
-        self%is_ready_made = .true.
         ! Directions that were found for other parameters are of no use.
         self%phi1 = huge(1.0_wp)
         self%phi2 = huge(1.0_wp)

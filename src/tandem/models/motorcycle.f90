@@ -78,7 +78,6 @@ contains
         real(wp), parameter :: two_pi = 8.0_wp*atan(1.0_wp)
 
         self%name = 'motorcycle'
-        self%is_ready_made = .true.
         ! A fork that was found for other parameters is of no use.
         self%t_of_fork = huge(1.0_wp)
         self%n = 10

@@ -38,7 +38,6 @@ contains
         class(rolling_disk_type), intent(inout) :: self
 
         self%name = 'rolling_disk'
-        self%is_ready_made = .true.
         self%n = 9
         self%n_holonomic = 4
         self%n_nonholonomic = 2

@@ -284,6 +284,7 @@ contains
         call new_scene('knife_edge', model)
         call new_scene('knife_edge', another)
         call get_start('knife_edge', q, qd)
+        options%step = 1.0e-3_wp
         options%max_steps = 100
         call global_error%initialize(size(q), 0.0_wp, 1.0_wp)
         call run(simulation, model, options, 0.0_wp, q, qd, 1.0_wp, failure, global_error)

@@ -35,6 +35,7 @@ contains
         call reader%close_table()
         if (reader%failed()) return
         call vehicle%define()
+        vehicle%is_ready_made = .true.
 
         speed = 15.0_wp
         call reader%open_table('initial')

@@ -51,6 +51,7 @@ contains
         end associate
         if (reader%failed()) return
         call motorcycle%define()
+        motorcycle%is_ready_made = .true.
 
         speed = 15.0_wp
         call reader%open_table('initial')

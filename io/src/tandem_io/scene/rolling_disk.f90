@@ -29,6 +29,7 @@ contains
         call reader%close_table()
         if (reader%failed()) return
         call disk%define()
+        disk%is_ready_made = .true.
 
         omega = [-1.0_wp, 0.01_wp, 0.0_wp]
         tilt = 0.0_wp
