@@ -46,7 +46,7 @@ contains
         call find_scene(name(:merge(len('motorcycle'), len(name), is_stiff)), path, error)
         if (.not. allocated(error)) call read_scene(path, settings, scene, error)
         options%stepper = stepper
-        options%step = step
+        if (is_fixed) options%step = step
         if (.not. is_fixed) options%rtol = tolerance
         if (.not. allocated(error)) call simulation%initialize(scene%model, options, scene%t_start, scene%q, scene%qd, error)
         if (.not. allocated(error)) call simulation%integrate(merge(0.4_wp, 10.0_wp, is_fixed), error)

@@ -66,6 +66,7 @@ contains
             call mechanism%start(q, qd)
             options%stepper = stepper
             if (stepper == 'usual') options%stepper = merge('sdirk54', 'rk4    ', index(name, 'sprung') == 1)
+            options%step = 1.0e-3_wp
             options%chart_kind = kind(:len(options%chart_kind))
             call simulation%initialize(mechanism, options, 0.0_wp, q, qd, error)
             if (name /= 'four_bars') deallocate (q, qd)

@@ -247,6 +247,7 @@ static void test_tolerances(void)
         wrong[i] = i == 1 ? 1 : 1e-6;
     }
     tandem_set_text(p, "stepper", "dopri5");
+    tandem_set_real(p, "step", 0);
     tandem_set_real(p, "rtol", 1e-6);
     with_number = steps_of_bowl(p);
     expect("tolerances-may-be-a-list", p, tandem_set_vector(p, "rtol_q", N, loose), TANDEM_OK, "ok");
@@ -797,6 +798,7 @@ static void test_driven(void)
     expect("the-check-misses-a-rate", p, tandem_check(p, 0.3, q, qd), TANDEM_INVALID_MODEL, "holonomic_rate is missing");
     tandem_set_position_function(p, "holonomic_rate", bead_phi_t);
     memset(calls, 0, sizeof calls);
+    tandem_set_real(p, "step", 0);
     tandem_set_real(p, "rtol", 1e-10);
     before = qd[0] * qd[0] / 2 - bead_w * bead_w * pow(q[0], 4) / 4;
     tandem_start(p, 0, q, qd);
@@ -991,6 +993,7 @@ static void test_faults(void)
     tandem_problem *p = bowl_problem(&b);
     double t;
     tandem_set_text(p, "stepper", "dopri5");
+    tandem_set_real(p, "step", 0);
     tandem_set_real(p, "rtol", 1e-6);
     b.faulty = "applied_force";
     b.fault = RETRY;
@@ -1037,7 +1040,12 @@ static void test_auto(void)
     tandem_set_position_function(p, "mass_matrix", of_one);
     tandem_set_motion_function(p, "applied_force", of_stiff_spring);
     expect("auto-is-taken", p, tandem_set_text(p, "stepper", "auto"), TANDEM_OK, "ok");
-    expect("auto-takes-no-fixed-steps", p, tandem_start(p, 0, &q, &qd), TANDEM_INVALID_OPTION, "rtol");
+    tandem_set_real(p, "step", 1e-3);
+    tandem_set_real(p, "rtol", 1e-6);
+    expect("step-or-rtol", p, tandem_start(p, 0, &q, &qd), TANDEM_INVALID_OPTION, "remove step or rtol");
+    tandem_set_real(p, "step", 0);
+    tandem_set_real(p, "rtol", 0);
+    expect("auto-has-a-tolerance", p, tandem_start(p, 0, &q, &qd), TANDEM_OK, "ok");
     tandem_set_real(p, "rtol", 1e-6);
     tandem_start(p, 0, &q, &qd);
     expect("auto-runs", p, tandem_integrate(p, 2), TANDEM_OK, "ok");
@@ -1054,7 +1062,7 @@ static void test_saved(void)
 {
     static const char *const steppers[] = {"rk4", "dop853", "radau5", "auto", "sdirk54"};
     static int64_t words[20000];
-    double x[2 * N], y[2 * N], start[N] = {0.4, 0.1, 0.2, 0}, rate[N] = {0, 0, 1, 0}, kink = 5;
+    double x[2 * N], y[2 * N], start[N] = {0.4, 0.1, 0.2, 0}, rate[N] = {0, 0, 1, 0}, kink = 0.5;
     char name[60];
     int count, again;
 
@@ -1064,7 +1072,9 @@ static void test_saved(void)
         tandem_set_text(p, "stepper", steppers[i]);
         tandem_set_text(q, "stepper", steppers[i]);
         if (i > 0) {
+            tandem_set_real(p, "step", 0);
             tandem_set_real(p, "rtol", 1e-6);
+            tandem_set_real(q, "step", 0);
             tandem_set_real(q, "rtol", 1e-6);
         }
         run_to(p, 1, x);
@@ -1100,6 +1110,7 @@ static void test_saved(void)
     expect("state-of-another-run", p, tandem_restore_state(p, count, words), TANDEM_INVALID_CHECKPOINT, "stepper");
     expect("then-it-must-be-started", p, tandem_step(p, 1), TANDEM_INVALID_OPTION, "tandem_start");
     tandem_set_text(p, "stepper", "sdirk54");
+    tandem_set_real(p, "step", 0);
     tandem_set_real(p, "rtol", 1e-6);
     tandem_set_vector(p, "breakpoints", 1, &kink);
     tandem_start(p, 0, bowl_q, bowl_qd);
@@ -1495,6 +1506,7 @@ static void test_mechanism(void)
     expect("the-drawing", p, tandem_get_drawing(p, q, qd), TANDEM_OK, "ok");
     check("is-where-it-was-drawn", q[0] == 0.5 && q[1] == 0 && q[2] == 0 && qd[0] == 0 && qd[1] == 0 && qd[2] == 0, "it is not");
     tandem_set_text(p, "stepper", "dop853");
+    tandem_set_real(p, "step", 0);
     tandem_set_real(p, "rtol", 1e-10);
     expect("events-have-functions", p, tandem_add_event_function(p, "hanging", hanging, -1, 1), TANDEM_OK, "ok");
     expect("it-starts", p, tandem_start(p, 0, q, qd), TANDEM_OK, "ok");

@@ -928,7 +928,7 @@ class SceneErrors(Case):
 
     def test_more_steps_or_rows_than_can_be(self):
         for tables, line in [
-            ({"solver": "step = 1e-300"}, 6), ({"output": "interval = 1e-12"}, 6), ({"time": "end = 1e300", "solver": "step = 1.0"}, 4),
+            ({"solver": "step = 1e-300"}, 6), ({"output": "interval = 1e-12"}, 6), ({"time": "end = 1e300", "solver": 'stepper = "rk4"'}, 4),
         ]:
             with self.subTest(tables):
                 self.refused_file("there can be 2147483647", line, **tables)

@@ -72,10 +72,13 @@ contains
         character(len=:), allocatable :: text
 
         text = error%message
-        if (error%stat /= status_inconsistent_start) return
-        text = text//new_line('a')//'In a scene, [initial] assemble = true lets the start be assembled'
-        if (index(error%message, 'q0 and qd0') > 0) text = text//'; q0 and qd0 are the keys q and qd there'
-        text = text//'.'
+        if (error%stat /= status_inconsistent_start .or. index(text, 'let the start be assembled') == 0) return
+        if (index(text, 'q0 and qd0') > 0) then
+            text = text//new_line('a')//'In a scene, q0 and qd0 are the keys q and qd of [initial], and assemble = true there '// &
+                'lets the start be assembled.'
+        else
+            text = text//new_line('a')//'In a scene, [initial] assemble = true lets the start be assembled.'
+        end if
     end function in_scene_words
 
     !> A text with blanks behind it up to a width; a longer one as it is.

@@ -45,7 +45,7 @@ contains
                 ' constraint "'//self%model%row_name(rows(i))//'" by '//to_text(self%errors(i))// &
                 ' of its natural scale (allowed: '//to_text(self%options%start_tolerance)//')', &
                 trim(merge('correct the position or velocity that it restricts', &
-                'give q0 and qd0 that satisfy it                   ', self%model%is_ready_made))// &
+                'give q0 and qd0 that satisfy it                   ', self%model%composes_labels))// &
                 ', or let the start be assembled')
             return
         end do
