@@ -45,8 +45,9 @@ contains
         character(len=64) :: advice
 
         advice = ''
-        if (self%stiffness%is_stiff .and. .not. self%switching%is_on) &
+        if (self%stiffness%is_stiff .and. .not. self%switching%is_on) then
             advice = '; the model is stiff: choose an implicit stepper ('//implicit_advice//')'
+        end if
     end function for_stiffness
 
     !> Every thousand tries: do they get much less far than as many do on average, so that it is worth looking for a loss of rank
