@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> How far a steady motion is from a state, and which way along its family leads nearer.
 !>
-!> The distance is measured by the mass matrix M, in places and in velocities alike, with a second as the unit of time,
+!> The distance is measured by the mass matrix M, in places and in velocities alike, with the time scale T of the model,
 !>
-!>   (q - q0)' M (q - q0) + (qd - qd0)' M (qd - qd0),   qd = X q,
+!>   (q - q0)' M (q - q0) + T^2 (qd - qd0)' M (qd - qd0),   qd = X q,
 !>
-!> so that it does not depend on units of coordinates, and twice the kinetic energy is the distance of velocities.
+!> so that it does not depend on units, and twice the kinetic energy is the distance of velocities.
 module tandem_analysis_closeness
     use tandem_analysis_point, only: point_type
     use tandem_analysis_symmetry, only: symmetry_type
@@ -26,12 +26,12 @@ contains
         real(wp), dimension(point%n) :: away, faster
 
         away = (q - q0)/point%scale
-        faster = (qd - qd0)/point%scale
+        faster = (qd - qd0)/(point%rate*point%scale)
         square = dot_product(away, matmul(point%mass, away)) + dot_product(faster, matmul(point%mass, faster))
     end function squared_distance
 
     !> The step along a family that makes the distance least, to first order: of scaled coordinates and of the rates of k
-    !> symmetries.
+    !> symmetries times T.
     subroutine find_way_nearer(point, symmetry, rates, k, jacobian, q, qd, q0, qd0, step)
         type(point_type), intent(in) :: point
         type(symmetry_type), intent(in) :: symmetry
@@ -56,7 +56,7 @@ contains
         call svd%get_null_basis(family)
         if (size(family, 2) == 0) return
         allocate (faster(n, n + k))
-        faster(:, :n) = symmetry%matrix(rates, n)
+        faster(:, :n) = symmetry%matrix(rates, n)/point%rate
         do i = 1, n
             faster(:, i) = faster(:, i)*point%scale(i)/point%scale
         end do
@@ -65,7 +65,7 @@ contains
         end do
         faster = matmul(faster, family)
         b = -matmul(matmul(point%mass, (q - q0)/point%scale), family(:n, :)) - &
-            matmul(matmul(point%mass, (qd - qd0)/point%scale), faster)
+            matmul(matmul(point%mass, (qd - qd0)/(point%rate*point%scale)), faster)
         weights = matmul(transpose(family(:n, :)), matmul(point%mass, family(:n, :))) + &
             matmul(transpose(faster), matmul(point%mass, faster))
         weights = (weights + transpose(weights))/2

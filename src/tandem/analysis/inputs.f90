@@ -230,8 +230,8 @@ contains
         integer :: i
 
         ! Displacements of about 1e-3 in the largest of what moves, over its own size.
-        h = 2.0_wp**(-10)/max(1.0_wp, maxval(abs(dq)/point%scale), maxval(abs(dqd)/(point%scale*(1 + abs(it%qd)))), &
-            maxval(abs(dqdd)/(point%scale*(1 + abs(it%qdd)))))
+        h = 2.0_wp**(-10)/max(1.0_wp, maxval(abs(dq)/point%scale), maxval(abs(dqd)/(point%scale*point%rate + abs(it%qd))), &
+            maxval(abs(dqdd)/(point%scale*point%rate**2 + abs(it%qdd))))
         rates = 0.0_wp
         do i = 1, 4
             call point%model%measure(it%t, it%q + place(i)*h*dq, it%qd + place(i)*h*dqd, it%qdd + place(i)*h*dqdd, values, stat)

@@ -97,6 +97,7 @@ contains
                 'ask for the eigenvalues near a shift (nearest_type, tandem linearise --near)')
             return
         end if
+        call model%set_time_scale(t, q, qd)
         allocate (point)
         call point%initialize(model)
         self%has_gradients = point%has_gradients
@@ -232,11 +233,11 @@ contains
             rates = symmetry%rates_of_time
             allocate (columns(2*n, n_allowed), c(n_allowed), source=0.0_wp)
             b(:n) = (point%qd - symmetry%field(rates, point%q))/s
-            b(n + 1:) = (point%qdd - symmetry%turned(rates, point%qd))/s
+            b(n + 1:) = (point%qdd - symmetry%turned(rates, point%qd))/(point%rate*s)
             do k = 1, n_allowed
                 if (.not. turns .and. any(symmetry%motions%turns_world .and. abs(symmetry%rates(:, k)) > 0.0_wp)) cycle
                 columns(:n, k) = symmetry%field(symmetry%rates(:, k), point%q)/s
-                columns(n + 1:, k) = symmetry%turned(symmetry%rates(:, k), point%qd)/s
+                columns(n + 1:, k) = symmetry%turned(symmetry%rates(:, k), point%qd)/(point%rate*s)
                 ! A symmetry that moves nothing here has columns of rounding.
                 length = norm2(columns(:, k))
                 if (length < 1.0e-12_wp) columns(:, k) = 0.0_wp
@@ -264,10 +265,13 @@ contains
         y = (point%qdd - self%symmetry%turned(rates, point%qd))/point%scale
         left = [matmul(transpose(point%v), x), matmul(transpose(point%w), y)]
         of_q = max(1.0_wp, maxval(abs(point%q/point%scale)))
-        of_qd = max(1.0_wp, maxval(abs(point%qd/point%scale)))
+        of_qd = max(point%rate, maxval(abs(point%qd/point%scale)))
         sizes = sum(abs(self%a(:, :self%nv)), dim=2)*of_q + sum(abs(self%a(:, self%nv + 1:)), dim=2)*of_qd
-        residual = maxval(abs(left)/max(sizes, 1.0_wp))
-        residual = max(residual, maxval(abs(x))/of_qd, maxval(abs(y))/(of_qd**2 + maxval(sizes)))
+        ! Rates of coordinates, then of velocities.
+        sizes(:self%nv) = max(sizes(:self%nv), point%rate)
+        sizes(self%nv + 1:) = max(sizes(self%nv + 1:), point%rate**2)
+        residual = max(maxval(abs(left)/sizes), maxval(abs(x))/of_qd, &
+            maxval(abs(y))/(of_qd**2 + maxval([of_qd*sizes(:self%nv), sizes(self%nv + 1:)])))
     end function residual_of
 
     !> A in coordinates that go along with the steady motion.

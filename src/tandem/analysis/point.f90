@@ -29,6 +29,8 @@ module tandem_analysis_point
         real(wp), allocatable :: q(:), qd(:), qdd(:), lambda(:)
         !> What a coordinate is divided by (n).
         real(wp), allocatable :: scale(:)
+        !> 1 over the time scale of the model.
+        real(wp) :: rate = 1.0_wp
         !> Phi (nh), nu and gamma (m); C (m, n), M (n, n) and the forces (n) in scaled coordinates.
         real(wp), allocatable :: phi(:), nu(:), gamma(:), jacobian(:, :), mass(:, :), force(:)
         !> The five gradients in scaled coordinates, see `tandem_model_derivatives`.
@@ -51,7 +53,7 @@ module tandem_analysis_point
         type(singular_type), private :: of_phi, of_c
         type(cholesky_type), private :: reduced_mass
         !> 1 over the length of each row of C.
-        real(wp), allocatable, private :: row_scale(:)
+        real(wp), allocatable :: row_scale(:)
     contains
         procedure :: initialize, evaluate, refuse_friction, make_bases, solve_dynamics
         procedure :: vary_acceleration, differentiate
@@ -73,6 +75,7 @@ contains
         self%nh = model%n_holonomic
         self%m = model%n_constraints()
         self%scale = model%scales()
+        self%rate = 1.0_wp/model%time_scale
         self%q = spread(0.0_wp, 1, self%n)
         self%qd = self%q
         self%qdd = self%q

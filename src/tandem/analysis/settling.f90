@@ -44,6 +44,9 @@ module tandem_analysis_settling
         !> The fields whose rates are held, and the rates.
         integer, allocatable, private :: held(:)
         real(wp), allocatable, private :: held_at(:)
+        !> What the residuals of Phi and of C qd - nu are multiplied by: 1 over the lengths of their rows at the point that the
+        !> derivatives were taken at, and for the latter the time scale.
+        real(wp), allocatable, private :: row_scale(:), rate_row_scale(:)
     contains
         procedure :: find_equilibrium, find_steady_motion
         procedure, private :: iterate, relax, approach, go_nearer, hold, form, look, refuse
@@ -79,6 +82,7 @@ contains
         call check_model(model, error)
         if (allocated(error)) return
         call no_fields(self, model%n)
+        call model%set_time_scale(t, q, self%qd)
         self%q = q
         if (model%n >= large .and. allocated(model%pattern)) then
             call settle_sparsely(model, t, self%q, self%iterations, self%relaxations, has_form, error)
@@ -125,6 +129,7 @@ contains
 
         call check_model(model, error)
         if (allocated(error)) return
+        call model%set_time_scale(t, q, qd)
         if (model%n >= large .and. allocated(model%pattern)) then
             call no_fields(self, model%n)
             self%q = q
@@ -199,7 +204,7 @@ contains
                 return
             end if
             if (.not. any(abs(self%symmetry%rates(j, :)) > 0.0_wp) .and. &
-                abs(self%symmetry%rates_of_time(j) - values(k)) > 1.0e-9_wp*max(1.0_wp, abs(values(k)))) then
+                abs(self%symmetry%rates_of_time(j) - values(k)) > 1.0e-9_wp*max(1.0_wp/model%time_scale, abs(values(k)))) then
                 call set_error(error, status_no_equilibrium, 'the rate of "'//trim(names(k))//'" cannot be held: it is part '// &
                     'of no symmetry of the model "'//model%name//'"')
                 return
@@ -235,7 +240,7 @@ contains
             factor = min(1.0_wp, longest/maxval(abs(step)))
             do tries = 1, 10
                 self%q = old + factor*point%scale*step(:point%n)
-                if (k > 0) self%rates = rates + factor*matmul(self%symmetry%rates, step(point%n + 1:))
+                if (k > 0) self%rates = rates + factor*point%rate*matmul(self%symmetry%rates, step(point%n + 1:))
                 call self%iterate(point, t, frees_rates, stat)
                 if (stat == status_ok) then
                     if (squared_distance(point, self%q, self%qd, q, qd) < distance) exit
@@ -323,7 +328,7 @@ contains
             factor = min(1.0_wp, longest/maxval(abs(step(:point%n))))
             do tries = 1, 30
                 self%q = q + factor*point%scale*step(:point%n)
-                if (k > 0) self%rates = rates + factor*matmul(self%symmetry%rates, step(point%n + 1:))
+                if (k > 0) self%rates = rates + factor*point%rate*matmul(self%symmetry%rates, step(point%n + 1:))
                 call self%look(point, t, stat)
                 if (stat == status_ok) then
                     call residual_of(self, point, unit, residual, w)
@@ -365,7 +370,8 @@ contains
         is_spent = point%n_bases >= max(least_bases, int(most_bases/real(max(point%n, 1), wp)**2))
     end function is_spent
 
-    !> The residual; forces over `unit`. Those at another point are seen along the basis W of the old one: along the basis Z of
+    !> The residual, rows over their lengths and forces over `unit`. Forces at another point are seen along the basis W of the
+    !> old one: along the basis Z of
     !> null(C) there for which W'Z = I, as the derivatives take it.
     subroutine residual_of(self, point, unit, residual, w)
         class(settling_type), intent(in) :: self
@@ -389,13 +395,14 @@ contains
             call lu%factor(matmul(transpose(point%w), w), stat)
             if (stat == 0) call lu%solve(forces)
         end if
-        residual = [point%phi, matmul(point%jacobian, self%qd/point%scale) - point%nu, forces, &
-            self%rates(self%held) - self%held_at]
+        residual = [self%row_scale(:point%nh)*point%phi, &
+            self%rate_row_scale*(matmul(point%jacobian, self%qd/point%scale) - point%nu), forces, &
+            (self%rates(self%held) - self%held_at)/point%rate]
     end subroutine residual_of
 
-    !> The residual and its derivatives with respect to scaled coordinates and the rates of k symmetries.
+    !> The residual and its derivatives with respect to scaled coordinates and the rates of k symmetries times the time scale.
     subroutine form(self, point, k, residual, jacobian, unit, left, stat)
-        class(settling_type), intent(in) :: self
+        class(settling_type), intent(inout) :: self
         type(point_type), intent(inout) :: point
         integer, intent(in) :: k
         real(wp), allocatable, intent(inout) :: residual(:), jacobian(:, :)
@@ -419,20 +426,26 @@ contains
         end do
         gradient = point%dynamics_q + matmul(point%dynamics_qd, l) + matmul(point%mass, matmul(l, l))
         unit = max(norm2(matmul(transpose(point%w), gradient)), norm2(point%force), tiny(1.0_wp))
+        self%row_scale = point%row_scale
+        self%rate_row_scale = point%row_scale/point%rate
         call residual_of(self, point, unit, residual)
         if (allocated(jacobian)) deallocate (jacobian)
         last = nh + m + point%nw
         allocate (jacobian(last + size(self%held), n + k), source=0.0_wp)
         jacobian(:nh, :n) = point%jacobian(:nh, :)
         jacobian(nh + 1:nh + m, :n) = point%velocity_q + matmul(point%jacobian, l)
+        do i = 1, n
+            jacobian(:nh, i) = self%row_scale(:nh)*jacobian(:nh, i)
+            jacobian(nh + 1:nh + m, i) = self%rate_row_scale*jacobian(nh + 1:nh + m, i)
+        end do
         jacobian(nh + m + 1:last, :n) = matmul(transpose(point%w), gradient)/unit
         do i = 1, k
             associate (rates => self%symmetry%rates(:, i))
                 x = self%symmetry%field(rates, self%q)
-                y = (self%symmetry%turned(rates, self%qd) + self%symmetry%turned(self%rates, x))/point%scale
-                x = x/point%scale
+                y = (self%symmetry%turned(rates, self%qd) + self%symmetry%turned(self%rates, x))*(point%rate/point%scale)
+                x = x*(point%rate/point%scale)
             end associate
-            jacobian(nh + 1:nh + m, n + i) = matmul(point%jacobian, x)
+            jacobian(nh + 1:nh + m, n + i) = self%rate_row_scale*matmul(point%jacobian, x)
             jacobian(nh + m + 1:last, n + i) = matmul(transpose(point%w), matmul(point%dynamics_qd, x) + &
                 matmul(point%mass, y))/unit
             jacobian(last + 1:, n + i) = self%symmetry%rates(self%held, i)
@@ -440,7 +453,7 @@ contains
         ! Errors of the coordinates of 1e-9 would leave as much.
         sizes = abs(point%force) + matmul(abs(point%mass), abs(point%qdd/point%scale)) + &
             matmul(abs(gradient), spread(1.0_wp, 1, n))*(1 + maxval(abs(self%q/point%scale)))
-        left = maxval([0.0_wp, abs(residual(:nh + m)), abs(residual(last + 1:)), &
+        left = maxval([0.0_wp, abs(residual(:nh + m))/(1 + maxval(abs(self%q/point%scale))), abs(residual(last + 1:)), &
             abs(residual(nh + m + 1:last))*unit/max(matmul(transpose(abs(point%w)), sizes), tiny(1.0_wp))])
     end subroutine form
 
@@ -535,7 +548,7 @@ contains
                 if (stat == 0) then
                     call cholesky%solve(step)
                     self%q = q + point%scale*step(:point%n)
-                    self%rates = rates + matmul(self%symmetry%rates, step(point%n + 1:))
+                    self%rates = rates + point%rate*matmul(self%symmetry%rates, step(point%n + 1:))
                     call self%look(point, t, stat)
                     ! The size of forces along an orthonormal basis does not depend on which.
                     if (stat == status_ok) then

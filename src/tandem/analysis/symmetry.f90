@@ -42,7 +42,7 @@ module tandem_analysis_symmetry
 
     !> Rows are compared with the size of their terms; what is left of those that cancel.
     real(wp), parameter :: exact_bound = 1.0e-9_wp, difference_bound = 1.0e-6_wp
-    !> Displacements in units of the step, weights, and the step (s) of central differences with respect to time.
+    !> Displacements in units of the step, weights, and the step over the time scale of central differences with respect to time.
     real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp], weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
     real(wp), parameter :: step = 2.0_wp**(-11)
 
@@ -200,7 +200,7 @@ contains
         call point%restore_position(t + later, qd, near, stat)
         if (stat /= status_ok) return
         ! Any velocity: the part in null(C) is free.
-        speed = max(1.0_wp, maxval(abs(qd/point%scale)))
+        speed = max(point%rate, maxval(abs(qd/point%scale)))
         velocity = qd/point%scale + speed*random_vector(seed, point%n)
         call point%evaluate(t + later, near, qd, stat)
         if (stat /= status_ok) return
@@ -305,18 +305,19 @@ contains
         real(wp), intent(out) :: rates(:)
         integer, intent(out) :: stat
         real(wp), dimension(point%n) :: q, qd, reference
-        real(wp) :: t
+        real(wp) :: h, t
         integer :: i
 
+        h = step/point%rate
         q = point%q
         qd = point%qd
         t = point%t
         reference = point%force
         rates = 0.0_wp
         do i = 1, size(place)
-            call point%evaluate(t + place(i)*step, q, qd, stat)
+            call point%evaluate(t + place(i)*h, q, qd, stat)
             if (stat /= status_ok) return
-            rates = rates + weight(i)/step*(point%force - reference)/point%scale
+            rates = rates + weight(i)/h*(point%force - reference)/point%scale
         end do
         call point%evaluate(t, q, qd, stat)
     end subroutine difference_forces
@@ -327,9 +328,10 @@ contains
         real(wp), intent(out) :: of_time(:)
         integer, intent(out) :: stat
         real(wp), dimension(point%n) :: q, qd, s_qd, s_qdd
-        real(wp) :: t, w(point%n, point%nw), reference(size(of_time))
+        real(wp) :: h, t, w(point%n, point%nw), reference(size(of_time))
         integer :: i
 
+        h = step/point%rate
         q = point%q
         qd = point%qd
         t = point%t
@@ -339,9 +341,9 @@ contains
         of_time = 0.0_wp
         reference = residuals()
         do i = 1, size(place)
-            call point%evaluate(t + place(i)*step, q, qd, stat)
+            call point%evaluate(t + place(i)*h, q, qd, stat)
             if (stat /= status_ok) return
-            of_time = of_time + weight(i)/step*(residuals() - reference)
+            of_time = of_time + weight(i)/h*(residuals() - reference)
         end do
         call point%evaluate(t, q, qd, stat)
 

@@ -55,6 +55,8 @@ module tandem_mechanism
         integer, allocatable, private :: first(:)
         !> The force of gravity (n).
         real(wp), allocatable, private :: weight(:)
+        !> A typical length of the bodies and rods (m).
+        real(wp), private :: size_of_bodies = 1.0_wp
         !> Meetings and dots that are hinges in space, one by one or in groups, and the numbers of the others.
         type(hinge_type), allocatable, private :: hinges(:)
         type(hinge_group_type), allocatable, private :: hinge_groups(:)
@@ -89,6 +91,7 @@ module tandem_mechanism
         type(derivatives_type), private :: window
     contains
         procedure :: define, start, composed, note_blocks, find_body_motions, pack_state, arrive, is_idle, hides, list_imposed
+        procedure :: set_magnitudes, set_time_scale
     end type mechanism_type
 
     interface
@@ -97,6 +100,28 @@ module tandem_mechanism
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine number_coordinates
+
+        !> The scales of the coordinates; these have their numbers.
+        module subroutine set_scales(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine set_scales
+
+        !> Sizes of the coordinates in rows of Phi. Of a body in the plane that has turned often, rounding of the angle moves its
+        !> points as far as rounding of so large a place.
+        pure module subroutine set_magnitudes(self, q, magnitude)
+            implicit none (type, external)
+            class(mechanism_type), intent(in) :: self
+            real(wp), intent(in), contiguous :: q(:)
+            real(wp), intent(out), contiguous :: magnitude(:)
+        end subroutine set_magnitudes
+
+        !> The time scale of a motion that starts at (t, q, qd).
+        module subroutine set_time_scale(self, t, q, qd)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+            real(wp), intent(in) :: t, q(:), qd(:)
+        end subroutine set_time_scale
 
         !> Rows; those at velocity level come behind all others.
         module subroutine number_rows(self)
@@ -273,6 +298,7 @@ contains
         self%is_defined = .true.
         if (.not. allocated(self%name)) self%name = 'mechanism'
         call number_coordinates(self)
+        call set_scales(self)
         call number_rows(self)
         call self%held%close()
         call self%rolling%close()

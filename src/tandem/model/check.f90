@@ -110,6 +110,10 @@ contains
         if (allocated(model%multiplier_unit)) then
             call check_length('multiplier_unit', size(model%multiplier_unit), model%n_constraints())
         end if
+        if (.not. (model%time_scale > 0.0_wp .and. ieee_is_finite(model%time_scale))) then
+            call refuse('time_scale is not positive and finite', 'give a typical time of the motion', error)
+            return
+        end if
         if (allocated(model%coordinate_scale)) then
             call check_length('coordinate_scale', size(model%coordinate_scale), model%n)
             if (allocated(error)) return

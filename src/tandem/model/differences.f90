@@ -29,6 +29,8 @@ module tandem_model_differences
         !> Whether derivatives are wanted to more digits than a Newton matrix needs: central differences of fourth order.
         logical, public :: is_central = .false.
         real(wp), allocatable :: q(:), qd(:), scale(:), displaced(:)
+        !> 1 over the time scale of the model.
+        real(wp) :: rate = 1.0_wp
         !> Residuals at the point and at a displaced one: velocity, acceleration (m), dynamics (n).
         real(wp), allocatable :: velocity(:), acceleration(:), dynamics(:), velocity0(:), acceleration0(:), dynamics0(:)
         !> Work space for single derivative procedures (m, n), (n, n).
@@ -59,6 +61,7 @@ contains
         m = model%n_constraints()
         self%has_constraints = m > 0
         self%scale = scale
+        self%rate = 1.0_wp/model%time_scale
         self%q = spread(0.0_wp, 1, n)
         self%qd = self%q
         self%displaced = self%q
@@ -93,7 +96,7 @@ contains
         stat = status_ok
         gamma = 0.0_wp
         speed = maxval(abs(qd)/max(abs(q), self%scale))
-        s = balance/max(speed, 1.0_wp)
+        s = balance/max(speed, self%rate)
         do i = 1, 4
             self%displaced = q + place(i)*s*qd
             call self%probe%evaluate(need_jacobian + need_nu, t + place(i)*s, self%displaced, qd, counts, stat)
@@ -106,7 +109,7 @@ contains
         associate (c => self%probe%terms%jacobian)
             do i = 1, size(gamma)
                 counts%gamma_noise = max(counts%gamma_noise, epsilon(1.0_wp)*sum(abs(c(i, :)*qd))/s/ &
-                    max(sum(abs(c(i, :))*self%scale) + abs(gamma(i)), tiny(1.0_wp)))
+                    max(self%rate**2*sum(abs(c(i, :))*self%scale) + abs(gamma(i)), tiny(1.0_wp)))
             end do
         end associate
     end subroutine evaluate_gamma
@@ -351,12 +354,13 @@ contains
         integer, intent(out) :: stat
         !> Displacements and weights of fourth order.
         real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp], weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
-        real(wp) :: x, moved, delta
+        real(wp) :: x, scale, moved, delta
         integer :: i
 
         x = merge(self%qd(j), self%q(j), by_qd)
+        scale = self%scale(j)*merge(self%rate, 1.0_wp, by_qd)
         if (.not. allocated(sums)) then
-            moved = x + sqrt(epsilon(1.0_wp))*max(abs(x), self%scale(j))
+            moved = x + sqrt(epsilon(1.0_wp))*max(abs(x), scale)
             call look(moved)
             if (stat /= status_ok) return
             delta = moved - x
@@ -366,7 +370,7 @@ contains
             return
         end if
         ! A power of two, so that the displacements are exact to the last digit of x: eps**(1/5) balances rounding and truncation.
-        delta = 2.0_wp**nint(log(epsilon(1.0_wp)**0.2_wp*max(abs(x), self%scale(j)))/log(2.0_wp))
+        delta = 2.0_wp**nint(log(epsilon(1.0_wp)**0.2_wp*max(abs(x), scale))/log(2.0_wp))
         sums = 0.0_wp
         do i = 1, 4
             call look(x + place(i)*delta)

@@ -58,10 +58,19 @@ module tandem_model_evaluator
         procedure, private :: evaluate_parts, note_mass, take_kept, take_blocks
         procedure :: judge_blocks
         procedure, private :: judge_mass, find_blocks, add_block
-        procedure :: times_jacobian, find_directions, add_friction, pack_state
+        procedure :: times_jacobian, find_directions, add_friction, set_magnitudes, pack_state
     end type evaluator_type
 
 contains
+
+    !> Sizes of the coordinates in rows of Phi, see `model_type`.
+    subroutine set_magnitudes(self, q, magnitude)
+        class(evaluator_type), intent(in) :: self
+        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(out), contiguous :: magnitude(:)
+
+        call self%model%set_magnitudes(q, magnitude)
+    end subroutine set_magnitudes
 
     !> Attach a checked model.
     subroutine initialize(self, model, kept, compressed, wants_mass, wants_jacobian)

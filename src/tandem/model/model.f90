@@ -59,6 +59,11 @@ module tandem_model
         character(len=label_length), allocatable :: coordinate_name(:), coordinate_unit(:)
         !> A typical magnitude of each coordinate (n), > 0; default 1. Bases, norms and the rank decision use q / scale.
         real(wp), allocatable :: coordinate_scale(:)
+        !> The period of each coordinate (n), 0 for one without: an angle that has turned often is not known less exactly for that.
+        !> In error norms |q| counts for half a period at most.
+        real(wp), allocatable :: coordinate_period(:)
+        !> A typical time of the motion, > 0: velocities are judged by scale / time_scale, accelerations by scale / time_scale**2.
+        real(wp) :: time_scale = 1.0_wp
         !> Names of the constraint rows (nh) and (nd); defaults holonomic 1, ..., nonholonomic 1, ...
         character(len=label_length), allocatable :: holonomic_name(:), nonholonomic_name(:)
         !> Units of the multipliers (nh + nd), for files: J over that of a row of Phi, W over that of a row of E qd.
@@ -168,7 +173,8 @@ module tandem_model
         procedure(vector_of_motion), pointer :: force_rate => null()
     contains
         procedure :: n_constraints, row_name, coordinate_label, unit_of_coordinate, unit_of_multiplier, has_units, composed
-        procedure :: scales, largest_on_scales, note_blocks, pack_state, arrive, is_idle, know_breakpoints, hides, list_imposed
+        procedure :: scales, largest_on_scales, set_magnitudes, set_time_scale, note_blocks, pack_state, arrive, is_idle
+        procedure :: know_breakpoints, hides, list_imposed
     end type model_type
 
     abstract interface
@@ -447,6 +453,26 @@ contains
         largest_on_scales = maxval(abs(x))
         if (allocated(self%coordinate_scale)) largest_on_scales = maxval(abs(x)/self%coordinate_scale)
     end function largest_on_scales
+
+    !> A run or an analysis begins at (t, q, qd): a model that takes its time scale from there does it now. Nothing unless
+    !> overridden.
+    subroutine set_time_scale(self, t, q, qd)
+        class(model_type), intent(inout) :: self
+        !> Time, coordinates and velocities (n), which need not satisfy the constraints.
+        real(wp), intent(in) :: t, q(:), qd(:)
+    end subroutine set_time_scale
+
+    !> The sizes of the coordinates by which rows of Phi are judged, where these exceed the scales: how much rounding of q may leave
+    !> of a row follows from them. q itself unless overridden, by a model whose rows bend so much along a large coordinate that
+    !> their gradients do not show its part everywhere.
+    pure subroutine set_magnitudes(self, q, magnitude)
+        class(model_type), intent(in) :: self
+        !> Coordinates, and their sizes (n).
+        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(out), contiguous :: magnitude(:)
+
+        magnitude = q
+    end subroutine set_magnitudes
 
     !> The name of a coordinate with blanks behind.
     pure function padded_label(self, i) result(name)

@@ -2,7 +2,7 @@
 !> Constraint errors on the natural scale of each row: an error is small or large against the terms that cancel in its row.
 !>
 !> The scale of row i is sum_j |C_ij| |y_j| plus the modulus of its right side, with y = q, qd or qdd. Its floor replaces
-!> |y_j| by the coordinate's typical magnitude s_j (for qd and qdd: s_j a unit of time, s_j a unit of time squared), so that a
+!> |y_j| by the coordinate's typical magnitude s_j (for qd and qdd: s_j over the time scale and over its square), so that a
 !> mechanism at rest or at the origin has a scale too.
 module tandem_model_natural_scale
     use tandem_kinds, only: lane, short, wp
@@ -25,7 +25,7 @@ contains
 
     !> max_i |C qd - nu|_i / scale_i and its row.
     pure subroutine velocity_errors(nu, jacobian, qd, scale, error, row)
-        !> nu (m), C (m, n), qd (n), coordinate scales (n).
+        !> nu (m), C (m, n), qd (n), coordinate scales over the time scale (n).
         real(wp), intent(in), contiguous :: nu(:), jacobian(:, :), qd(:), scale(:)
         real(wp), intent(out) :: error
         integer, intent(out) :: row
@@ -34,20 +34,22 @@ contains
     end subroutine velocity_errors
 
     !> Both and max_i |C qdd + gamma|_i / scale_i, and their rows; 0 at the position level where it has no rows.
-    pure subroutine constraint_errors(phi, nu, gamma, jacobian, q, qd, qdd, scale, errors, rows)
+    pure subroutine constraint_errors(phi, nu, gamma, jacobian, q, qd, qdd, scale, rate, errors, rows)
         !> Phi (nh), nu and gamma (m), C (m, n); q, qd, qdd and coordinate scales (n).
         real(wp), intent(in), contiguous :: phi(:), nu(:), gamma(:), jacobian(:, :), q(:), qd(:), qdd(:), scale(:)
+        !> 1 over the time scale.
+        real(wp), intent(in) :: rate
         real(wp), intent(out) :: errors(3)
         integer, intent(out) :: rows(3)
 
-        call find_all(size(phi), size(nu), size(q), phi, nu, gamma, jacobian, q, qd, qdd, scale, errors, rows)
+        call find_all(size(phi), size(nu), size(q), phi, nu, gamma, jacobian, q, qd, qdd, scale, rate, errors, rows)
         if (size(phi) == 0) errors(1) = 0.0_wp
     end subroutine constraint_errors
 
     !> The three errors in one pass through C, `lane` rows at a time: no work space, and inner loops of constant length.
-    pure subroutine find_all(nh, m, n, phi, nu, gamma, c, q, qd, qdd, scale, errors, rows)
+    pure subroutine find_all(nh, m, n, phi, nu, gamma, c, q, qd, qdd, scale, rate, errors, rows)
         integer, intent(in) :: nh, m, n
-        real(wp), intent(in) :: phi(nh), nu(m), gamma(m), c(m*n), q(n), qd(n), qdd(n), scale(n)
+        real(wp), intent(in) :: phi(nh), nu(m), gamma(m), c(m*n), q(n), qd(n), qdd(n), scale(n), rate
         real(wp), intent(out) :: errors(3)
         integer, intent(out) :: rows(3)
         real(wp), dimension(lane) :: of_velocity, of_acceleration, q_scale, qd_scale, qdd_scale
@@ -71,10 +73,10 @@ contains
                     qdd_scale(s + i) = 0.0_wp
                 end do
             end do
-            call add_columns(whole, m, b, m*n, c, q, qd, qdd, scale, of_velocity, of_acceleration, q_scale, qd_scale, &
+            call add_columns(whole, m, b, m*n, c, q, qd, qdd, scale, rate, of_velocity, of_acceleration, q_scale, qd_scale, &
                 qdd_scale)
             call add_columns(n - whole, lane, 0, lane*lane, tail, q(whole + 1:), qd(whole + 1:), qdd(whole + 1:), &
-                scale(whole + 1:), of_velocity, of_acceleration, q_scale, qd_scale, qdd_scale)
+                scale(whole + 1:), rate, of_velocity, of_acceleration, q_scale, qd_scale, qdd_scale)
             call judge(b, nh, .false., 0.0_wp, phi, of_velocity, q_scale, errors(1), rows(1))
             call judge(b, m, .true., -1.0_wp, nu, of_velocity, qd_scale, errors(2), rows(2))
             call judge(b, m, .true., 1.0_wp, gamma, of_acceleration, qdd_scale, errors(3), rows(3))
@@ -82,9 +84,10 @@ contains
     end subroutine find_all
 
     !> What n columns of m rows of C give: C qd, C qdd and the scales of rows b + 1 to b + lane.
-    pure subroutine add_columns(n, m, b, l, c, q, qd, qdd, scale, of_velocity, of_acceleration, q_scale, qd_scale, qdd_scale)
+    pure subroutine add_columns(n, m, b, l, c, q, qd, qdd, scale, rate, of_velocity, of_acceleration, q_scale, qd_scale, &
+        qdd_scale)
         integer, intent(in) :: n, m, b, l
-        real(wp), intent(in) :: c(l), q(n), qd(n), qdd(n), scale(n)
+        real(wp), intent(in) :: c(l), q(n), qd(n), qdd(n), scale(n), rate
         real(wp), intent(inout), dimension(lane) :: of_velocity, of_acceleration, q_scale, qd_scale, qdd_scale
         real(wp) :: a, magnitude_q, magnitude_qd, magnitude_qdd
         integer :: first, i, j, s
@@ -94,8 +97,8 @@ contains
         do j = 1, n
             first = (j - 1)*m + b
             magnitude_q = max(abs(q(j)), scale(j))
-            magnitude_qd = max(abs(qd(j)), scale(j))
-            magnitude_qdd = max(abs(qdd(j)), scale(j))
+            magnitude_qd = max(abs(qd(j)), rate*scale(j))
+            magnitude_qdd = max(abs(qdd(j)), rate*(rate*scale(j)))
             do s = 0, lane - short, short
                 !GCC$ UNROLL 1
                 do i = 1, short

@@ -36,6 +36,7 @@ module tandem_model_redundancy
         type(evaluator_type), private :: evaluator
         type(differences_type), private :: differences
         real(wp), allocatable, private :: scale(:)
+        real(wp), private :: rate = 1.0_wp
     contains
         procedure :: analyse, choose, partners
         procedure, private :: restore, find_contradiction, probe
@@ -60,9 +61,11 @@ contains
         !> A status code.
         integer, intent(out) :: stat
         real(wp), allocatable :: jacobian(:, :)
+        real(wp) :: magnitude(size(q))
         integer :: i
 
         self%scale = scale
+        self%rate = 1.0_wp/model%time_scale
         self%failed_row = 0
         self%failed_level = 0
         self%q = q
@@ -73,7 +76,8 @@ contains
         if (stat /= status_ok) return
         self%error = 0.0_wp
         associate (terms => self%evaluator%terms)
-            if (model%n_holonomic > 0) call position_errors(terms%phi, terms%jacobian, self%q, self%scale, &
+            call self%evaluator%set_magnitudes(self%q, magnitude)
+            if (model%n_holonomic > 0) call position_errors(terms%phi, terms%jacobian, magnitude, self%scale, &
                 self%error, self%worst_row)
         end associate
         call self%restore([(i, i=1, model%n_holonomic)], t, self%q, counts, stat)
@@ -122,11 +126,11 @@ contains
         !> The rows to satisfy.
         integer, intent(in) :: rows(:)
         real(wp), intent(in) :: t
-        real(wp), intent(inout) :: q(:)
+        real(wp), intent(inout), contiguous :: q(:)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
         integer, parameter :: most_steps = 8
-        real(wp) :: step(size(q)), error, last_error, place(size(q)), phi(size(rows)), jacobian(size(rows), size(q))
+        real(wp) :: step(size(q)), error, last_error, magnitude(size(q)), phi(size(rows)), jacobian(size(rows), size(q))
         integer :: k, row
 
         stat = status_ok
@@ -138,8 +142,8 @@ contains
                 if (stat /= status_ok) return
                 phi = terms%phi(rows)
                 jacobian = terms%jacobian(rows, :)
-                place = q
-                call position_errors(phi, jacobian, place, self%scale, error, row)
+                call self%evaluator%set_magnitudes(q, magnitude)
+                call position_errors(phi, jacobian, magnitude, self%scale, error, row)
                 if (error <= 4*epsilon(1.0_wp) .or. .not. error < 0.5_wp*last_error) return
                 last_error = error
                 call solve_least_norm(jacobian*spread(self%scale, 1, size(rows)), -phi, step)
@@ -199,7 +203,8 @@ contains
                     associate (row => self%dropped(i))
                         if (number == 1 .and. row > nh) cycle
                         expected = dot_product(self%combination(i, :), value(self%kept))
-                        natural = sum(abs(c(row, :))*max(abs(y), self%scale)) + abs(value(row)) + abs(expected)
+                        natural = sum(abs(c(row, :))*max(abs(y), merge(1.0_wp, self%rate, number == 1)*self%scale)) + &
+                            abs(value(row)) + abs(expected)
                         if (abs(value(row) - expected) <= allowed*natural) cycle
                         self%failed_row = row
                         self%failed_level = number
@@ -225,7 +230,7 @@ contains
         integer, parameter :: n_states = 3
         integer, allocatable :: kept(:), dropped(:)
         real(wp), allocatable :: combination(:, :)
-        real(wp) :: direction(size(self%q)), part(size(self%q)), q(size(self%q)), error
+        real(wp) :: direction(size(self%q)), part(size(self%q)), q(size(self%q)), magnitude(size(self%q)), error
         integer :: i, j, nh, row
 
         stat = status_ok
@@ -252,7 +257,8 @@ contains
                 if (.not. sum(abs(terms%jacobian)) + sum(abs(terms%phi)) <= huge(1.0_wp)) cycle
                 error = 0.0_wp
                 row = 0
-                if (nh > 0) call position_errors(terms%phi, terms%jacobian, q, self%scale, error, row)
+                call self%evaluator%set_magnitudes(q, magnitude)
+                if (nh > 0) call position_errors(terms%phi, terms%jacobian, magnitude, self%scale, error, row)
                 call split_rows(terms%jacobian, self%scale, nh, largest_rest, kept, dropped, combination)
                 if (error <= largest_error .and. size(kept) == size(self%kept)) cycle
             end associate

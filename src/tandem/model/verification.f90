@@ -97,6 +97,7 @@ contains
         call pack%begin_writing()
         call model%pack_state(pack)
         call pack%end_writing('model', memory)
+        call model%set_time_scale(t, q, qd)
         scale = model%scales()
         call ieee_get_flag(ieee_all, flags)
         call evaluator%initialize(model)
@@ -105,8 +106,8 @@ contains
         seed = 12345
         do state = 1, n_states
             q1 = q + 0.1_wp*scale*random_vector(seed, model%n)
-            qd1 = qd + scale*random_vector(seed, model%n)
-            qdd1 = scale*random_vector(seed, model%n)
+            qd1 = qd + scale/model%time_scale*random_vector(seed, model%n)
+            qdd1 = scale/model%time_scale**2*random_vector(seed, model%n)
             lambda = random_vector(seed, size(lambda))
             call find_row_scales(evaluator, t, q1, scale, parts, counts, stat)
             lambda = lambda/parts%row_scale
@@ -182,16 +183,17 @@ contains
             parts%mass_q(:, j) = by_q(nh + 4*m + 1:nh + 4*m + n)
             parts%reaction_q(:, j) = by_q(nh + 4*m + n + 1:nh + 4*m + 2*n)
             parts%force_q(:, j) = by_q(nh + 4*m + 2*n + 1:)
-            call differentiate_column(evaluator, .true., j, t, q, qd, qdd, lambda, scale(j), [m, n], unit_qd, by_qd, counts, stat)
+            call differentiate_column(evaluator, .true., j, t, q, qd, qdd, lambda, scale(j)/model%time_scale, [m, n], &
+                unit_qd, by_qd, counts, stat)
             if (stat /= 0) return
             parts%gamma_qd(:, j) = by_qd(:m)
             parts%force_qd(:, j) = by_qd(m + 1:)
         end do
-        if (nh > 0) call differentiate_in_time(evaluator, t, 1.0_wp, .false., q, qd, parts%row_scale(:nh), parts%phi_t, &
+        if (nh > 0) call differentiate_in_time(evaluator, t, model%time_scale, .false., q, qd, parts%row_scale(:nh), parts%phi_t, &
             parts%phi_t_doubt, counts, stat)
         if (stat /= 0 .or. m == 0) return
-        call differentiate_in_time(evaluator, t, 1.0_wp/max(1.0_wp, maxval(abs(qd)/max(abs(q), scale))), .true., q, qd, &
-            parts%row_scale, parts%gamma, parts%gamma_doubt, counts, stat)
+        call differentiate_in_time(evaluator, t, 1.0_wp/max(1.0_wp/model%time_scale, maxval(abs(qd)/max(abs(q), scale))), .true., &
+            q, qd, parts%row_scale, parts%gamma, parts%gamma_doubt, counts, stat)
     end subroutine differentiate
 
     !> The derivatives of all terms by one coordinate or velocity. A step that suits its scale is too long where the model bends

@@ -71,6 +71,7 @@ contains
         call check_model(model, error)
         if (.not. allocated(error)) call check_request(model, request, t, q, qd, error)
         if (allocated(error)) return
+        call model%set_time_scale(t, q, qd)
         request%counts = counts_type()
         request%row_q = 0
         request%row_qd = 0
@@ -111,7 +112,7 @@ contains
         if (allocated(error)) return
 
         new_qd = qd
-        call velocity%initialize(model%n_constraints(), fixed_qd, weights(request%weight_qd, scale), scale, &
+        call velocity%initialize(model%n_constraints(), fixed_qd, weights(request%weight_qd, scale), scale/model%time_scale, &
             request%velocity_metric == 'mass', request%tolerance)
         call velocity%find(evaluator, t, new_q, new_qd, request%counts, stat)
         if (stat == status_inconsistent_start) then
@@ -122,7 +123,8 @@ contains
             call fail(evaluator, stat, 'while the velocity was assembled', error)
         else
             request%row_qd = strongest(velocity%pull, scale)
-            call check_move(model, velocity%pull, (new_qd - qd)/scale, request%largest_move_qd, 'velocity of ', error)
+            call check_move(model, velocity%pull, (new_qd - qd)*(model%time_scale/scale), request%largest_move_qd, &
+                'velocity of ', error)
         end if
         if (allocated(error)) return
 

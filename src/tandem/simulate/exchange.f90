@@ -149,6 +149,7 @@ contains
         call self%control%set_method(self%method)
         call self%control%restart()
         call self%stiffness%pause()
+        self%stepper%time_scale = self%model%time_scale
         call self%stepper%initialize(self%model%scales(), self%options%newton_tolerance())
     end procedure set_method
 end submodule tandem_simulate_exchange

@@ -315,7 +315,8 @@ contains
             if (.not. self%is_there(k)) cycle
             relative = 0.0_wp
             do i = 1, 2
-                relative = max(relative, maxval(self%difference(:, i, k)/(scale + abs(self%state(:, i, k)))))
+                relative = max(relative, maxval(self%difference(:, i, k)/(scale/merge(1.0_wp, model%time_scale, i == 1) + &
+                    abs(self%state(:, i, k)))))
             end do
             if (relative > self%largest) self%t_largest = self%t(k)
             self%largest = max(self%largest, relative)

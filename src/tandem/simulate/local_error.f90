@@ -28,6 +28,10 @@ module tandem_simulate_local_error
         real(wp), allocatable :: weight_q(:), weight_qd(:), error_q(:), error_qd(:)
         !> The scales (n), unless all of them are 1.
         real(wp), allocatable, private :: scale(:)
+        !> The most that |q| counts for (n), where there are angles.
+        real(wp), allocatable, private :: largest_q(:)
+        !> 1 over the time scale: velocities have the scale rate s.
+        real(wp), private :: rate = 1.0_wp
         integer, private :: n = 0
         !> The start of the window, the size of its first step, and where the last one has ended.
         real(wp), private :: t0 = 0.0_wp, h = 0.0_wp, t_last = 0.0_wp
@@ -43,17 +47,21 @@ module tandem_simulate_local_error
         procedure :: initialize, set_weights, add, extend, restart, pack_state
         procedure :: gap, allow_gap, begin_step, find_gap, is_missed, largest_part, size_of_window
         procedure :: count_imposed, add_imposed
-        procedure, private :: largest_velocity, may_gap, scale_of
+        procedure, private :: largest_velocity, may_gap, scale_of, size_of_q
     end type local_error_type
 
 contains
 
     !> Begin anew with coordinate scales (n).
-    pure subroutine initialize(self, scale, has_estimates)
+    pure subroutine initialize(self, scale, rate, has_estimates, largest_q)
         class(local_error_type), intent(inout) :: self
         real(wp), intent(in) :: scale(:)
+        !> 1 over the time scale.
+        real(wp), intent(in) :: rate
         !> Whether `set_weights` will be called, and not `extend`.
         logical, intent(in) :: has_estimates
+        !> The most that each |q| counts for (n); no bound where absent.
+        real(wp), intent(in), optional :: largest_q(:)
 
         self%largest = 0.0_wp
         self%total = 0.0_wp
@@ -61,6 +69,9 @@ contains
         self%in_window = 0
         self%last_gap = huge(1.0_wp)
         self%n = size(scale)
+        self%rate = rate
+        if (allocated(self%largest_q)) deallocate (self%largest_q)
+        if (present(largest_q)) self%largest_q = largest_q
         if (allocated(self%scale)) deallocate (self%scale)
         if (any(abs(scale - 1.0_wp) > 0.0_wp)) self%scale = scale
         if (allocated(self%weight_q)) deallocate (self%weight_q, self%weight_qd)
@@ -81,6 +92,18 @@ contains
         if (allocated(self%scale)) scale_of = self%scale(i)
     end function scale_of
 
+    !> The size on which the error of a coordinate is judged.
+    pure real(wp) function size_of_q(self, i, q)
+        class(local_error_type), intent(in) :: self
+        integer, intent(in) :: i
+        !> The coordinate.
+        real(wp), intent(in) :: q
+
+        size_of_q = abs(q)
+        if (allocated(self%largest_q)) size_of_q = min(size_of_q, self%largest_q(i))
+        size_of_q = self%scale_of(i) + size_of_q
+    end function size_of_q
+
     !> Make errors relative to a state.
     pure subroutine set_weights(self, state)
         class(local_error_type), intent(inout) :: self
@@ -88,8 +111,8 @@ contains
         integer :: i
 
         do i = 1, self%n
-            self%weight_q(i) = 1.0_wp/(self%scale_of(i) + abs(state%q(i)))
-            self%weight_qd(i) = 1.0_wp/(self%scale_of(i) + abs(state%qd(i)))
+            self%weight_q(i) = 1.0_wp/self%size_of_q(i, state%q(i))
+            self%weight_qd(i) = 1.0_wp/(self%rate*self%scale_of(i) + abs(state%qd(i)))
         end do
     end subroutine set_weights
 
@@ -150,7 +173,7 @@ contains
         gap = 0.0_wp
         do i = 1, self%n
             gap = max(gap, abs((arrived%qd(i) - start%qd(i)) - (arrived%dqd(i) - start%dqd(i)))/ &
-                (self%scale_of(i) + abs(arrived%qd(i))))
+                (self%rate*self%scale_of(i) + abs(arrived%qd(i))))
         end do
     end function gap
 
@@ -163,15 +186,16 @@ contains
         may_gap = .false.
         if (.not. self%allowed_gap < huge(1.0_wp)) return
         if (allocated(self%scale)) then
-            may_gap = is_larger(self%n, 0.999_wp*self%allowed_gap, start%qd, start%dqd, arrived%qd, arrived%dqd, self%scale)
+            may_gap = is_larger(self%n, 0.999_wp*self%allowed_gap, self%rate, start%qd, start%dqd, arrived%qd, arrived%dqd, &
+                self%scale)
         else
-            may_gap = is_larger(self%n, 0.999_wp*self%allowed_gap, start%qd, start%dqd, arrived%qd, arrived%dqd)
+            may_gap = is_larger(self%n, 0.999_wp*self%allowed_gap, self%rate, start%qd, start%dqd, arrived%qd, arrived%dqd)
         end if
     end function may_gap
 
-    pure logical function is_larger(n, limit, qd0, dqd0, qd, dqd, scale)
+    pure logical function is_larger(n, limit, rate, qd0, dqd0, qd, dqd, scale)
         integer, intent(in) :: n
-        real(wp), intent(in) :: limit, qd0(n), dqd0(n), qd(n), dqd(n)
+        real(wp), intent(in) :: limit, rate, qd0(n), dqd0(n), qd(n), dqd(n)
         !> 1 where absent.
         real(wp), intent(in), optional :: scale(n)
         integer :: count, i
@@ -180,11 +204,11 @@ contains
         count = 0
         if (present(scale)) then
             do i = 1, n
-                count = count + merge(1, 0, abs((qd(i) - qd0(i)) - (dqd(i) - dqd0(i))) > limit*(scale(i) + abs(qd(i))))
+                count = count + merge(1, 0, abs((qd(i) - qd0(i)) - (dqd(i) - dqd0(i))) > limit*(rate*scale(i) + abs(qd(i))))
             end do
         else
             do i = 1, n
-                count = count + merge(1, 0, abs((qd(i) - qd0(i)) - (dqd(i) - dqd0(i))) > limit*(1.0_wp + abs(qd(i))))
+                count = count + merge(1, 0, abs((qd(i) - qd0(i)) - (dqd(i) - dqd0(i))) > limit*(rate + abs(qd(i))))
             end do
         end if
         is_larger = count > 0
@@ -323,7 +347,7 @@ contains
         moved_qd = 0.0_wp
         missed_qd = 0.0_wp
         do i = 1, self%n
-            associate (s => self%scale_of(i) + abs(arrived%q(i)), s_qd => self%scale_of(i) + abs(arrived%qd(i)))
+            associate (s => self%scale_of(i) + abs(arrived%q(i)), s_qd => self%rate*self%scale_of(i) + abs(arrived%qd(i)))
                 moved = max(moved, abs(arrived%dq(i) - start%dq(i))/s)
                 missed = max(missed, abs((arrived%q(i) - start%q(i)) - (arrived%dq(i) - start%dq(i)))/s)
                 moved_qd = max(moved_qd, abs(arrived%dqd(i) - start%dqd(i))/s_qd)
@@ -342,8 +366,8 @@ contains
 
         largest_part = 0.0_wp
         do i = 1, self%n
-            largest_part = max(largest_part, abs(error_q(i))/(self%scale_of(i) + abs(state%q(i))), &
-                abs(error_qd(i))/(self%scale_of(i) + abs(state%qd(i))))
+            largest_part = max(largest_part, abs(error_q(i))/self%size_of_q(i, state%q(i)), &
+                abs(error_qd(i))/(self%rate*self%scale_of(i) + abs(state%qd(i))))
         end do
     end function largest_part
 
@@ -355,8 +379,8 @@ contains
 
         size_of_window = 0.0_wp
         do i = 1, self%n
-            size_of_window = size_of_window + (self%error_q(i)*(1.0_wp/(self%scale_of(i) + abs(state%q(i)))))**2 + &
-                (self%error_qd(i)*(1.0_wp/(self%scale_of(i) + abs(state%qd(i)))))**2
+            size_of_window = size_of_window + (self%error_q(i)*(1.0_wp/self%size_of_q(i, state%q(i))))**2 + &
+                (self%error_qd(i)*(1.0_wp/(self%rate*self%scale_of(i) + abs(state%qd(i)))))**2
         end do
         size_of_window = sqrt(size_of_window/real(2*self%n, wp))
     end function size_of_window

@@ -133,7 +133,7 @@ contains
         type(point_type), intent(out) :: point
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        real(wp) :: magnitude
+        real(wp) :: magnitude(self%n)
         integer :: i, j, row
 
         ! Neither depends on the velocity; q stands in for it.
@@ -154,12 +154,13 @@ contains
             model%failed_term = 'jacobian'
             return
         end if
-        call position_errors(point%phi, point%jacobian, q, self%scale, point%error, row)
+        call model%set_magnitudes(point%q, magnitude)
+        call position_errors(point%phi, point%jacobian, magnitude, self%scale, point%error, row)
         point%row_scale = spread(tiny(1.0_wp), 1, self%nh)
         do j = 1, self%n
-            magnitude = max(abs(q(j)), self%scale(j))
+            magnitude(j) = max(abs(magnitude(j)), self%scale(j))
             do i = 1, self%nh
-                point%row_scale(i) = point%row_scale(i) + abs(point%jacobian(i, j))*magnitude
+                point%row_scale(i) = point%row_scale(i) + abs(point%jacobian(i, j))*magnitude(j)
             end do
         end do
     end subroutine evaluate

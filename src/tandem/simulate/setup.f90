@@ -50,6 +50,7 @@ contains
         ! Where the run keeps them: copies would leave holes in the memory.
         call self%state%begin(t, q, qd)
         call model%arrive(t, self%state%q, .true.)
+        call model%set_time_scale(t, self%state%q, self%state%qd)
         ! Before the chart has taken its memory.
         if (present(assembly)) call assemble(model, assembly, t, self%state%q, self%state%qd, error)
         if (allocated(error)) return
@@ -57,7 +58,7 @@ contains
         call self%allocate_chart()
         if (.not. self%has_surplus_rows()) call self%chart%initialize(model, self%options, self%method%implicit, error)
         if (allocated(error)) return
-        call allocate_work(self, model%scales())
+        call allocate_work(self, model%scales(), model%time_scale)
         call self%next%allocate(model%n)
         call self%accept_start(error)
         self%is_ready = .not. allocated(error)
@@ -174,14 +175,18 @@ contains
     end procedure watch_constraints
 
     !> States, and what estimates, controls and steps need.
-    subroutine allocate_work(self, scale)
+    subroutine allocate_work(self, scale, time_scale)
         class(simulation_type), intent(inout) :: self
-        real(wp), intent(in) :: scale(:)
+        real(wp), intent(in) :: scale(:), time_scale
         class(stepper_type), allocatable :: partner
         type(properties_type) :: of_partner
+        real(wp), allocatable :: largest_q(:)
 
-        call self%control%initialize(self%options, scale, self%method)
-        call self%local_error%initialize(scale, self%options%is_adaptive() .or. self%method%order > 5)
+        if (allocated(self%model%coordinate_period)) largest_q = merge(self%model%coordinate_period/2, huge(1.0_wp), &
+            self%model%coordinate_period > 0.0_wp)
+        call self%control%initialize(self%options, scale, time_scale, self%method, largest_q)
+        call self%local_error%initialize(scale, 1.0_wp/time_scale, self%options%is_adaptive() .or. self%method%order > 5, &
+            largest_q)
         call watch_constraints(self)
         if (self%method%stability_limit > 0.0_wp .and. self%options%is_adaptive()) then
             call self%stiffness%smoothness%initialize(self%model%n)
@@ -190,7 +195,8 @@ contains
             call new_stepper(self%method%partner, partner)
             of_partner = partner%properties()
         end if
-        call self%switching%begin(self%method%partner /= '', scale, self%t_start, of_partner%estimate_order)
+        call self%switching%begin(self%method%partner /= '', scale, time_scale, self%t_start, of_partner%estimate_order)
+        self%stepper%time_scale = time_scale
         call self%stepper%initialize(scale, self%options%newton_tolerance())
         self%start = state_type()
         self%end_is_apart = .false.

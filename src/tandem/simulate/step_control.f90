@@ -21,11 +21,15 @@ module tandem_simulate_step_control
         !> The step to try next; 0 before the first.
         real(wp) :: h = 0.0_wp
         real(wp), private :: first_step = 0.0_wp
+        !> The time scale of the model.
+        real(wp), private :: unit = 1.0_wp
         !> 1 / (atol s + rtol |y|) for q and for qd (n), s the coordinate scales; only under error control, as what they are made
         !> of.
         real(wp), allocatable :: weight_q(:), weight_qd(:)
         !> rtol and atol s for q and for qd (n).
         real(wp), allocatable, private :: rtol_q(:), rtol_qd(:), atol_q(:), atol_qd(:)
+        !> The most that |q| counts for (n): half a turn of an angle; only where there are angles.
+        real(wp), allocatable, private :: largest_q(:)
         real(wp), private :: max_step = huge(1.0_wp)
         integer, private :: order = 4
         real(wp), private :: exponent = 0.2_wp, last_norm = 1.0e-4_wp
@@ -65,24 +69,31 @@ module tandem_simulate_step_control
     !> between them. Then steps stay below this part of the second, and each that is kept raises that a little.
     real(wp), parameter :: alike = 1.25_wp, below = 0.85_wp, rise = 1.02_wp
     integer, parameter :: soon = 10
-    !> Explicit steps are powers of this: what rounding does to an error must not reach the steps, which would amplify it at the
-    !> limit of stability. So a run takes the same steps in other units, or where another compiler has built it.
+    !> Explicit steps are the time scale times powers of this: what rounding does to an error must not reach the steps, which would
+    !> amplify it at the limit of stability. So a run takes the same steps in other units, or where another compiler has built it.
     real(wp), parameter :: notch = 2.0_wp**(1.0_wp/32)
 
 contains
 
     !> Begin with tolerances, coordinate scales (n) and a method with an estimate.
-    subroutine initialize(self, options, scale, method)
+    subroutine initialize(self, options, scale, time_scale, method, largest_q)
         class(step_control_type), intent(inout) :: self
         type(options_type), intent(in) :: options
         real(wp), intent(in) :: scale(:)
+        !> A velocity has the scale s over this.
+        real(wp), intent(in) :: time_scale
         type(properties_type), intent(in) :: method
+        !> The most that each |q| counts for in its tolerance (n); no bound where absent.
+        real(wp), intent(in), optional :: largest_q(:)
 
+        self%unit = time_scale
         self%max_step = huge(1.0_wp)
         if (options%max_step > 0.0_wp) self%max_step = options%max_step
         self%first_step = min(options%first_step, self%max_step)
         call self%set_method(method)
         call self%begin()
+        if (allocated(self%largest_q)) deallocate (self%largest_q)
+        if (present(largest_q)) self%largest_q = largest_q
         if (.not. options%is_adaptive()) return
         self%weight_q = scale
         self%weight_qd = scale
@@ -92,7 +103,7 @@ contains
         self%atol_qd = scale
         call options%fill_tolerances(self%rtol_q, self%rtol_qd, self%atol_q, self%atol_qd)
         self%atol_q = self%atol_q*scale
-        self%atol_qd = self%atol_qd*scale
+        self%atol_qd = self%atol_qd*(scale/time_scale)
     end subroutine initialize
 
     !> Control the steps of a method with an estimate.
@@ -134,11 +145,20 @@ contains
         class(step_control_type), intent(inout) :: self
         !> Coordinates and velocities at both ends (n).
         real(wp), intent(in), contiguous :: q0(:), q(:), qd0(:), qd(:)
+        !> Rounding of a large angle, of which steps see some.
+        real(wp), parameter :: rounding = 4*epsilon(1.0_wp)
+        real(wp) :: large
         integer :: i
 
         do i = 1, size(q)
             self%weight_q(i) = 1.0_wp/(self%atol_q(i) + self%rtol_q(i)*max(abs(q0(i)), abs(q(i))))
             self%weight_qd(i) = 1.0_wp/(self%atol_qd(i) + self%rtol_qd(i)*max(abs(qd0(i)), abs(qd(i))))
+        end do
+        if (.not. allocated(self%largest_q)) return
+        do i = 1, size(q)
+            large = max(abs(q0(i)), abs(q(i)))
+            if (large > self%largest_q(i)) self%weight_q(i) = 1.0_wp/max(self%atol_q(i) + self%rtol_q(i)*self%largest_q(i), &
+                rounding*large)
         end do
     end subroutine set_weights
 
@@ -246,7 +266,7 @@ contains
         round_down = h
         ! What is no step, zero or not a number, is left to those who refuse it.
         if (.not. (self%stability_limit > 0.0_wp .and. h >= tiny(h) .and. h <= huge(h))) return
-        round_down = notch**floor(log(h)/log(notch) + hair)
+        round_down = self%unit*notch**floor(log(h/self%unit)/log(notch) + hair)
     end function round_down
 
     !> Forget all steps, so that the next one is chosen as the first one was.

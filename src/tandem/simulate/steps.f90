@@ -517,12 +517,14 @@ contains
         real(wp) :: h, size_y, size_f, change
         integer :: stat
 
-        associate (state => self%state, next => self%next, control => self%control)
+        associate (state => self%state, next => self%next, control => self%control, unit => self%model%time_scale)
             call control%set_weights(state%q, state%q, state%qd, state%qd)
             size_y = weighted_norm(state%q, state%qd, control%weight_q, control%weight_qd)
             size_f = weighted_norm(state%qd, state%qdd, control%weight_q, control%weight_qd)
-            h = 1.0e-6_wp
-            if (size_y > 1.0e-5_wp .and. size_f > 1.0e-5_wp) h = 0.01_wp*size_y/size_f
+            ! In units of the time scale.
+            size_f = size_f*unit
+            h = 1.0e-6_wp*unit
+            if (size_y > 1.0e-5_wp .and. size_f > 1.0e-5_wp) h = 0.01_wp*unit*size_y/size_f
             h = min(h, 0.1_wp*span)
             ! One Euler step shows how fast the rates change.
             next%dq = state%dq + h*state%qd
@@ -531,11 +533,11 @@ contains
             if (stat == status_ok) call self%chart%restore_velocity(state%t + h, next%q, next%dqd, next%qd, stat)
             if (stat == status_ok) call self%chart%solve_dynamics(state%t + h, next%q, next%qd, next%qdd, stat)
             if (stat == status_ok) then
-                change = weighted_norm(next%qd - state%qd, next%qdd - state%qdd, control%weight_q, control%weight_qd)/h
+                change = weighted_norm(next%qd - state%qd, next%qdd - state%qdd, control%weight_q, control%weight_qd)*(unit/h)*unit
                 change = 0.01_wp/max(size_f, change, 1.0e-15_wp)
                 if (self%switching%is_on) self%switching%first_step = min(100*h, span, &
-                    change**(1.0_wp/(self%switching%estimate_order + 1)))
-                h = min(100*h, change**(1.0_wp/(self%method%estimate_order + 1)))
+                    unit*change**(1.0_wp/(self%switching%estimate_order + 1)))
+                h = min(100*h, unit*change**(1.0_wp/(self%method%estimate_order + 1)))
             end if
             control%h = control%limit(min(h, span))
         end associate

@@ -49,6 +49,8 @@ module tandem_simulate_switching
         real(wp), allocatable, private :: direction_q(:), direction_qd(:)
         !> The coordinates' scales (n), and a state displaced along that direction.
         real(wp), allocatable, private :: scale(:)
+        !> 1 over the time scale, the least eigenvalue of account.
+        real(wp), private :: least = 1.0_wp
         type(state_type), private :: moved
     contains
         procedure :: begin, is_asked
@@ -77,11 +79,11 @@ contains
         cost_of_implicit = cost + matrices*2*real(n_differences, wp)
     end function cost_of_implicit
 
-    !> Begin a run with coordinate scales (n) at a time.
-    subroutine begin(self, is_on, scale, t, estimate_order)
+    !> Begin a run with coordinate scales (n) and the time scale of the model at a time.
+    subroutine begin(self, is_on, scale, time_scale, t, estimate_order)
         class(switching_type), intent(inout) :: self
         logical, intent(in) :: is_on
-        real(wp), intent(in) :: scale(:), t
+        real(wp), intent(in) :: scale(:), time_scale, t
         !> Of the implicit method, where there is one.
         integer, intent(in) :: estimate_order
         integer :: i
@@ -107,6 +109,7 @@ contains
         self%direction_q = [(cos(3.0_wp*real(i, wp)), i=1, size(scale))]
         self%direction_qd = [(sin(5.0_wp*real(i, wp)), i=1, size(scale))]
         self%scale = scale
+        self%least = 1.0_wp/time_scale
         call self%moved%allocate(size(scale))
     end subroutine begin
 
@@ -213,7 +216,7 @@ contains
         associate (moved => self%moved, scale => self%scale)
             moved%t = state%t
             moved%dq(:) = state%dq + small*scale*self%direction_q
-            moved%dqd(:) = state%dqd + small*scale*self%direction_qd*max(self%lambda, 1.0_wp)
+            moved%dqd(:) = state%dqd + small*scale*self%direction_qd*max(self%lambda, self%least)
             call chart%hold()
             call chart%restore_position(moved%t, moved%dq, moved%q, stat)
             if (stat == status_ok) call chart%restore_velocity(moved%t, moved%q, moved%dqd, moved%qd, stat)
@@ -221,7 +224,7 @@ contains
             call chart%release()
             if (stat /= status_ok) return
             ! Velocities count in units of the eigenvalue.
-            unit = 1.0_wp/max(self%lambda, 1.0_wp)
+            unit = 1.0_wp/max(self%lambda, self%least)
             before = sqrt(sum(((moved%q - state%q)/scale)**2) + unit**2*sum(((moved%qd - state%qd)/scale)**2))
             after = sqrt(sum(((moved%qd - state%qd)/scale)**2) + unit**2*sum(((moved%qdd - state%qdd)/scale)**2))
             if (.not. (before > 0.0_wp .and. after > 0.0_wp .and. after <= huge(after))) return

@@ -57,10 +57,10 @@ module tandem_stepper_newton
 contains
 
     !> Allocate.
-    subroutine allocate_newton(self, scale, tolerance, amplification, defect)
+    subroutine allocate_newton(self, scale, time_scale, tolerance, amplification, defect)
         class(newton_type), intent(inout) :: self
-        !> Coordinate scales (n).
-        real(wp), intent(in) :: scale(:)
+        !> Coordinate scales (n), and the time scale.
+        real(wp), intent(in) :: scale(:), time_scale
         !> What the iteration may leave of q and qd, against |q|, |qd| and the coordinate scales.
         real(wp), intent(in) :: tolerance
         !> By how much each stage's remainder is amplified at the end of the step, |b_i| / a_ii.
@@ -80,7 +80,7 @@ contains
         self%age = spread(0, 1, size(amplification))
         self%seen_steps = self%age
         self%is_worn = .true.
-        call self%prediction%allocate(scale, size(amplification))
+        call self%prediction%allocate(scale, time_scale, size(amplification))
         self%rate_q = 0.0_wp*scale
         self%rate_qd = self%rate_q
         self%base_dq = self%rate_q

@@ -41,15 +41,15 @@ module tandem_stepper_prediction
 contains
 
     !> Allocate for a number of stages.
-    subroutine allocate_prediction(self, scale, stages)
+    subroutine allocate_prediction(self, scale, time_scale, stages)
         class(prediction_type), intent(inout) :: self
-        !> Coordinate scales (n).
-        real(wp), intent(in) :: scale(:)
+        !> Coordinate scales (n), and the time scale.
+        real(wp), intent(in) :: scale(:), time_scale
         integer, intent(in) :: stages
         integer :: n
 
         n = size(scale)
-        self%weight_of = [1.0_wp/scale, 1.0_wp/scale]
+        self%weight_of = [1.0_wp/scale, time_scale/scale]
         if (allocated(self%miss)) deallocate (self%miss, self%n_kept, self%order, self%t_start, self%plain_q, self%plain_qd, &
             self%new)
         allocate (self%miss(2*n, depth, stages), self%t_start(stages), self%plain_q(n), self%plain_qd(n), self%new(2*n), &

@@ -95,7 +95,7 @@ contains
         self%wanted = self%least
         self%tableau = tableau_of(self%least)
         self%choice = choice_type()
-        call self%newton%allocate(scale, newton_tolerance, [1.0_wp], [0.0_wp])
+        call self%newton%allocate(scale, self%time_scale, newton_tolerance, [1.0_wp], [0.0_wp])
         call self%history%allocate(n)
         if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%q, self%qd, self%residual, self%transformed, &
             self%start_dq, self%start_dqd, self%start_q, self%start_qd, self%error_q, self%error_qd, self%dq, self%dqd)

@@ -66,7 +66,7 @@ contains
         integer :: n
 
         n = size(scale)
-        call self%newton%allocate(scale, newton_tolerance, abs([a(:, 5), diagonal])/diagonal, defect)
+        call self%newton%allocate(scale, self%time_scale, newton_tolerance, abs([a(:, 5), diagonal])/diagonal, defect)
         call self%history%allocate(n)
         if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%start_q, self%start_qd, self%error_q, self%error_qd)
         allocate (self%rate_q(n, 5), self%rate_qd(n, 5), self%start_q(n), self%start_qd(n), self%error_q(n), self%error_qd(n), &

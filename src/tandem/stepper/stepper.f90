@@ -44,6 +44,8 @@ module tandem_stepper
         !> Whether the chart restores the constraints at every stage, not at the end of the step alone. Explicit methods heed it;
         !> set before the first step.
         logical :: projects_stages = .true.
+        !> The time scale of the model; set before `initialize`.
+        real(wp) :: time_scale = 1.0_wp
     contains
         procedure(properties_interface), deferred, nopass :: properties
         procedure(initialize_interface), deferred :: initialize

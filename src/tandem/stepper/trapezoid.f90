@@ -44,7 +44,7 @@ contains
         integer :: n
 
         n = size(scale)
-        call self%newton%allocate(scale, newton_tolerance, [1.0_wp], [0.0_wp])
+        call self%newton%allocate(scale, self%time_scale, newton_tolerance, [1.0_wp], [0.0_wp])
         call self%history%allocate(n)
         self%error_q = spread(0.0_wp, 1, n)
         self%error_qd = self%error_q

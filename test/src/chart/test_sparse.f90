@@ -606,7 +606,7 @@ contains
         call make_large('net', 9, mechanism, failure)
         call check_no_failure(error, failure)
         if (allocated(error)) return
-        allocate (q(mechanism%n), qd(mechanism%n), mechanism%coordinate_scale(mechanism%n))
+        allocate (q(mechanism%n), qd(mechanism%n))
         mechanism%coordinate_scale = [(1.0_wp + mod(i, 7), i=1, mechanism%n)]
         call mechanism%start(q, qd)
         do i = 1, 2

@@ -416,6 +416,7 @@ contains
         real(wp), allocatable, dimension(:) :: f, lambda, left, q, qd, qdd, scale, squares, weight
         real(wp), allocatable :: scales(:, :), x(:, :)
         real(wp) :: errors(3)
+        real(wp), parameter :: rate = 0.3_wp
         integer :: i, m, rows(3), stat
 
         call make_large(name, 12, mechanism, failure)
@@ -452,13 +453,13 @@ contains
             ! What natural scales add up to.
             x = spread(scale, 2, 3)
             x(:, 1) = max(abs(q), scale)
-            x(:, 2) = max(abs(qd), scale)
-            x(:, 3) = max(abs(qdd), scale)
+            x(:, 2) = max(abs(qd), rate*scale)
+            x(:, 3) = max(abs(qdd), rate**2*scale)
             x = matmul(abs(c), x)
             x(:, 2) = x(:, 2) + abs(terms(1)%nu)
             x(:, 3) = x(:, 3) + abs(terms(1)%gamma)
             scales = x(:, :2)
-            call judge_rows(a, one, terms(1), mechanism%n_holonomic, q, qd, qdd, scale, errors, rows, scales)
+            call judge_rows(a, one, terms(1), mechanism%n_holonomic, q, qd, qdd, scale, rate, errors, rows, scales)
             call check_close(error, scales(:mechanism%n_holonomic, 1), x(:mechanism%n_holonomic, 1), 1.0e-13_wp, &
                 'scales of positions, '//name)
             call check_close(error, scales(:, 2), x(:, 2), 1.0e-13_wp, 'scales of velocities, '//name)
@@ -468,7 +469,7 @@ contains
             call check_count(error, rows(2), maxloc(abs(matmul(c, qd) - terms(1)%nu)/x(:, 2), 1), 'the worst row, '//name)
             left = spread(0.0_wp, 1, m)
             weight = left
-            call judge_velocity(a, one, terms(1)%nu, qd, scale, left, weight)
+            call judge_velocity(a, one, terms(1)%nu, qd, scale, rate, left, weight)
             call check_close(error, left, terms(1)%nu - matmul(c, qd), 1.0e-13_wp, 'what a velocity leaves, '//name)
             call check_close(error, 1.0_wp/weight, x(:, 2), 1.0e-13_wp, 'its weights, '//name)
             ! C as what two of them differ by.

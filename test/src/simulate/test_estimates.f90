@@ -222,7 +222,7 @@ contains
         logical :: is_complete
         integer :: i
 
-        call local%initialize([1.0_wp], has_estimates=.false.)
+        call local%initialize([1.0_wp], 1.0_wp, has_estimates=.false.)
         do i = 0, 3
             call local%extend(polynomial(1.0_wp + 0.25_wp*i, 5.0e-4_wp*i*(i + 1)), &
                 polynomial(1.25_wp + 0.25_wp*i, 5.0e-4_wp*(i + 1)*(i + 2)), is_complete)
@@ -246,7 +246,7 @@ contains
         logical :: is_complete
         integer :: i
 
-        call local%initialize([1.0_wp], has_estimates=.false.)
+        call local%initialize([1.0_wp], 1.0_wp, has_estimates=.false.)
         do i = 1, 8
             call local%extend(polynomial(from(i), 0.0_wp), polynomial(to(i), 0.0_wp), is_complete)
             call check_true(error, is_complete .eqv. i == 7, 'which step completes a window')

@@ -57,7 +57,7 @@ contains
         type(options_type) :: options
 
         options%rtol = 1.0e-6_wp
-        call control%initialize(options, [1.0_wp], properties_type(estimate_order=7, stability_limit=6.0_wp))
+        call control%initialize(options, [1.0_wp], 1.0_wp, properties_type(estimate_order=7, stability_limit=6.0_wp))
     end subroutine set_up
 
     !> Errors that allow six times the step: where the motion is resolved, at half of the limit, nearly there, and beyond. Steps are

@@ -46,7 +46,7 @@ contains
         options%atol_q = [1.0e-7_wp, 1.0e-8_wp]
         ! A zero stands for the relative tolerance there.
         options%atol_qd = [0.0_wp, 1.0e-9_wp]
-        call control%initialize(options, scale, properties_type(estimate_order=4))
+        call control%initialize(options, scale, 1.0_wp, properties_type(estimate_order=4))
         call control%set_weights([1.0_wp, -3.0_wp], [-2.0_wp, 1.0_wp], [0.0_wp, 4.0_wp], [5.0_wp, -6.0_wp])
         call check_close(error, control%weight_q, 1.0_wp/[2.0e-7_wp + 2.0e-3_wp, 0.5e-8_wp + 3.0e-4_wp], 1.0e-8_wp, 'of q')
         if (allocated(error)) return

@@ -123,6 +123,7 @@ contains
                 return
             end if
         end if
+        call self%model%set_magnitudes(q, self%magnitude)
         if (allocated(self%rows%dropped)) then
             call measure(self%model%all_rows)
         else
@@ -136,7 +137,8 @@ contains
         subroutine measure(terms)
             type(terms_type), intent(in) :: terms
 
-            call find_errors(terms%phi, terms%nu, terms%gamma, terms%jacobian, q, qd, qdd, self%scale, errors, rows)
+            call find_errors(terms%phi, terms%nu, terms%gamma, terms%jacobian, self%magnitude, qd, qdd, self%scale, self%rate, &
+                errors, rows)
         end subroutine measure
     end procedure constraint_errors
 

@@ -74,6 +74,10 @@ module tandem_chart_dense
         type(watch_type) :: watch
         !> Coordinate scales (n), and those for bases: where masses differ much, light coordinates move more.
         real(wp), allocatable :: scale(:), basis_scale(:)
+        !> 1 over the time scale of the model.
+        real(wp) :: rate = 1.0_wp
+        !> Work space: the sizes of the coordinates in rows of Phi (n).
+        real(wp), allocatable :: magnitude(:)
         logical :: knows_masses = .true.
         !> The origin.
         real(wp), allocatable :: q0(:), qd0(:)
@@ -487,7 +491,8 @@ contains
         if (stat == status_ok) call self%judge_blocks(stat)
         if (stat == status_ok) then
             self%step_jacobian(:, :) = self%model%terms%jacobian
-            call self%position%refresh(t, self%model%terms%jacobian, q, self%scale, self%counts, stat)
+            call self%model%set_magnitudes(q, self%magnitude)
+            call self%position%refresh(t, self%model%terms%jacobian, self%magnitude, self%scale, self%counts, stat)
         end if
     end subroutine refresh
 

@@ -93,7 +93,7 @@ contains
         change = 0.0_wp
         do j = 1, self%n
             change = max(change, abs(ha*self%change_q(j))/max(abs(q(j)), self%scale(j)), &
-                abs(ha*self%change_qd(j))/max(abs(qd(j)), self%scale(j)))
+                abs(ha*self%change_qd(j))/max(abs(qd(j)), self%rate*self%scale(j)))
         end do
         if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
             stat = status_not_finite

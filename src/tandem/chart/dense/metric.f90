@@ -68,10 +68,12 @@ contains
 
     !> Allocate for n coordinates, nh holonomic and m constraints in all, and a run that allows velocities an error, relative to
     !> coordinate scales; 0 where it says nothing of errors.
-    subroutine allocate_metric(self, n, nh, m, tolerance)
+    subroutine allocate_metric(self, n, nh, m, tolerance, rate)
         class(metric_type), intent(inout) :: self
         integer, intent(in) :: n, nh, m
         real(wp), intent(in) :: tolerance
+        !> 1 over the time scale.
+        real(wp), intent(in) :: rate
         !> What stands for it where steps are fixed.
         real(wp), parameter :: usual = 1.0e-7_wp
 
@@ -84,7 +86,7 @@ contains
         self%asked = 0.0_wp
         self%beta = 0.0_wp
         self%trace_beta = 0.0_wp
-        self%tolerance = merge(tolerance, usual, tolerance > 0.0_wp)
+        self%tolerance = rate*merge(tolerance, usual, tolerance > 0.0_wp)
         if (allocated(self%mass)) deallocate (self%mass, self%damping, self%stiffness, self%matrix, self%gram, self%moved, &
             self%inverse, self%row, self%shift, self%vectors, self%values, self%work, self%row_damping, self%row_stiffness, &
             self%move, self%new_move, self%unit)

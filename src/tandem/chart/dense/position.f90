@@ -177,11 +177,11 @@ contains
     end subroutine allocate_position
 
     !> Begin at the origin of a new chart; `u_basis` is set.
-    subroutine start(self, t, jacobian, q, scale, counts, stat)
+    subroutine start(self, t, jacobian, magnitude, scale, counts, stat)
         class(position_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        !> C (m, n), q (n) and coordinate scales (n).
-        real(wp), intent(in), contiguous :: jacobian(:, :), q(:), scale(:)
+        !> C (m, n), sizes and scales of the coordinates (n).
+        real(wp), intent(in), contiguous :: jacobian(:, :), magnitude(:), scale(:)
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
@@ -191,20 +191,20 @@ contains
         ! Another basis may point another way.
         self%step_of_missed = 0.0_wp
         if (self%nh == 0) return
-        call self%refresh(t, jacobian, q, scale, counts, stat)
+        call self%refresh(t, jacobian, magnitude, scale, counts, stat)
         if (stat /= status_ok .or. .not. self%refines) return
         call self%factor(jacobian, counts, stat)
         if (stat == status_ok) call self%lu%invert(self%b%inverse)
     end subroutine start
 
     !> Begin at the origin of a new chart with U = diag(s)^2 Phi_q'.
-    subroutine start_without_basis(self, t, height, matrix, q, scale, counts, can)
+    subroutine start_without_basis(self, t, height, matrix, magnitude, scale, counts, can)
         class(position_type), intent(inout) :: self
         real(wp), intent(in) :: t
         !> C with its columns padded (height, n).
         integer, intent(in) :: height
         real(wp), intent(in) :: matrix(height, self%n)
-        real(wp), intent(in), contiguous :: q(:), scale(:)
+        real(wp), intent(in), contiguous :: magnitude(:), scale(:)
         type(counts_type), intent(inout) :: counts
         !> False where the rows of Phi_q are so nearly dependent that U wants to be an orthonormal basis.
         logical, intent(out) :: can
@@ -213,9 +213,9 @@ contains
         self%u = 0.0_wp
         if (self%nh == 0) return
         if (self%nh > largest_small) then
-            call invert_large_gram(self%nh, matrix, q, scale, self%u_basis, self%gram, self%weight, self%z, can)
+            call invert_large_gram(self%nh, matrix, magnitude, scale, self%u_basis, self%gram, self%weight, self%z, can)
         else
-            call invert_gram(self%n, self%nh, height, self%width, matrix, q, scale, self%u_basis, self%gram, self%weight, &
+            call invert_gram(self%n, self%nh, height, self%width, matrix, magnitude, scale, self%u_basis, self%gram, self%weight, &
                 self%correction, self%z, can)
         end if
         self%has_gram = can
@@ -289,17 +289,17 @@ contains
     end subroutine forget_motion
 
     !> Bring row scales and the factor of Phi_q U to a point: frozen at the origin it would be too weak on a large chart.
-    subroutine refresh(self, t, jacobian, q, scale, counts, stat)
+    subroutine refresh(self, t, jacobian, magnitude, scale, counts, stat)
         class(position_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: jacobian(:, :), q(:), scale(:)
+        real(wp), intent(in), contiguous :: jacobian(:, :), magnitude(:), scale(:)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
 
         stat = status_ok
         if (self%nh == 0) return
         call copy(self%width, self%u, self%u_start)
-        call set_row_weight(size(jacobian, 1), self%n, self%nh, jacobian, q, scale, self%weight)
+        call set_row_weight(size(jacobian, 1), self%n, self%nh, jacobian, magnitude, scale, self%weight)
         self%has_gram = .false.
         self%b_time = t
         self%b_rest = 0.0_wp

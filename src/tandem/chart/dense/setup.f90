@@ -42,7 +42,9 @@ contains
         ! The condition of (38) is that of the paper's D, which needs W.
         self%has_bases = implicit .or. self%refines .or. self%watch%condition
         self%scale = model%scales()
+        self%rate = 1.0_wp/model%time_scale
         self%basis_scale = self%scale
+        self%magnitude = self%scale
         ! Of a mass matrix that changes, entries may be small by the choice of coordinates alone.
         self%knows_masses = .not. (implicit .and. model%constant_mass) .or. options%chart == 'paper'
         self%has_nu = iand(self%model%has, need_nu) /= 0
@@ -80,7 +82,7 @@ contains
             if (implicit) then
                 call self%stage%allocate(n, nh, m)
                 self%n_residual = 2*n - nh - m
-                call self%metric%allocate(n, nh, m, options%relative_tolerance())
+                call self%metric%allocate(n, nh, m, options%relative_tolerance(), self%rate)
                 call self%derivatives%allocate(n, m)
                 self%stage_segment = 0
                 ! Measured: two and a half corrections with the model's own derivatives; differences take 2 (n + 1) evaluations.
@@ -118,15 +120,16 @@ contains
             stat = split_stat
             return
         end if
+        call self%model%set_magnitudes(q, self%magnitude)
         is_done = .false.
         if (.not. self%has_bases .and. split_stat == status_ok) call self%measure_split()
-        if (self%skips_basis .and. split_stat == status_ok) call start_without_basis(self, t, q, is_done)
+        if (self%skips_basis .and. split_stat == status_ok) call start_without_basis(self, t, is_done)
         if (.not. is_done) then
             if (.not. self%knows_masses) call weigh_coordinates(self)
             call load_bases(self, stat)
             if (stat /= status_ok) return
             if (self%is_implicit) call self%stage%enter_chart(.not. self%metric%is_on)
-            call self%position%start(t, self%model%terms%jacobian, q, self%scale, self%counts, stat)
+            call self%position%start(t, self%model%terms%jacobian, self%magnitude, self%scale, self%counts, stat)
             if (stat /= status_ok) return
         end if
         if (self%has_bases) then
@@ -256,10 +259,9 @@ contains
     end procedure pack_state
 
     !> Where C has full rank by far, no basis is needed.
-    subroutine start_without_basis(self, t, q, can)
+    subroutine start_without_basis(self, t, can)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:)
         logical, intent(out) :: can
         !> A smallest singular value above this needs no closer look.
         real(wp), parameter :: clearly_independent = 1.0e-5_wp
@@ -271,7 +273,7 @@ contains
             can = bound > clearly_independent .and. .not. bound > much_better*self%best_independence
             if (.not. can) return
             self%independence = bound
-            call self%position%start_without_basis(t, e%height, e%matrix, q, self%scale, self%counts, can)
+            call self%position%start_without_basis(t, e%height, e%matrix, self%magnitude, self%scale, self%counts, can)
         end associate
     end subroutine start_without_basis
 end submodule tandem_chart_dense_setup

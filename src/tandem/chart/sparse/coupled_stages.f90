@@ -223,7 +223,7 @@ contains
         associate (n => self%n, m => self%system%m)
             do j = 1, n
                 change = max(change, abs(ha*correction(j))/max(abs(q(j)), self%scale(j)), &
-                    abs(ha*correction(n + j))/max(abs(qd(j)), self%scale(j)))
+                    abs(ha*correction(n + j))/max(abs(qd(j)), self%system%rate*self%scale(j)))
                 rate_q(j) = rate_q(j) + correction(j)
                 rate_qd(j) = rate_qd(j) + correction(n + j)
             end do

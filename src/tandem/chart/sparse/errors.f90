@@ -24,7 +24,7 @@ module tandem_chart_sparse_errors
 contains
 
     !> The largest error of each level, and its row.
-    subroutine judge_rows(a, factor, terms, nh, q, qd, qdd, scale, errors, rows, scales)
+    subroutine judge_rows(a, factor, terms, nh, q, qd, qdd, scale, rate, errors, rows, scales)
         type(analysis_type), intent(in) :: a
         !> With C of the point.
         type(factor_type), intent(in) :: factor
@@ -34,6 +34,8 @@ contains
         integer, intent(in) :: nh
         !> (n) each.
         real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), scale(:)
+        !> 1 over the time scale.
+        real(wp), intent(in) :: rate
         real(wp), intent(out) :: errors(3)
         integer, intent(out) :: rows(3)
         !> The natural scales of Phi and of C qd - nu (m, 2); those of Phi without a meaning for rows at velocity level.
@@ -48,20 +50,20 @@ contains
             associate (s => a%node(2, n), origin => a%node(4, n), links => a%node_start(n + 1) - a%node_start(n), &
                 from => a%node_start(n), n_place => n_of_place(a%joint_of_node(n)))
                 if (a%joint_of_node(n) == of_hinges) then
-                    call add_hinge(links, a%node_link(1, from), factor%c, q, qd, qdd, scale, terms%nu(origin:origin + 4), &
+                    call add_hinge(links, a%node_link(1, from), factor%c, q, qd, qdd, scale, rate, terms%nu(origin:origin + 4), &
                         terms%gamma(origin:origin + 4), sums)
                     call take(origin, 5)
                     cycle
                 end if
                 select case (s)
                 case (5)
-                    call add_node(5, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, &
+                    call add_node(5, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, rate, &
                         terms%nu(origin:origin + s - 1), terms%gamma(origin:origin + s - 1), sums)
                 case (2)
-                    call add_node(2, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, &
+                    call add_node(2, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, rate, &
                         terms%nu(origin:origin + s - 1), terms%gamma(origin:origin + s - 1), sums)
                 case default
-                    call add_node(s, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, &
+                    call add_node(s, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, rate, &
                         terms%nu(origin:origin + s - 1), terms%gamma(origin:origin + s - 1), sums)
                 end select
                 call take(origin, s)
@@ -72,7 +74,7 @@ contains
             ! The norm of Euler parameters knows nothing of the place.
             associate (row => a%own_row(b), from => a%first(b) + merge(3, 0, a%joints_of_body(b) == of_hinges), &
                 to => a%first(b + 1) - 1)
-                call add_owned(to - from + 1, factor%own(from:to), q(from:to), qd(from:to), qdd(from:to), scale(from:to), &
+                call add_owned(to - from + 1, factor%own(from:to), q(from:to), qd(from:to), qdd(from:to), scale(from:to), rate, &
                     terms%nu(row), terms%gamma(row), sums)
                 call take(row, 1)
             end associate
@@ -135,12 +137,14 @@ contains
     end subroutine keep_scales
 
     !> What a velocity leaves of the rows, nu - C qd, and the reciprocals of their natural scales.
-    pure subroutine judge_velocity(a, factor, nu, qd, scale, left, weight)
+    pure subroutine judge_velocity(a, factor, nu, qd, scale, rate, left, weight)
         type(analysis_type), intent(in) :: a
         !> With C of the point.
         type(factor_type), intent(in) :: factor
         !> nu, left and weight (m); qd and scale (n).
         real(wp), intent(in), contiguous :: nu(:), qd(:), scale(:)
+        !> 1 over the time scale.
+        real(wp), intent(in) :: rate
         real(wp), intent(out), contiguous :: left(:), weight(:)
         real(wp) :: total(2)
         integer :: b, i, j, n
@@ -152,19 +156,19 @@ contains
             associate (s => a%node(2, n), origin => a%node(4, n), links => a%node_start(n + 1) - a%node_start(n), &
                 from => a%node_start(n), n_place => n_of_place(a%joint_of_node(n)))
                 if (a%joint_of_node(n) == of_hinges) then
-                    call add_velocity_of_hinge(links, a%node_link(1, from), factor%c, qd, scale, &
+                    call add_velocity_of_hinge(links, a%node_link(1, from), factor%c, qd, scale, rate, &
                         left(origin:origin + 4), weight(origin:origin + 4))
                     cycle
                 end if
                 select case (s)
                 case (5)
-                    call add_velocity(5, n_place, links, a%node_link(1, from), factor%c, qd, scale, &
+                    call add_velocity(5, n_place, links, a%node_link(1, from), factor%c, qd, scale, rate, &
                         left(origin:origin + s - 1), weight(origin:origin + s - 1))
                 case (2)
-                    call add_velocity(2, n_place, links, a%node_link(1, from), factor%c, qd, scale, &
+                    call add_velocity(2, n_place, links, a%node_link(1, from), factor%c, qd, scale, rate, &
                         left(origin:origin + s - 1), weight(origin:origin + s - 1))
                 case default
-                    call add_velocity(s, n_place, links, a%node_link(1, from), factor%c, qd, scale, &
+                    call add_velocity(s, n_place, links, a%node_link(1, from), factor%c, qd, scale, rate, &
                         left(origin:origin + s - 1), weight(origin:origin + s - 1))
                 end select
             end associate
@@ -174,7 +178,7 @@ contains
             total = [left(a%own_row(b)), weight(a%own_row(b))]
             do j = a%first(b) + merge(3, 0, a%joints_of_body(b) == of_hinges), a%first(b + 1) - 1
                 total(1) = total(1) - factor%own(j)*qd(j)
-                total(2) = total(2) + abs(factor%own(j))*max(abs(qd(j)), scale(j))
+                total(2) = total(2) + abs(factor%own(j))*max(abs(qd(j)), rate*scale(j))
             end do
             left(a%own_row(b)) = total(1)
             weight(a%own_row(b)) = total(2)
@@ -185,11 +189,11 @@ contains
     end subroutine judge_velocity
 
     !> The rows of a node: residuals, and what their terms add up to.
-    pure subroutine add_velocity(s, n_place, n_links, node_link, c, qd, scale, left, total)
+    pure subroutine add_velocity(s, n_place, n_links, node_link, c, qd, scale, rate, left, total)
         !> How many columns of a place are the unit matrix with a sign (`tandem_chart_sparse_meetings`).
         integer, intent(in), value :: s, n_place, n_links
         integer, intent(in) :: node_link(4, n_links)
-        real(wp), intent(in) :: c(*), qd(*), scale(*)
+        real(wp), intent(in) :: c(*), qd(*), scale(*), rate
         real(wp), intent(inout) :: left(s), total(s)
         real(wp) :: residual(most), terms(most), x
         integer :: i, j, k, l
@@ -203,11 +207,11 @@ contains
             do i = 1, n_place
                 j = node_link(1, l) + i - 1
                 residual(i) = residual(i) - node_link(4, l)*qd(j)
-                terms(i) = terms(i) + max(abs(qd(j)), scale(j))
+                terms(i) = terms(i) + max(abs(qd(j)), rate*scale(j))
             end do
             k = k + s*n_place
             do j = node_link(1, l) + n_place, node_link(1, l) + node_link(2, l) - 1
-                x = max(abs(qd(j)), scale(j))
+                x = max(abs(qd(j)), rate*scale(j))
                 do i = 1, s
                     residual(i) = residual(i) - c(k + i)*qd(j)
                     terms(i) = terms(i) + abs(c(k + i))*x
@@ -229,10 +233,10 @@ contains
     end function larger
 
     !> The five rows of a hinge: the columns of a place are the unit matrix with a sign, those of a turn follow.
-    pure subroutine add_velocity_of_hinge(n_links, node_link, c, qd, scale, left, total)
+    pure subroutine add_velocity_of_hinge(n_links, node_link, c, qd, scale, rate, left, total)
         integer, intent(in), value :: n_links
         integer, intent(in) :: node_link(4, n_links)
-        real(wp), intent(in) :: c(*), qd(*), scale(*)
+        real(wp), intent(in) :: c(*), qd(*), scale(*), rate
         real(wp), intent(inout) :: left(5), total(5)
         real(wp) :: residual(4), terms(4), last(2), sign(4), x(4)
         integer :: i, j, l
@@ -250,8 +254,8 @@ contains
                 !GCC$ UNROLL 1
                 do i = 1, 4
                     residual(i) = residual(i) - sign(i)*qd(first - 1 + i)
-                    terms(i) = terms(i) + abs(sign(i))*larger(qd(first - 1 + i), scale(first - 1 + i))
-                    x(i) = larger(qd(first + 2 + i), scale(first + 2 + i))
+                    terms(i) = terms(i) + abs(sign(i))*larger(qd(first - 1 + i), rate*scale(first - 1 + i))
+                    x(i) = larger(qd(first + 2 + i), rate*scale(first + 2 + i))
                 end do
                 !GCC$ UNROLL 4
                 do j = 1, 4
@@ -288,10 +292,10 @@ contains
     end subroutine compare
 
     !> What the rows of a node add up to.
-    pure subroutine add_node(s, n_place, n_links, node_link, c, q, qd, qdd, scale, nu, gamma, sums)
+    pure subroutine add_node(s, n_place, n_links, node_link, c, q, qd, qdd, scale, rate, nu, gamma, sums)
         integer, intent(in), value :: s, n_place, n_links
         integer, intent(in) :: node_link(4, n_links)
-        real(wp), intent(in) :: c(*), q(*), qd(*), qdd(*), scale(*), nu(s), gamma(s)
+        real(wp), intent(in) :: c(*), q(*), qd(*), qdd(*), scale(*), rate, nu(s), gamma(s)
         type(sums_type), intent(inout) :: sums
         real(wp) :: entry, x(3)
         real(wp), dimension(most) :: velocity, acceleration, of_q, of_qd, of_qdd
@@ -311,12 +315,12 @@ contains
                 velocity(i) = velocity(i) + node_link(4, l)*qd(j)
                 acceleration(i) = acceleration(i) + node_link(4, l)*qdd(j)
                 of_q(i) = of_q(i) + max(abs(q(j)), scale(j))
-                of_qd(i) = of_qd(i) + max(abs(qd(j)), scale(j))
-                of_qdd(i) = of_qdd(i) + max(abs(qdd(j)), scale(j))
+                of_qd(i) = of_qd(i) + max(abs(qd(j)), rate*scale(j))
+                of_qdd(i) = of_qdd(i) + max(abs(qdd(j)), rate*(rate*scale(j)))
             end do
             k = k + s*n_place
             do j = node_link(1, l) + n_place, node_link(1, l) + node_link(2, l) - 1
-                x = max([abs(q(j)), abs(qd(j)), abs(qdd(j))], scale(j))
+                x = max([abs(q(j)), abs(qd(j)), abs(qdd(j))], [1.0_wp, rate, rate*rate]*scale(j))
                 do i = 1, s
                     entry = c(k + i)
                     velocity(i) = velocity(i) + entry*qd(j)
@@ -339,10 +343,10 @@ contains
     end subroutine add_node
 
     !> The same of a hinge, as `add_velocity_of_hinge`.
-    pure subroutine add_hinge(n_links, node_link, c, q, qd, qdd, scale, nu, gamma, sums)
+    pure subroutine add_hinge(n_links, node_link, c, q, qd, qdd, scale, rate, nu, gamma, sums)
         integer, intent(in), value :: n_links
         integer, intent(in) :: node_link(4, n_links)
-        real(wp), intent(in) :: c(*), q(*), qd(*), qdd(*), scale(*), nu(5), gamma(5)
+        real(wp), intent(in) :: c(*), q(*), qd(*), qdd(*), scale(*), rate, nu(5), gamma(5)
         type(sums_type), intent(inout) :: sums
         real(wp), dimension(4) :: velocity, acceleration, of_q, of_qd, of_qdd, sign
         real(wp) :: entry, last(5), x(4, 3)
@@ -367,11 +371,11 @@ contains
                         velocity(i) = velocity(i) + sign(i)*qd(place)
                         acceleration(i) = acceleration(i) + sign(i)*qdd(place)
                         of_q(i) = of_q(i) + abs(sign(i))*larger(q(place), scale(place))
-                        of_qd(i) = of_qd(i) + abs(sign(i))*larger(qd(place), scale(place))
-                        of_qdd(i) = of_qdd(i) + abs(sign(i))*larger(qdd(place), scale(place))
+                        of_qd(i) = of_qd(i) + abs(sign(i))*larger(qd(place), rate*scale(place))
+                        of_qdd(i) = of_qdd(i) + abs(sign(i))*larger(qdd(place), rate*(rate*scale(place)))
                         x(i, 1) = larger(q(turn), scale(turn))
-                        x(i, 2) = larger(qd(turn), scale(turn))
-                        x(i, 3) = larger(qdd(turn), scale(turn))
+                        x(i, 2) = larger(qd(turn), rate*scale(turn))
+                        x(i, 3) = larger(qdd(turn), rate*(rate*scale(turn)))
                     end associate
                 end do
                 !GCC$ UNROLL 4
@@ -407,9 +411,9 @@ contains
     end subroutine add_hinge
 
     !> The same of a row that a body owns.
-    pure subroutine add_owned(nb, own, q, qd, qdd, scale, nu, gamma, sums)
+    pure subroutine add_owned(nb, own, q, qd, qdd, scale, rate, nu, gamma, sums)
         integer, intent(in) :: nb
-        real(wp), intent(in) :: own(nb), q(nb), qd(nb), qdd(nb), scale(nb), nu, gamma
+        real(wp), intent(in) :: own(nb), q(nb), qd(nb), qdd(nb), scale(nb), rate, nu, gamma
         type(sums_type), intent(inout) :: sums
         real(wp) :: entry, residual(2), terms(3)
         integer :: j
@@ -422,8 +426,8 @@ contains
             residual(2) = residual(2) + entry*qdd(j)
             entry = abs(entry)
             terms(1) = terms(1) + entry*max(abs(q(j)), scale(j))
-            terms(2) = terms(2) + entry*max(abs(qd(j)), scale(j))
-            terms(3) = terms(3) + entry*max(abs(qdd(j)), scale(j))
+            terms(2) = terms(2) + entry*max(abs(qd(j)), rate*scale(j))
+            terms(3) = terms(3) + entry*max(abs(qdd(j)), rate*(rate*scale(j)))
         end do
         sums%residual(1, :) = residual
         sums%scale(1, :) = terms

@@ -213,7 +213,8 @@ contains
             self%part(:) = (qd - rate_q) + ha*self%total
             rate_q(:) = rate_q + self%part
             rate_qd(:) = rate_qd + self%total
-            change = abs(ha)*max(largest_part(self%n, self%part, q, self%scale), largest_part(self%n, self%total, qd, self%scale))
+            change = abs(ha)*max(largest_part(self%n, self%part, q, self%scale, 1.0_wp), &
+                largest_part(self%n, self%total, qd, self%scale, s%rate))
             self%lambda(:) = self%lambda + self%total_mu
             if (.not. (is_finite(self%n, rate_qd) .and. is_finite(self%n, rate_q))) then
                 stat = status_not_finite
@@ -320,7 +321,7 @@ contains
         associate (s => self%system, newton => self%newton)
             do pass = 1, most
                 call newton%solve(self%force, self%rows, self%part, self%mu)
-                size = abs(ha)*largest_part(self%n, self%part, qd, self%scale)
+                size = abs(ha)*largest_part(self%n, self%part, qd, self%scale, s%rate)
                 if (pass == 1) then
                     self%total(:) = self%part
                     self%total_mu(:) = self%mu
@@ -331,7 +332,7 @@ contains
                     self%total_mu(:) = self%total_mu + self%mu
                     if (pass == most) exit
                     if (pass == 2 .and. last_size > large*self%iterate_tolerance) self%left = min(size/last_size, 1.9_wp)
-                    if (size <= negligible*abs(ha)*largest_part(self%n, self%total, qd, self%scale)) exit
+                    if (size <= negligible*abs(ha)*largest_part(self%n, self%total, qd, self%scale, s%rate)) exit
                     if (distrust*max(by_angle*self%angle, at_least)*size <= part*self%iterate_tolerance) exit
                 end if
                 if (pass > 2 .and. .not. size < slow*last_size) exit

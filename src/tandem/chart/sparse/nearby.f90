@@ -86,7 +86,7 @@ contains
     end subroutine forget
 
     !> Find the acceleration at a point with the factor of another.
-    subroutine solve(self, a, factor, mass, terms, scale, is_stage, is_again, largest_rest, qdd, g, x, z, is_solved)
+    subroutine solve(self, a, factor, mass, terms, scale, rate, is_stage, is_again, largest_rest, qdd, g, x, z, is_solved)
         class(nearby_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
         !> With C of the point.
@@ -96,6 +96,8 @@ contains
         type(terms_type), intent(in) :: terms
         !> Of the coordinates (n).
         real(wp), intent(in), contiguous :: scale(:)
+        !> 1 over the square of the time scale.
+        real(wp), intent(in) :: rate
         !> Whether the point is a stage, and whether it was solved for before: then the guesses for the next step stay.
         logical, intent(in) :: is_stage, is_again
         !> What may be left of each acceleration against itself or the scale of its coordinate.
@@ -143,7 +145,7 @@ contains
                 call add(a%n, x, qdd, self%change(:, kind), self%trend(:, kind))
                 call add(a%n_unknowns, z, self%lambda, self%change_lambda(:, kind), self%trend_lambda(:, kind))
             end if
-            rest = largest_part(a%n, x, qdd, scale)
+            rest = largest_part(a%n, x, qdd, scale, rate)
             if (.not. rest < slow*last) then
                 is_solved = rest <= largest_rounding .and. is_rounding(rest, last, before)
                 exit

@@ -117,10 +117,10 @@ contains
         end do
     end function largest_change
 
-    !> The largest entry against what it is added to, max |x| / max(|of|, scale); one that is no number does not count.
-    pure real(wp) function largest_part(n, x, of, scale)
+    !> The largest entry against what it is added to, max |x| / max(|of|, factor scale); one that is no number does not count.
+    pure real(wp) function largest_part(n, x, of, scale, factor)
         integer, intent(in) :: n
-        real(wp), intent(in) :: x(n), of(n), scale(n)
+        real(wp), intent(in) :: x(n), of(n), scale(n), factor
         real(wp) :: most(lane)
         integer :: b, i
 
@@ -130,12 +130,12 @@ contains
         do b = 0, n - lane, lane
             !GCC$ UNROLL 1
             do i = 1, lane
-                most(i) = max(most(i), abs(x(b + i))/max(abs(of(b + i)), scale(b + i)))
+                most(i) = max(most(i), abs(x(b + i))/max(abs(of(b + i)), factor*scale(b + i)))
             end do
         end do
         largest_part = 0.0_wp
         do i = n - modulo(n, lane) + 1, n
-            largest_part = max(largest_part, abs(x(i))/max(abs(of(i)), scale(i)))
+            largest_part = max(largest_part, abs(x(i))/max(abs(of(i)), factor*scale(i)))
         end do
         do i = 1, lane
             largest_part = max(largest_part, most(i))

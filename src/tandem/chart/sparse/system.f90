@@ -51,8 +51,10 @@ module tandem_chart_sparse_system
         !> Natural scales of Phi and of C qd - nu (m, 2), and whether they are those of the last point with its velocity.
         real(wp), allocatable :: scales(:, :)
         logical :: has_scales = .false.
-        !> Work space: unknowns of nodes, (m), (n).
-        real(wp), allocatable :: z(:), g(:), x(:)
+        !> Work space: unknowns of nodes, (m), (n); sizes of the coordinates in rows of Phi (n).
+        real(wp), allocatable :: z(:), g(:), x(:), magnitude(:)
+        !> 1 over the time scale of the model.
+        real(wp) :: rate = 1.0_wp
     contains
         procedure :: initialize, visit, load, factorize, insist, move_with, solve_nearby, choose_rows
         procedure, private :: lend_rows
@@ -92,9 +94,11 @@ contains
         self%is_held = .false.
         self%is_put_aside = .false.
         ! Without temporaries, which would leave holes in the memory.
-        if (allocated(self%q_point)) deallocate (self%q_point, self%qd_point, self%x, self%z, self%g, self%scales)
+        if (allocated(self%q_point)) deallocate (self%q_point, self%qd_point, self%x, self%z, self%g, self%scales, &
+            self%magnitude)
         allocate (self%q_point(model%n), self%qd_point(model%n), self%x(model%n), self%z(self%analysis%n_unknowns), &
-            self%g(self%m), self%scales(self%m, 2), source=0.0_wp)
+            self%g(self%m), self%scales(self%m, 2), self%magnitude(model%n), source=0.0_wp)
+        self%rate = 1.0_wp/model%time_scale
         self%has_inverses = .false.
         self%base = 1
         self%here = 1
@@ -262,8 +266,8 @@ contains
         associate (here => self%factor(self%here))
             if (here%is_factored .or. .not. self%nearby%may_serve(self%t_point, here)) return
             call self%load()
-            call self%nearby%solve(self%analysis, here, self%model%terms%mass, self%model%terms, scale, is_stage, self%serves, &
-                largest_rest, qdd, self%g, self%x, self%z, is_solved)
+            call self%nearby%solve(self%analysis, here, self%model%terms%mass, self%model%terms, scale, self%rate**2, is_stage, &
+                self%serves, largest_rest, qdd, self%g, self%x, self%z, is_solved)
         end associate
         self%serves = is_solved
     end subroutine solve_nearby
@@ -385,8 +389,9 @@ contains
         integer, intent(out) :: rows(3)
 
         call self%load()
-        call judge_rows(self%analysis, self%factor(self%here), self%model%terms, self%nh, q, qd, qdd, scale, errors, rows, &
-            self%scales)
+        call self%model%set_magnitudes(q, self%magnitude)
+        call judge_rows(self%analysis, self%factor(self%here), self%model%terms, self%nh, self%magnitude, qd, qdd, scale, &
+            self%rate, errors, rows, self%scales)
         self%has_scales = self%has_motion
     end subroutine find_errors
 

@@ -63,7 +63,8 @@ contains
                 if (k == 0 .and. .not. is_loose) then
                     ! The scales at the end take their place when its errors are found.
                     s%has_scales = .false.
-                    call judge_velocity(s%analysis, here, s%model%terms%nu, qd, self%scale, s%g, end_weight)
+                    call judge_velocity(s%analysis, here, s%model%terms%nu, qd, self%scale, s%rate, s%g, &
+                        end_weight)
                 else
                     s%g(:) = s%model%terms%nu
                     call here%multiply(s%analysis, qd, s%g)

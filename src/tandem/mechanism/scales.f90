@@ -1,0 +1,250 @@
+! SPDX-License-Identifier: MIT
+!> The scales of a mechanism, taken from its own lengths, so that the same mechanism takes the same steps in any units.
+submodule(tandem_mechanism) tandem_mechanism_scales
+    use tandem_mechanism_coordinate, only: is_angle, is_tilt, pi
+    use tandem_mechanism_span, only: span_type
+    implicit none (type, external)
+
+    !> A geometric mean in the making.
+    type :: mean_type
+        real(wp) :: total = 0.0_wp
+        integer :: n = 0
+    end type mean_type
+
+contains
+
+    module procedure set_scales
+        integer :: i
+
+        self%size_of_bodies = typical_length(self)
+        self%coordinate_scale = spread(1.0_wp, 1, self%n)
+        do i = 1, size(self%first) - 1
+            associate (scale => self%coordinate_scale(self%first(i):self%first(i + 1) - 1))
+                ! What slides without mass moves along a length.
+                if (i > size(self%bodies)) then
+                    scale = self%size_of_bodies
+                else
+                    scale(:merge(2, 3, self%planar)) = self%size_of_bodies
+                end if
+            end associate
+        end do
+        if (.not. (self%planar .and. any(self%bodies%turns))) return
+        self%coordinate_period = spread(0.0_wp, 1, self%n)
+        do i = 1, size(self%bodies)
+            if (self%bodies(i)%turns) self%coordinate_period(self%first(i) + 2) = 2*pi
+        end do
+    end procedure set_scales
+
+    !> Half of the time in which a pendulum of the typical length swings once. Without gravity the time in which bodies and what
+    !> drives them go half a turn, or three lengths, by their rates and accelerations at the start; where nothing moves or
+    !> accelerates beyond what rounding leaves of springs in balance, that of springs.
+    module procedure set_time_scale
+        real(wp), parameter :: rounding = 1.0e-6_wp
+        real(wp) :: rate, swing
+
+        if (norm2(self%gravity) > 0.0_wp) then
+            rate = sqrt(norm2(self%gravity)/self%size_of_bodies)
+        else
+            rate = max(rate_of_start(self, qd), rate_of_motions(self, t), rate_of_forces(self, t, q, qd))
+            swing = rate_of_springs(self)
+            if (.not. rate > rounding*swing) rate = swing
+        end if
+        self%time_scale = pi/rate
+        if (.not. (self%time_scale > 0.0_wp .and. self%time_scale <= huge(1.0_wp))) self%time_scale = 1.0_wp
+    end procedure set_time_scale
+
+    !> The largest velocity on the coordinates' scales.
+    pure real(wp) function rate_of_start(self, qd) result(rate)
+        class(mechanism_type), intent(in) :: self
+        real(wp), intent(in) :: qd(:)
+
+        rate = maxval([0.0_wp, abs(qd)/self%coordinate_scale])
+    end function rate_of_start
+
+    !> How fast functions of time that drive joints and distances change at a time.
+    real(wp) function rate_of_motions(self, t) result(rate)
+        class(mechanism_type), intent(in) :: self
+        real(wp), intent(in) :: t
+        integer :: i, k
+
+        rate = 0.0_wp
+        do i = 1, size(self%dots)
+            call add(self%dots(i)%motion, merge(1.0_wp, self%size_of_bodies, self%dots(i)%is_turning))
+        end do
+        do i = 1, size(self%distances)
+            call add(self%distances(i)%motion, self%size_of_bodies)
+        end do
+        do i = 1, size(self%angles)
+            call add(self%angles(i)%motion, 1.0_wp)
+        end do
+        do i = 1, size(self%couplings)
+            associate (it => self%couplings(i))
+                call add(it%motion, sum([(abs(it%factors(k))*merge(1.0_wp, self%size_of_bodies, &
+                    any(it%coordinates(k)%kind == [is_angle, is_tilt])), k=1, it%n)]))
+            end associate
+        end do
+
+    contains
+
+        subroutine add(motion, unit)
+            integer, intent(in) :: motion
+            !> The size of what it drives.
+            real(wp), intent(in) :: unit
+            real(wp) :: f(0:2)
+
+            if (motion == 0) return
+            call self%motions(motion)%f%evaluate(t, f)
+            if (all(abs(f) <= huge(1.0_wp))) rate = max(rate, abs(f(1))/unit, sqrt(abs(f(2))/unit))
+        end subroutine add
+    end function rate_of_motions
+
+    !> How fast forces would let bodies go if nothing held them.
+    real(wp) function rate_of_forces(self, t, q, qd) result(rate)
+        class(mechanism_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type) :: terms
+        real(wp) :: inertia
+        integer :: i, last, stat
+
+        rate = 0.0_wp
+        if (iand(self%provides, need_force) == 0) return
+        allocate (terms%force(self%n), source=0.0_wp)
+        terms%is_compressed = self%is_compressed
+        stat = 0
+        call self%evaluate(need_force, t, q, qd, terms, stat)
+        if (stat /= 0) return
+        do i = 1, size(self%bodies)
+            associate (body => self%bodies(i), first => self%first(i), turn => self%first(i) + merge(2, 3, self%planar))
+                last = self%first(i + 1) - 1
+                if (body%mass > 0.0_wp) call add(norm2(terms%force(first:turn - 1)), body%mass*self%size_of_bodies)
+                ! 4 J of Euler parameters.
+                inertia = merge(body%inertia(3, 3), 4*(body%inertia(1, 1) + body%inertia(2, 2) + body%inertia(3, 3)), self%planar)
+                if (last >= turn .and. inertia > 0.0_wp) call add(norm2(terms%force(turn:last)), inertia)
+            end associate
+        end do
+
+    contains
+
+        subroutine add(force, mass)
+            real(wp), intent(in) :: force, mass
+
+            if (force <= huge(1.0_wp)) rate = max(rate, sqrt(force/mass))
+        end subroutine add
+    end function rate_of_forces
+
+    !> How fast bodies swing on springs of numbers.
+    pure real(wp) function rate_of_springs(self) result(rate)
+        class(mechanism_type), intent(in) :: self
+        real(wp) :: mass, inertia, square
+        integer :: i, k
+
+        mass = maxval(self%bodies%mass)
+        inertia = max(mass*self%size_of_bodies**2, tiny(1.0_wp))
+        mass = max(mass, tiny(1.0_wp))
+        square = 0.0_wp
+        do i = 1, size(self%springs)
+            square = max(square, self%springs(i)%stiffness/mass)
+        end do
+        do i = 1, size(self%torsions)
+            associate (it => self%torsions(i))
+                square = max(square, it%stiffness/merge(inertia, mass, any(it%coordinate%kind == [is_angle, is_tilt])))
+            end associate
+        end do
+        do i = 1, size(self%bushings)
+            associate (it => self%bushings(i))
+                do k = 1, it%n
+                    square = max(square, it%stiffness(k, k)/merge(inertia, mass, &
+                        any(it%coordinates(k)%kind == [is_angle, is_tilt])))
+                end do
+            end associate
+        end do
+        rate = sqrt(square)
+    end function rate_of_springs
+
+    module procedure set_magnitudes
+        integer :: i, turn
+
+        magnitude = q
+        if (.not. self%planar) return
+        do i = 1, size(self%bodies)
+            if (.not. self%bodies(i)%turns) cycle
+            turn = self%first(i) + 2
+            associate (place => magnitude(turn - 2:turn - 1))
+                place = max(abs(place), self%size_of_bodies*abs(q(turn)))
+            end associate
+        end do
+    end procedure set_magnitudes
+
+    !> The geometric mean of the sizes of the bodies and of the rods between them: few parts of another size hardly matter. Of point
+    !> masses alone the lengths of springs count, then the distances of the bodies from each other, then those from the origin.
+    function typical_length(self) result(length)
+        class(mechanism_type), intent(in) :: self
+        real(wp) :: length
+        type(mean_type) :: mean
+        real(wp) :: extents(0:size(self%bodies))
+        integer :: i, j
+
+        extents = 0.0_wp
+        do i = 1, size(self%bodies)
+            associate (body => self%bodies(i))
+                if (.not. (body%turns .and. body%mass > 0.0_wp)) cycle
+                extents(i) = sqrt(max(maxval([(body%inertia(j, j), j=1, 3)]), 0.0_wp)/body%mass)
+            end associate
+        end do
+        do i = 1, size(self%meetings)
+            call extend(self%meetings(i))
+        end do
+        do i = 1, size(self%distances)
+            call extend(self%distances(i))
+        end do
+        do i = 1, size(self%springs)
+            call extend(self%springs(i)%span)
+        end do
+        do i = 1, size(self%dots)
+            associate (dot => self%dots(i))
+                if (dot%is_point) extents(dot%second) = max(extents(dot%second), norm2(dot%b))
+            end associate
+        end do
+        do i = 1, size(self%bodies)
+            call add(extents(i))
+        end do
+        do i = 1, size(self%distances)
+            call add(self%drawn_length(self%distances(i)))
+        end do
+        if (mean%n == 0) then
+            do i = 1, size(self%springs)
+                call add(self%drawn_length(self%springs(i)%span))
+            end do
+        end if
+        if (mean%n == 0) then
+            do i = 2, size(self%bodies)
+                call add(norm2(self%bodies(i)%position - self%bodies(1)%position))
+            end do
+        end if
+        if (mean%n == 0) then
+            do i = 1, size(self%bodies)
+                call add(norm2(self%bodies(i)%position))
+            end do
+        end if
+        length = 1.0_wp
+        if (mean%n > 0) length = exp(mean%total/real(mean%n, wp))
+
+    contains
+
+        !> The points of two bodies.
+        subroutine extend(span)
+            type(span_type), intent(in) :: span
+
+            extents(span%first) = max(extents(span%first), norm2(span%s1))
+            extents(span%second) = max(extents(span%second), norm2(span%s2))
+        end subroutine extend
+
+        subroutine add(x)
+            real(wp), intent(in) :: x
+
+            if (.not. (x > 0.0_wp .and. x <= huge(1.0_wp))) return
+            mean%total = mean%total + log(x)
+            mean%n = mean%n + 1
+        end subroutine add
+    end function typical_length
+end submodule tandem_mechanism_scales
