@@ -69,7 +69,7 @@ contains
         allocate (rows(n_samples*per_sample, k + 1), source=0.0_wp)
         seed = 20071
         used = 0
-        unit_of_time = 1/max(1.0_wp, maxval(abs(qd)/max(abs(q), point%scale)))
+        unit_of_time = 1/max(point%rate, maxval(abs(qd)/max(abs(q), point%scale)))
         do i = 1, n_samples
             size_of_move = 0.1_wp
             do
