@@ -98,6 +98,51 @@ axis = [0, 1, 0]
 [time]
 end = 1
 """
+# A disk between a shaft, which a motor turns, and the ground.
+ROTOR = """
+[scene]
+model = "mechanism"
+[parameters]
+w = 3.0
+[body.shaft]
+mass = 1
+inertia = [1, 1, 1]
+position = [0, 0, 0]
+omega = [0, 0, "w"]
+[body.disk]
+mass = MASS
+inertia = [0.1, 0.1, 0.15]
+position = [0, 0, 0]
+omega = [0, 0, "w"]
+[joint.motor]
+type = "revolute"
+bodies = ["ground", "shaft"]
+at = [0, 0, 0]
+axis = [0, 0, 1]
+motion = "w*t"
+[joint.slide]
+type = "primitive"
+bodies = ["shaft", "disk"]
+at = [0, 0, 0]
+axis = [0, 0, 1]
+hold = [0, 0, 1, 1, 1, 1]
+[force.inner]
+type = "bushing"
+between = ["shaft", "disk"]
+at = [0, 0, 0]
+axis = [0, 0, 1]
+stiffness = [800, 800, 0, 0, 0, 0]
+damping = [INNER, INNER, 0, 0, 0, 0]
+[force.outer]
+type = "bushing"
+between = ["ground", "disk"]
+at = [0, 0, 0]
+axis = [0, 0, 1]
+stiffness = [200, 200, 0, 0, 0, 0]
+damping = [OUTER, OUTER, 0, 0, 0, 0]
+[time]
+end = 1
+"""
 # Whose rod has no length yet.
 COINCIDING = """
 [scene]
@@ -405,6 +450,19 @@ class Linearisation(Case):
                 exact = np.sqrt(9.81/(1 + inertia[0] - inertia[2]))
                 self.assertEqual([found["crossing"], found["grows_beyond"]], ["zero", True])
                 self.assertLess(abs(found["value"] - exact), min(1e-9, found["uncertainty"]))
+
+    def test_the_critical_speed_of_a_rotor_with_inner_damping(self):
+        """Inner damping drives whirl from w = sqrt(k/m) (1 + c_outer/c_inner) on, whatever the samples are."""
+        for mass, inner, outer in ((2, 3, 1), (0.5, 0.3, 0.7), (7, 25, 2)):
+            text = ROTOR.replace("MASS", str(mass)).replace("INNER", str(inner)).replace("OUTER", str(outer))
+            (self.folder / "rotor.toml").write_text(text)
+            exact = np.sqrt(1000/mass)*(1 + outer/inner)
+            for low, high, n in ((0.3, 1.1, 2), (0.4, 1.9, 3), (0.85, 1.5, 2), (0.6, 2.0, 6)):
+                with self.subTest((mass, low)):
+                    over = f"parameters.w={float(low*exact)}:{float(high*exact)}:{n}"
+                    found, = self.said("study", "modes", "rotor.toml", "--over", over)["critical"]
+                    self.assertEqual([found["crossing"], found["grows_beyond"]], ["hopf", True])
+                    self.assertLess(abs(found["value"] - exact), min(1e-9*exact, found["uncertainty"]))
 
     def test_a_start_at_rest_beyond_half_a_turn(self):
         """Turns are counted on the way from the drawing to the place of rest, and the run stays there."""

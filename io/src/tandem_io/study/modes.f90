@@ -4,10 +4,10 @@
 !>
 !> Between two samples, the product of all changes its sign where a real eigenvalue passes zero, or where two of opposite signs meet
 !> there and become a pair on the axis: their square is smooth in the value, and they are not, so the product is followed. A pair
-!> that has passed the axis is matched with the nearest at the other end. Two pairs on the axis may meet and leave it to either side
-!> (of systems without damping: Krein, 1950); the square of half their difference is smooth and changes its sign. Where the number
-!> of growing eigenvalues changes in another way, the interval is halved. What crosses and comes back between two samples is not
-!> seen.
+!> that has passed the axis is matched with the nearest at the other end; if it jumps on the way, the match was wrong. Two pairs on
+!> the axis may meet and leave it to either side (of systems without damping: Krein, 1950); the square of half their difference is
+!> smooth and changes its sign. Where the number of growing eigenvalues changes in another way, the interval is halved. What crosses
+!> and comes back between two samples is not seen.
 module tandem_io_study_modes
     use tandem, only: bracket_type, error_type, linearisation_type, of_motion, set_error, simulation_type, wp
     use tandem_io_scene, only: read_scene, scene_type
@@ -25,6 +25,8 @@ module tandem_io_study_modes
     integer, parameter :: deepest = 8, most_points = 80
     !> A critical value is known where its bracket is this part of it, or of the interval.
     real(wp), parameter :: finest = 1.0e-13_wp
+    !> What is followed changes by less than this part of its values over such a bracket, unless it jumps.
+    real(wp), parameter :: smooth = 1.0e-4_wp
 
     !> The eigenvalues at one value.
     type :: locus_point_type
@@ -314,7 +316,7 @@ contains
         type(critical_type), intent(inout) :: found(:)
         integer, intent(inout) :: n, change
         type(error_type), allocatable, intent(out) :: error
-        logical :: is_free(size(b%values))
+        logical :: is_free(size(b%values)), is_crossing
         integer :: i, k
 
         is_free = b%cause == of_motion .and. aimag(b%values) > 0.0_wp
@@ -324,19 +326,22 @@ contains
             is_free(k) = .false.
             if (min(abs(real(a%values(i), wp)) - a%error(i), abs(real(b%values(k), wp)) - b%error(k)) <= 0.0_wp) cycle
             if ((real(a%values(i), wp) > 0.0_wp) .eqv. (real(b%values(k), wp) > 0.0_wp)) cycle
-            n = n + 1
-            call self%refine_pair(a, b, a%values(i), b%values(k), found(n), error)
+            call self%refine_pair(a, b, a%values(i), b%values(k), found(n + 1), is_crossing, error)
             if (allocated(error)) return
+            if (.not. is_crossing) cycle
+            n = n + 1
             change = change + merge(2, -2, found(n)%grows_beyond)
         end do
     end subroutine find_pairs
 
     !> The place where the real part of a pair vanishes, which is followed from both ends.
-    subroutine refine_pair(self, a, b, value_a, value_b, found, error)
+    subroutine refine_pair(self, a, b, value_a, value_b, found, is_crossing, error)
         class(modes_type), intent(in) :: self
         type(locus_point_type), intent(in) :: a, b
         complex(wp), intent(in) :: value_a, value_b
         type(critical_type), intent(inout) :: found
+        !> Whether it is one: two pairs that were matched wrongly jump.
+        logical, intent(out) :: is_crossing
         type(error_type), allocatable, intent(out) :: error
         type(bracket_type) :: bracket
         type(locus_point_type) :: point
@@ -344,6 +349,7 @@ contains
         real(wp) :: x, slope, rounding
         integer :: i, k
 
+        is_crossing = .false.
         slope = 0.0_wp
         rounding = max(a%error(minloc(abs(a%values - value_a), dim=1)), b%error(minloc(abs(b%values - value_b), dim=1)))
         at_a = value_a
@@ -367,6 +373,7 @@ contains
             if (bracket%a >= x) at_a = value
             if (bracket%b <= x) at_b = value
         end do
+        is_crossing = abs(bracket%value_b - bracket%value_a) <= rounding + smooth*(abs(real(value_a, wp)) + abs(real(value_b, wp)))
         found%value = (bracket%a + bracket%b)/2
         found%uncertainty = (bracket%b - bracket%a)/2 + rounding/abs(slope)
         found%crossing = at_pair
