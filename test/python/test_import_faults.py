@@ -26,8 +26,8 @@ import urdf  # noqa: E402
 
 #: Random files; MUTATIONS asks for more.
 MUTATIONS = int(os.environ.get("MUTATIONS", "100"))
-#: No import of a file of these sizes takes as long (s).
-LONGEST = 60
+#: Limit of each import (s), generous for machines that others use.
+LONGEST = 120
 LOOP = '<equality><connect body1="door" body2="bob" anchor="1 0 0"/><weld body1="bob" body2="stone" relpose="0 0 0 1 0 0 0"/>' \
     '<joint joint1="hinge" joint2="bolt" polycoef="0 1 0 0 0"/></equality>'
 FULL = MODEL.replace("</mujoco>", LOOP + '<option gravity="0 0 -9"><flag limit="disable"/></option></mujoco>')
@@ -154,7 +154,10 @@ class Imports(unittest.TestCase):
     def test_what_is_no_file(self):
         os.mkfifo("pipe.xml")
         os.mkdir("folder.xml")
+        os.symlink("round.xml", "again.xml")
+        os.symlink("again.xml", "round.xml")
         for module in (mjcf, urdf):
+            self.assertIn("again.xml", self.imported(module, code=2, file="again.xml"))
             self.assertIn("not a regular file", self.imported(module, code=2, file="pipe.xml"))
             self.assertIn("not a regular file", self.imported(module, code=2, file="folder.xml"))
             self.assertIn("none.xml", self.imported(module, code=2, file="none.xml"))
@@ -187,10 +190,10 @@ class Imports(unittest.TestCase):
         links = "".join(f'<link name="{prefix}{k}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
                         f'<joint name="{prefix}{k}" type="continuous"><parent link="{f"{prefix}{k - 1}" if k else "root"}"/>'
                         f'<child link="{prefix}{k}"/>' + (f'<mimic joint="{prefix}{k - 1}"/>' if k else "") + "</joint>" for k in range(5000))
-        began = time.monotonic()
+        began = time.process_time()
         scene = tomllib.loads(self.imported(urdf, f'<robot name="r"><link name="root"/>{links}</robot>', 0))
         self.assertEqual((len(scene["body"]), len(scene["joint"]), len(scene["constraint"])), (5000, 5000, 4999))
-        self.assertLess(time.monotonic() - began, 20)
+        self.assertLess(time.process_time() - began, 10)
 
     def test_numbers_that_overflow(self):
         """Products that overflow, and bodies whose mass underflows."""

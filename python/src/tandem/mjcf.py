@@ -16,6 +16,7 @@ Format: https://mujoco.readthedocs.io/en/stable/XMLreference.html
 from __future__ import annotations
 
 import math
+import os
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -93,11 +94,12 @@ class Includes:
         self.root = self.expanded(Path(path), 0)
 
     def expanded(self, path, depth):
-        if path.resolve() in self.seen:
+        place = os.path.realpath(path)
+        if place in self.seen:
             raise InputError(f"{path} is included twice, or files go round; MuJoCo takes each file once")
         if depth > DEEPEST:
             raise InputError(f"{path}: files include each other {DEEPEST} deep; put some of them together")
-        self.seen.add(path.resolve())
+        self.seen.add(place)
         root = parse(path, self.budget)
         for parent in list(root.iter()):
             if all(child.tag != "include" for child in parent):
