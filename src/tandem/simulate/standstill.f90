@@ -63,7 +63,11 @@ contains
         !> 1e-10 of it each. Looks that find them longer by this factor start anew; what is left may then still be reached.
         integer, parameter :: enough = 5
         real(wp), parameter :: collapsed = 1.0e-7_wp, recovered = 10.0_wp, near = 100.0_wp
+        !> Of a model that contradicts itself no more than so many looks are taken, if this part of its tries was in vain: steps
+        !> fail for that reason then.
+        real(wp), parameter :: most_looks = 10.0_wp, in_vain = 0.3_wp
         real(wp) :: tries, way
+        logical :: is_wrong
 
         if (.not. self%control%h < 0.5_wp*(stop_at - self%state%t)) return
         self%tries_of_look = self%tries_of_look + 1
@@ -76,9 +80,14 @@ contains
             call name_loss_ahead(self, way, stop_at, 'which steps do not reach', error)
             if (allocated(error)) return
         end if
-        associate (limit => collapsed*(t_limit - self%t_start))
-            if (way > recovered*limit .or. near*way > t_limit - self%state%t) self%n_collapsed = 0
-            if (way <= limit .and. near*way <= t_limit - self%state%t) self%n_collapsed = self%n_collapsed + 1
+        associate (limit => collapsed*(t_limit - self%t_start), rest => t_limit - self%state%t)
+            is_wrong = self%tally%contradiction /= '' .and. most_looks*way < rest .and. &
+                real(self%tally%rejected + self%tally%failed, wp) > in_vain*tries
+            if (is_wrong .or. (way <= limit .and. near*way <= rest)) then
+                self%n_collapsed = self%n_collapsed + 1
+            else if (way > recovered*limit .or. near*way > rest) then
+                self%n_collapsed = 0
+            end if
         end associate
         if (self%n_collapsed < enough) return
         self%n_collapsed = 0

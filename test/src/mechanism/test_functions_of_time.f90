@@ -44,7 +44,7 @@ contains
 
         call parse_expression(expression, text, ['t'], failure)
         call check_no_failure(error, failure)
-        call pieces%initialize(expression, 1)
+        if (.not. allocated(error)) call pieces%initialize(expression, 1)
     end subroutine parse
 
     !> All kinks between two times, in as many searches as it takes, in their order.
@@ -91,16 +91,16 @@ contains
 
         r = random_vector(seed, size(r))
         if (depth == 0) then
-            text = 'sin('//to_text(exp(3*r(1)))//'*t + '//to_text(3*r(2))//')'
+            text = 'sin('//to_text(exp(3*r(1)))//'*t + ('//to_text(3*r(2))//'))'
         else if (r(1) > 0.7_wp) then
             text = 'max('//random_text(depth - 1, seed)//', '//random_text(depth - 1, seed)//')'
         else if (r(1) > 0.4_wp) then
             text = '('//random_text(depth - 1, seed)//'*'//random_text(depth - 1, seed)//')'
         else if (r(1) > 0.1_wp) then
-            text = '('//random_text(depth - 1, seed)//' + '//to_text(r(3))//'*'//random_text(depth - 1, seed)//')'
+            text = '('//random_text(depth - 1, seed)//' + ('//to_text(r(3))//')*'//random_text(depth - 1, seed)//')'
         else
-            text = trim(kinked(1 + modulo(int(100*abs(r(4))), size(kinked))))//'('//random_text(depth - 1, seed)//' + '// &
-                to_text(r(2))//')'
+            text = trim(kinked(1 + modulo(int(100*abs(r(4))), size(kinked))))//'('//random_text(depth - 1, seed)//' + ('// &
+                to_text(r(2))//'))'
         end if
     end function random_text
 

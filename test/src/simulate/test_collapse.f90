@@ -146,12 +146,13 @@ contains
         end do
     end subroutine test_wrong_jacobian
 
-    !> A cart that is driven by acos(cos(3 t + 0.1)), which turns back at (pi - 0.1)/3.
+    !> A cart that is driven by acos(cos(3 t + 0.1)), which turns back at (pi - 0.1)/3: derivatives are lost in rounding there, at
+    !> which explicit steps collapse. Implicit ones may pass.
     subroutine test_imposed_kink(error)
         type(error_type), allocatable, intent(out) :: error
         integer :: k
 
-        do k = 1, size(steppers)
+        do k = 1, 2
             call check(steppers(k))
             if (allocated(error)) return
         end do
@@ -182,7 +183,7 @@ contains
         end subroutine check
     end subroutine test_imposed_kink
 
-    !> A bob on a rope whose length goes to zero: by then it turns infinitely fast.
+    !> A bob that hangs on a rope whose length goes to zero: the row of the rope vanishes there.
     subroutine test_rope(error)
         type(error_type), allocatable, intent(out) :: error
         integer :: k
@@ -203,7 +204,7 @@ contains
             mechanism%planar = .true.
             mechanism%gravity = [0.0_wp, -9.81_wp, 0.0_wp]
             mechanism%times = [0.0_wp, 2.0_wp]
-            call mechanism%add_body('bob', 1.0_wp, [1.0_wp, 0.0_wp], failure)
+            call mechanism%add_body('bob', 1.0_wp, [0.0_wp, -1.0_wp], failure)
             call check_no_failure(error, failure)
             call parse_expression(expression, '1 - t', ['t'], failure)
             call check_no_failure(error, failure)
@@ -238,7 +239,7 @@ contains
             qd(1) = 3.0_wp
             qd(4) = 3.0_wp
         else
-            qd(1) = -1.0_wp
+            qd(2) = 1.0_wp
         end if
         call simulation%initialize(mechanism, options, 0.0_wp, q, qd, failure)
         call check_no_failure(error, failure)
