@@ -26,16 +26,17 @@ contains
     end procedure begin_breakpoints
 
     module procedure know_breakpoints
-        !> So many searches without a kink are refused.
-        integer, parameter :: most = 1000
+        !> So many more searches than there are functions, without a kink, are refused.
+        integer, parameter :: most = 200
 
         if (.not. allocated(self%searched) .or. .not. allocated(self%breakpoints)) return
         if (size(self%breakpoints) >= number) return
-        call search(self, number, most*size(self%searched), error)
+        call search(self, number, most + size(self%searched), error)
         if (allocated(error)) return
         if (size(self%breakpoints) < number .and. self%breakpoints_until < self%times(2)) call set_error(error, &
             status_invalid_model, 'kinks of functions of time are sought from t = '//to_text(self%breakpoints_until)// &
-            ' on without an end', 'make the argument of abs, sign, step, ramp, min, max or smooth_step slower')
+            ' on without an end', 'make the argument of abs, sign, step, ramp, min, max or smooth_step slower, or simpler '// &
+            'where it is zero for a while')
     end procedure know_breakpoints
 
     !> Search until a number of breakpoints is known or all are.
