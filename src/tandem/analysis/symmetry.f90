@@ -259,7 +259,7 @@ contains
         do level = 1, 3
             associate (rows => rows(ends(level) + 1:ends(level + 1), :), sizes => sizes(ends(level) + 1:ends(level + 1)))
                 if (size(sizes) == 0) cycle
-                least = max(1.0e-6_wp*maxval(sizes), tiny(1.0_wp))
+                least = max(1.0e-4_wp*maxval(sizes), tiny(1.0_wp))
                 do k = 1, size(sizes)
                     rows(k, :) = rows(k, :)/max(sizes(k), least)
                 end do
