@@ -263,10 +263,12 @@ C     AUTO, on a spring that is far stiffer than the motion SIN(T).
       CALL OK ('auto-is-taken', KH, IERR)
       Q2(1) = 0.0D0
       QD2(1) = 1.0D0
-      CALL BAD ('auto-takes-no-fixed-steps', KH, TDEOPT, 'rtol')
+      CALL TDSETR (KH, 'rtol', 1.0D-6, IERR)
+      CALL TDSETR (KH, 'step', 1.0D-3, IERR)
+      CALL BAD ('step-or-rtol', KH, TDEOPT, 'remove step or rtol')
       CALL TDSTRT (KH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
       CALL WAS (KH, IERR)
-      CALL TDSETR (KH, 'rtol', 1.0D-6, IERR)
+      CALL TDSETR (KH, 'step', 0.0D0, IERR)
       CALL TDSTRT (KH, 0.0D0, Q2, QD2, RPAR, IPAR, IERR)
       CALL TDINTG (KH, T3, Q2, QD2, 2.0D0, RPAR, IPAR, IERR)
       CALL OK ('auto-runs', KH, IERR)
