@@ -1485,6 +1485,9 @@ static void test_mechanism(void)
     tandem_set_key(p, "joint.pivot.at", "[0, 0]");
     expect("a-key-is-missing", p, tandem_define(p, 1, 0, 0, 10), TANDEM_INVALID_MODEL, "mass");
     expect("a-value-that-is-none", p, tandem_set_key(p, "body.rod.mass", "1 kg"), TANDEM_INVALID_OPTION, "1 kg");
+    expect("a-sum-that-is-no-number", p, tandem_set_key(p, "body.rod.mass", "1+2"), TANDEM_INVALID_OPTION, "1+2");
+    expect("nor-a-difference-in-a-list", p, tandem_set_key(p, "gravity.vector", "[0, 1-5]"), TANDEM_INVALID_OPTION, "1-5");
+    expect("a-number-with-an-exponent", p, tandem_set_key(p, "parameters.l", "+1.0E+0"), TANDEM_OK, "ok");
     expect("no-value", p, tandem_set_key(p, "body.rod.mass", NULL), TANDEM_INVALID_OPTION, "body.rod.mass");
     expect("no-key", p, tandem_set_key(p, NULL, "1"), TANDEM_INVALID_OPTION, "key");
     tandem_set_key(p, "body.rod.mass", "1.0");

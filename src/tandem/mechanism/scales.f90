@@ -69,7 +69,7 @@ contains
 
         rate = 0.0_wp
         do i = 1, size(self%dots)
-            call add(self%dots(i)%motion, merge(1.0_wp, self%size_of_bodies, self%dots(i)%is_turning))
+            call add(self%dots(i)%motion, self%size_of_bodies)
         end do
         do i = 1, size(self%distances)
             call add(self%distances(i)%motion, self%size_of_bodies)
