@@ -15,6 +15,9 @@ from test_output import ROOT, Case
 MECHANISMS = sorted(path.stem for path in (ROOT / "scenes").glob("*.toml") if 'model = "mechanism"' in path.read_text())
 
 
+PLANE_OF_MASSES = '[scene]\nmodel = "mechanism"\nplanar = true\n[time]\nend = 0.001\n[solver]\nstepper = "dop853"\nrtol = 1e-6\n'
+
+
 class Mechanism(Case):
     def went(self, scene, *settings, output="out.h5"):
         """The file of a run, without the estimate of its error."""
@@ -318,6 +321,17 @@ class Keys(Mechanism):
         '[repeat.row.repeat.column.body."m{i}_{j}"]\nmass = "m"\nposition = ["j", "10*i + j"]\n\n' \
         '[repeat.row.repeat.column.force."f{10*i + j}"]\ntype = "load"\non = "m{i}_{j}"\nforce = ["i", "j"]\n\n' \
         '[time]\nend = 0.01\n'
+
+    def test_many_bodies_written_out(self):
+        """A scene of 400 bodies runs, and with every default it is a scene too, longer than 131072 bytes."""
+        text = PLANE_OF_MASSES + "".join(
+            f'[body.m{i}]\nmass = 0.1\nposition = [{0.1*i:.1f}, 0]\n[constraint.r{i}]\ntype = "distance"\n'
+            f'between = ["{"ground" if i == 1 else f"m{i-1}"}", "m{i}"]\n' for i in range(1, 401))
+        shown = self.tandem("show", self.scene(text)).stdout
+        self.assertGreater(len(shown), 131072)
+        self.assertEqual(self.tandem("show", self.scene(shown, "shown.toml")).stdout.replace("shown", "scene"), shown)
+        with self.went("shown.toml") as file:
+            self.assertEqual(len(file["trajectory/q"][-1]), 800)
 
     def test_nested_repetition(self):
         """A triangle of masses: each knows its row and its column."""

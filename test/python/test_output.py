@@ -884,7 +884,11 @@ class SceneErrors(Case):
             b"#\xe2\x82": "no UTF-8", b"#\xc0\xaf": "no UTF-8", b"#\x0c": "line 3 holds the control character 12",
             b"[time]\rend = 1": "line 3 holds the control character 13", b'name = "\\x41"': "TOML 1.0 does not know",
             b'name = """a\\\n"""': "line 3 ends a text by a backslash", b"#" + b" " * 40000: "line 3 has more than 32768 bytes",
-            b"x = [" + b"1, 1,\n" * 6000 + b"]": "one value too many", b"x = {" + b"a=1," * 8000 + b"}": "one value too many",
+            b"x = " + b"[" * 201: "there may be 200 brackets within each other",
+            b"".join(b"a%d = 1\n" % i for i in range(10_001)): "there may be 10000 values below one heading",
+            b"x = [" + b"1, 1,\n" * 6000 + b"]": "there may be 10000 values below one heading",
+            b"".join(b"[a%d]\n" % i for i in range(10_001)): "there may be 10000 headings",
+            b"x = '''" + b"xxxxxxx\n" * 4097 + b"'''": "there may be 32768 characters in a text",
             b'"\\u001b[2J" = 1': 'unknown key "?[2J"', b"[model]\nmass = 0xFFFFFFFFFFFFFFFF": "too many digits",
             b'description = """' + (b"x" * 99 + b"\\\n") * 100 + b'x"""': "must not be longer than 4096 bytes",
         }.items():

@@ -9,6 +9,7 @@ import json
 import math
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -297,6 +298,24 @@ class Tables(Case):
         self.assertEqual((row["status"], row["error_q"]), ("ok", ""))
         self.assertNotEqual(row["rz_end"], "")
         self.assertIn("no estimate of the error: invalid_option: an event has stopped", row["message"])
+
+    def test_memory_of_a_sweep_that_is_only_begun(self):
+        """A thousand million draws take no memory before they are made."""
+        self.write('[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.002"]\ndraws = 1_000_000_000\n\n'
+                   '[[vary]]\nkey = "initial.tilt"\nuniform = [0.1, 0.2]\n\n[[keep]]\nquantity = "energy"\n')
+        process = subprocess.Popen(self.command("--output", "large.h5", "--jobs", "1", "--quiet"), cwd=self.folder,
+                                   env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
+        journal = self.folder / "large.h5.journal"
+        end = time.monotonic() + 120
+        while process.poll() is None and time.monotonic() < end and not (journal.exists() and journal.stat().st_size > 20_000):
+            time.sleep(0.05)
+        self.assertIsNone(process.poll())
+        status = Path(f"/proc/{process.pid}/status")
+        if status.exists():
+            self.assertLess(int(re.search(r"VmHWM:\s+(\d+) kB", status.read_text())[1]), 500_000)
+        process.send_signal(signal.SIGINT)
+        self.assertIn("of 1000000000 cases done", process.communicate(timeout=60)[1])
+        self.assertEqual(process.returncode, 130)
 
     def test_a_pipe(self):
         """What comes through a pipe is read once; another sweep does not take over its journal."""

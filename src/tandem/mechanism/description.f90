@@ -9,7 +9,7 @@ module tandem_mechanism_description
     use tandem_mechanism_described_elements, only: read_constraint, read_force, read_wheel
     use tandem_mechanism_described_sensors, only: read_results, read_sensor
     use tandem_mechanism_described_points, only: read_points, take_point
-    use tandem_mechanism_element_keys, only: key_length, listed, text_length
+    use tandem_mechanism_element_keys, only: key_length, listed, place_among, text_length
     use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, text_value
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_joint, only: kind_names
@@ -302,7 +302,7 @@ contains
         if (size(shapes) > 1) call reader%fail('shape.'//trim(shapes(2)), 'is one shape more', 'give one')
         if (size(shapes) == 1) then
             shape = trim(shapes(1))
-            i = findloc(shape_names, shape, dim=1)
+            i = place_among(shape_names, shape)
             if (i == 0) then
                 call reader%fail('shape.'//shape, 'is no shape', 'take bar, box, cylinder or sphere')
             else
@@ -417,7 +417,7 @@ contains
             named = at_point
             if (scan(named, '.:') == 0) named = named//trim(merge(':[0, 0]   ', ':[0, 0, 0]', mechanism%planar))
             call take_point(reader, 'at', named, mechanism, n_points, point)
-            i = findloc([character(len=key_length) :: body_of(sides(1)), body_of(sides(2))], body_of(point), dim=1)
+            i = place_among([character(len=key_length) :: body_of(sides(1)), body_of(sides(2))], body_of(point))
             if (i == 0) then
                 call reader%fail('at', '"'//at_point//'" is no point of one of its bodies', &
                     'name one of them, or give the place in the drawing')
@@ -464,7 +464,7 @@ contains
         if (planar) names = [character(len=5) :: 'x', 'y', 'angle']
         if (reader%is_text_at(key)) then
             call reader%get_choice(key, name, names, help)
-            if (.not. reader%failed()) drive = findloc(names, name, dim=1)
+            if (.not. reader%failed()) drive = place_among(names, name)
             return
         end if
         call reader%get_number(key, place, positive, '', help//':'//listed(names)//' or its place in hold')

@@ -5,7 +5,7 @@ module tandem_mechanism_element_keys
     implicit none (type, external)
     private
 
-    public :: element_type, add_to, joined, key_length, key_of, listed, path_of, text_length, up_to_dot
+    public :: element_type, add_to, joined, key_length, key_of, listed, path_of, place_among, text_length, up_to_dot
 
     !> Length of the names of kinds, of elements and of keys; of points as `body.point`.
     integer, parameter :: key_length = 136
@@ -67,6 +67,16 @@ contains
             n = n + len_trim(names(i)) + 2
         end do
     end function listed
+
+    !> The place of a name in a list, 0 where it is not there. gfortran 12 gives findloc wrong lengths where a module calls it with
+    !> texts of several lengths.
+    pure integer function place_among(names, name) result(place)
+        character(len=*), intent(in) :: names(:), name
+
+        do place = size(names), 1, -1
+            if (names(place) == name) return
+        end do
+    end function place_among
 
     !> Give an element one more entry, by its number; `entries` must be allocated.
     pure subroutine add_to(element, entry)

@@ -27,8 +27,8 @@ module tandem_io_scene_lexer
         logical :: is_below_value = .false., is_doubled = .false.
         !> The limit that is exceeded there, for the message.
         character(len=:), allocatable :: limit
-        !> Keys since the last heading, and headings.
-        integer, private :: n_keys = 0, n_tables = 0
+        !> Keys and elements of lists since the last heading, and headings.
+        integer, private :: n_values_here = 0, n_tables = 0
         !> Brackets and braces that are open.
         integer, private :: depth = 0
         !> Whether nothing but blanks has come since the end of a line, whether the line is a heading, and whether the sign that
@@ -41,11 +41,11 @@ module tandem_io_scene_lexer
         integer, private :: n_values = 0, n_headings = 0
     contains
         procedure :: next, extract_datetime
-        procedure, private :: take_key, keep_value, may_go_on, is_known, refuse_beyond
+        procedure, private :: take_key, keep_value, count_value, may_go_on, is_known, refuse_beyond
     end type scene_lexer_type
 
-    !> The parser is called again at each bracket, looks for a key among all of its table, and copies a text for each character.
-    integer, parameter :: most_nested = 200, most_keys = 10000, most_tables = 20000, most_characters = 32768
+    !> The parser is called again at each bracket, looks for a key among all of its table, and copies lists and texts as they grow.
+    integer, parameter :: most_nested = 200, most_values = 10000, most_tables = 10000, most_characters = 32768
     !> What ends a key in a path; no scene holds it.
     character(len=*), parameter :: behind = achar(1)
 
@@ -76,7 +76,7 @@ contains
         case (token_kind%lbracket, token_kind%lbrace)
             if (lexer%is_at_start) then
                 lexer%is_heading = .true.
-                lexer%n_keys = 0
+                lexer%n_values_here = 0
                 lexer%n_tables = lexer%n_tables + 1
                 call lexer%refuse_beyond(token, lexer%n_tables, most_tables, 'headings')
             end if
@@ -100,10 +100,11 @@ contains
         case (token_kind%keypath, token_kind%string, token_kind%literal)
             if (lexer%is_heading .or. (lexer%depth == 0 .and. .not. lexer%is_in_value)) call lexer%take_key(token)
         case (token_kind%equal)
-            lexer%n_keys = lexer%n_keys + 1
-            call lexer%refuse_beyond(token, lexer%n_keys, most_keys, 'keys below one heading')
+            call lexer%count_value(token)
             if (lexer%depth == 0 .and. .not. lexer%is_in_value) call lexer%keep_value()
             lexer%is_in_value = .true.
+        case (token_kind%comma)
+            call lexer%count_value(token)
         case (token_kind%dot)
             if (lexer%is_heading) then
                 if (.not. lexer%may_go_on()) then
@@ -116,6 +117,15 @@ contains
         end select
         lexer%is_at_start = .false.
     end subroutine next
+
+    !> One key, or one element of a list, more below the heading.
+    subroutine count_value(lexer, token)
+        class(scene_lexer_type), intent(inout) :: lexer
+        type(toml_token), intent(inout) :: token
+
+        lexer%n_values_here = lexer%n_values_here + 1
+        call lexer%refuse_beyond(token, lexer%n_values_here, most_values, 'values below one heading')
+    end subroutine count_value
 
     !> Refuse a token where there is more of something than there may be.
     subroutine refuse_beyond(lexer, token, n, most, things)
