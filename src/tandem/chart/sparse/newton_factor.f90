@@ -100,8 +100,13 @@ contains
         subroutine put_body(body, height)
             integer, intent(in) :: body, height
             integer :: column, from, link, row, to, where
+            logical :: has_norm
 
             where = a%diagonal_offset(a%node_of_body(body))
+            has_norm = a%norm_row(body) > 0
+            if (has_norm) has_norm = .not. terms%is_out(a%norm_row(body))
+            ! The row of a norm that was left out has a unit pivot, as others have in the nodes of joints.
+            if (a%norm_row(body) > 0 .and. .not. has_norm) self%lower(where + height**2) = 1.0_wp
             from = a%first(body)
             to = a%first(body + 1) - 1
             do column = from, to
@@ -110,7 +115,7 @@ contains
                     self%lower(where + (column - from)*height + row - from + 1) = &
                         terms%mass(row, column - a%block_first(column) + 1)
                 end do
-                if (a%norm_row(body) == 0) cycle
+                if (.not. has_norm) cycle
                 self%lower(where + (column - from)*height + height) = terms%own(column)
                 self%lower(where + (height - 1)*height + column - from + 1) = terms%own(column)
             end do

@@ -162,7 +162,9 @@ contains
             do b = 1, a%n_bodies
                 associate (place => a%place(a%node_of_body(b)), nb => a%first(b + 1) - a%first(b))
                     call copy(nb, f(a%first(b):), z(place + 1:))
-                    if (a%norm_row(b) > 0) z(place + nb + 1) = g(a%norm_row(b))
+                    if (a%norm_row(b) == 0) cycle
+                    z(place + nb + 1) = g(a%norm_row(b))
+                    if (self%terms%is_out(a%norm_row(b))) z(place + nb + 1) = 0.0_wp
                 end associate
             end do
         end associate
