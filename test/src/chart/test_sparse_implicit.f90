@@ -32,6 +32,7 @@ contains
             new_unittest('checkpoint', test_checkpoint), &
             new_unittest('redundant-rows', test_redundant), &
             new_unittest('more-rows-than-coordinates', test_more_rows), &
+            new_unittest('the-norm-of-a-hub-may-be-redundant', test_norm), &
             new_unittest('stiff-springs-cost-no-steps', test_stiff), &
             new_unittest('auto-exchanges-and-resumes-bitwise', test_auto), &
             new_unittest('radau-changes-its-order-and-resumes-bitwise', test_radau), &
@@ -419,6 +420,63 @@ contains
             end do
         end do
     end subroutine test_more_rows
+
+    !> A hub on two slides, with an arm on four hinges along one axis and a tray on three parallel slides: among the rows that the
+    !> sparse chart leaves out is the norm of the hub's Euler parameters. The motion is that of the dense chart.
+    subroutine test_norm(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=9), parameter :: steppers(3) = [character(len=9) :: 'radau5', 'radau', 'sdirk54']
+        real(wp), parameter :: inertia(3) = [0.1_wp, 0.11_wp, 0.12_wp], slide(3) = [0.48_wp, -0.6_wp, 0.64_wp], &
+            hinge(3) = [0.48_wp, 0.8_wp, 0.36_wp], rail(3) = [0.6_wp, 0.0_wp, -0.8_wp]
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: dense, sparse
+        type(failure_type), allocatable :: failure
+        logical :: leaves_out_norm
+        integer :: i, k
+
+        mechanism%gravity = [1.0_wp, 2.0_wp, -9.81_wp]
+        call mechanism%add_body('hub', 1.0_wp, [-0.3_wp, -0.5_wp, -0.3_wp], failure, inertia=inertia)
+        call check_no_failure(error, failure)
+        call mechanism%add_body('arm', 2.0_wp, [-0.4_wp, 0.4_wp, 0.1_wp], failure, inertia=inertia)
+        call check_no_failure(error, failure)
+        call mechanism%add_body('tray', 2.0_wp, [-0.9_wp, 0.1_wp, -0.6_wp], failure, inertia=inertia)
+        call check_no_failure(error, failure)
+        do i = 0, 1
+            call join('s', 'prismatic', 'ground', 'hub', [-0.5_wp*i, 0.2_wp*i - 0.4_wp, 0.3_wp*i + 0.1_wp], (1 - 2*i)*slide)
+        end do
+        do i = 0, 3
+            call join('r', 'revolute', 'hub', 'arm', [-0.2_wp, -0.1_wp, 0.0_wp] + 0.2_wp*i*hinge, hinge)
+        end do
+        do i = 0, 2
+            call join('t', 'prismatic', 'hub', 'tray', [-0.6_wp - 0.2_wp*i, 0.1_wp*i, 0.2_wp*i - 0.5_wp], rail)
+        end do
+        call mechanism%define(failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call start(mechanism, controlled(1.0e-10_wp, 'dense', 'radau5'), dense, error)
+        call go_on(dense, 0.1_wp, error)
+        do k = 1, size(steppers)
+            call start(mechanism, controlled(1.0e-8_wp, 'sparse', trim(steppers(k))), sparse, error)
+            if (allocated(error)) return
+            leaves_out_norm = .false.
+            do i = 1, size(sparse%warnings)
+                leaves_out_norm = leaves_out_norm .or. index(sparse%warnings(i)%text, '"hub norm" repeats') > 0
+            end do
+            call check_true(error, leaves_out_norm, 'no norm is left out')
+            call go_on(sparse, 0.1_wp, error)
+            call check_close(error, sparse%state%q, dense%state%q, 1.0e-6_wp, trim(steppers(k)))
+        end do
+
+    contains
+
+        subroutine join(name, kind, first, second, at, axis)
+            character(len=*), intent(in) :: name, kind, first, second
+            real(wp), intent(in) :: at(3), axis(3)
+
+            call mechanism%add_joint(name//achar(iachar('0') + i), kind, first, second, failure, at=at, axis=axis)
+            call check_no_failure(error, failure)
+        end subroutine join
+    end subroutine test_norm
 
     !> A door on hinges along one axis, with a weight on a spring.
     subroutine draw_door(hinges, stiffness, damping, mechanism, error)
