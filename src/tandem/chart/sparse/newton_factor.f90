@@ -96,7 +96,7 @@ contains
 
     contains
 
-        !> M and the rows of a body.
+        !> M and the rows of a body. The row of a norm that was left out has a unit pivot, as others have in the nodes of joints.
         subroutine put_body(body, height)
             integer, intent(in) :: body, height
             integer :: column, from, link, row, to, where
@@ -105,7 +105,6 @@ contains
             where = a%diagonal_offset(a%node_of_body(body))
             has_norm = a%norm_row(body) > 0
             if (has_norm) has_norm = .not. terms%is_out(a%norm_row(body))
-            ! The row of a norm that was left out has a unit pivot, as others have in the nodes of joints.
             if (a%norm_row(body) > 0 .and. .not. has_norm) self%lower(where + height**2) = 1.0_wp
             from = a%first(body)
             to = a%first(body + 1) - 1
@@ -139,11 +138,8 @@ contains
                         ! C and its transpose.
                         along = a%link_target(link) + (column - 1)*rows + row
                         across = a%link_target(link) + (row - 1)*height + column
-                        if (column > n_of_place(a%joints_of_body(body))) then
-                            value = terms%c(from + (column - 1)*rows + row)
-                        else
-                            value = merge(real(a%link_sign(link), wp), 0.0_wp, row == column)
-                        end if
+                        value = merge(real(a%link_sign(link), wp), 0.0_wp, row == column)
+                        if (column > n_of_place(a%joints_of_body(body))) value = terms%c(from + (column - 1)*rows + row)
                         self%lower(merge(along, across, a%is_row_later(link))) = value
                         self%upper(merge(across, along, a%is_row_later(link))) = value
                     end do
