@@ -129,7 +129,6 @@ contains
         if (allocated(error)) return
         joint%axes1 = matmul(transpose(a1), frame)
         joint%axes2 = matmul(transpose(a2), frame)
-        joint%x2 = joint%axes2(:, 1)
         gap = matmul(r2 + matmul(a2, joint%s2) - r1 - matmul(a1, joint%s1), frame)
         may_be_open = .false.
         if (present(open)) may_be_open = open

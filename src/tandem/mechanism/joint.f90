@@ -33,10 +33,9 @@ module tandem_mechanism_joint
         character(len=name_length) :: name = ''
         !> The name of its kind.
         character(len=16) :: kind_name = ''
-        !> The bodies, 0 for the ground, and the joint's frame on each in that body's own: point, and axes in columns, on the second
-        !> the first of them.
+        !> The bodies, 0 for the ground, the joint's point on each in that body's own frame, and its axes on the first in columns.
         integer :: first = 0, second = 0
-        real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp, axes1(3, 3) = 0.0_wp, x2(3) = 0.0_wp
+        real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp, axes1(3, 3) = 0.0_wp
         !> Its rows of C at position level.
         integer :: row = 0, n_rows = 0
         !> The numbers of its coordinates: the angle about its axis and the way along it, 0 for none.
