@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Interval arithmetic for the operations of expressions: bounds of values and of first partial derivatives, where operands vary
-!> within bounds. Results are widened by more than their rounding errors, so that the bounds hold for exact arithmetic and for values
-!> as they are computed. An empty interval, whose bounds are not numbers, stands for a result that does not exist.
+!> within bounds. Results are widened by more than their rounding errors, so that the bounds hold for exact arithmetic and for
+!> values as they are computed. An empty interval, whose bounds are not numbers, stands for a result that does not exist.
 module tandem_mechanism_interval
     use tandem_kinds, only: long, wp
     use tandem_mechanism_operations, only: branch_of, op_abs, op_acos, op_add, op_asin, op_atan, op_atan2, op_cos, op_cosh, &
@@ -124,8 +124,8 @@ contains
         type(interval_type), intent(in) :: a, b
 
         f = a
-        if (max(a%low, b%low) <= min(a%high, b%high) .and. .not. is_empty(a)) &
-            f = interval_type(max(a%low, b%low), min(a%high, b%high))
+        if (is_empty(a) .or. .not. max(a%low, b%low) <= min(a%high, b%high)) return
+        f = interval_type(max(a%low, b%low), min(a%high, b%high))
     end function common_part
 
     !> sin a.
@@ -283,7 +283,7 @@ contains
         case (op_log)
             if (a%high < 0.0_wp) return
             f = logarithm(a)
-        case (op_sqrt)
+        case default ! op_sqrt
             if (a%high < 0.0_wp) return
             f = widened(sqrt(max(a%low, 0.0_wp)), sqrt(a%high))
         end select
@@ -332,6 +332,8 @@ contains
             f = interval_type(value_of(operation, a%low, 0.0_wp, branch_of(operation, a%low, 0.0_wp)), &
                 value_of(operation, a%high, 0.0_wp, branch_of(operation, a%high, 0.0_wp)))
             f = widened(f%low, f%high)
+        case default ! The values of op_sign and op_step are known.
+            continue
         end select
     end subroutine enclose_kinked
 

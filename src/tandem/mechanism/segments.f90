@@ -21,8 +21,8 @@ contains
         allocate (self%breakpoints(0), self%nu_jumps(0), self%ahead(0), self%jumps_ahead(0))
         call search(self, huge(n), n + some, error)
         if (allocated(error)) return
-        if (size(self%breakpoints) == 0 .and. .not. self%breakpoints_until < self%times(2)) &
-            deallocate (self%breakpoints, self%nu_jumps)
+        if (size(self%breakpoints) > 0 .or. self%breakpoints_until < self%times(2)) return
+        deallocate (self%breakpoints, self%nu_jumps)
     end procedure begin_breakpoints
 
     module procedure know_breakpoints

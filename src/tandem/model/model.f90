@@ -80,7 +80,7 @@ module tandem_model
         integer :: segment = 1
         !> Until when `breakpoints` has all of them; a model that looks for them as a run goes on sets it, see `know_breakpoints`.
         real(wp) :: breakpoints_until = huge(1.0_wp)
-        !> What `measure` gives, in its order; nothing where it is not allocated. Whether it must look at every step: it counts turns.
+        !> What `measure` gives, in its order; nothing where it is not allocated. Whether it looks at every step to count turns.
         type(quantity_type), allocatable :: quantities(:)
         logical :: measures_every_step = .false.
         !> Whether `measure` is told the multipliers; and the only quantity that it is asked for at the moment, 0 for all.
