@@ -61,8 +61,8 @@ class FunctionsOfTime(Case):
             self.assertLess(abs(file["trajectory/q"][-1, 0] - 0.250125), 1e-12)
 
     def test_a_coin_falls_flat(self):
-        """From rest at the inclination a, gravity alone turns it about the point of contact: it lies flat after the time that energy gives,
-        0.5537 s; steps collapse just before."""
+        """From rest at the inclination a, gravity alone turns it about the point of contact: it lies flat after the time that energy
+        gives, 0.5537 s; steps collapse just before."""
         (self.folder / "coin.toml").write_text(COIN)
         result = self.tandem("run", "coin.toml", "--output", "coin.h5", "--quiet", "--no-error", code=1)
         self.assertRegex(result.stderr, "step_underflow|rank_deficient")
