@@ -35,8 +35,8 @@ contains
         end do
     end procedure set_scales
 
-    !> Half of the time in which a pendulum of the typical length swings once. Without gravity the time in which bodies and what
-    !> drives them go half a turn, or three lengths, by their rates and accelerations at the start; where nothing moves or
+    !> The time in which a pendulum of the typical length swings once to and fro. Without gravity the time in which bodies and what
+    !> drives them go a turn, or six lengths, by their rates and accelerations at the start; where nothing moves or
     !> accelerates beyond what rounding leaves of springs in balance, that of springs.
     module procedure set_time_scale
         real(wp), parameter :: rounding = 1.0e-6_wp
@@ -49,7 +49,7 @@ contains
             swing = rate_of_springs(self)
             if (.not. rate > rounding*swing) rate = swing
         end if
-        self%time_scale = pi/rate
+        self%time_scale = 2*pi/rate
         if (.not. (self%time_scale > 0.0_wp .and. self%time_scale <= huge(1.0_wp))) self%time_scale = 1.0_wp
     end procedure set_time_scale
 
