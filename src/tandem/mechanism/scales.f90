@@ -35,11 +35,11 @@ contains
         end do
     end procedure set_scales
 
-    !> The time in which a pendulum of the typical length swings once to and fro. Without gravity the time in which bodies and what
-    !> drives them go a turn, or six lengths, by their rates and accelerations at the start; where nothing moves or
+    !> About the time in which a pendulum of the typical length swings from one side to the other. Without gravity the time in which
+    !> bodies and what drives them go 4 rad, or four lengths, by their rates and accelerations at the start; where nothing moves or
     !> accelerates beyond what rounding leaves of springs in balance, that of springs.
     module procedure set_time_scale
-        real(wp), parameter :: rounding = 1.0e-6_wp
+        real(wp), parameter :: rounding = 1.0e-6_wp, way = 4.0_wp
         real(wp) :: rate, swing
 
         if (norm2(self%gravity) > 0.0_wp) then
@@ -49,7 +49,7 @@ contains
             swing = rate_of_springs(self)
             if (.not. rate > rounding*swing) rate = swing
         end if
-        self%time_scale = 2*pi/rate
+        self%time_scale = way/rate
         if (.not. (self%time_scale > 0.0_wp .and. self%time_scale <= huge(1.0_wp))) self%time_scale = 1.0_wp
     end procedure set_time_scale
 

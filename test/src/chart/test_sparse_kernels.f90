@@ -416,7 +416,7 @@ contains
         real(wp), allocatable, dimension(:) :: f, lambda, left, q, qd, qdd, scale, squares, weight
         real(wp), allocatable :: scales(:, :), x(:, :)
         real(wp) :: errors(3)
-        real(wp), parameter :: rate = 0.3_wp
+        real(wp), parameter :: rate = 3.0_wp
         integer :: i, m, rows(3), stat
 
         call make_large(name, 12, mechanism, failure)
