@@ -53,7 +53,8 @@ contains
 
         allocate (doubts(0))
         do i = 1, 2
-            if (i == 2) options%rtol = 1.0e-6_wp
+            if (i == 1) options%step = 1.0e-3_wp
+            if (i == 2) options = options_type(rtol=1.0e-6_wp)
             global_error%is_known = .true.
             global_error%largest = 0.45_wp*allowed_error(options)
             call find_error_warnings(options, statistics, doubts, global_error)

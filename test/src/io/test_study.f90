@@ -3,7 +3,7 @@
 module test_study
     use asserts, only: check_below, check_between, check_close, check_count, check_true
     use reference, only: table_of_reference => reference_type, read_test_reference => read_reference
-    use tandem, only: failure_type => error_type, long, wp
+    use tandem, only: change_stepper, failure_type => error_type, long, wp
     use tandem_io, only: brief, column_type, journal_type, make_reference, precision_columns, precision_type, read_reference, &
         read_scene, reference_type, scene_type, table_type, write_reference
     use tandem_io_output_hdf5, only: hdf5_type
@@ -302,8 +302,7 @@ contains
         call make_reference(scene, 37, no_limit, made, failure)
         call check_true(error,.not. allocated(failure), 'there is a reference')
         if (allocated(error)) return
-        scene%options%stepper = 'dopri5'
-        scene%options%rtol = 1.0e-9_wp
+        call change_stepper(scene%options, 'dopri5', rtol=1.0e-9_wp)
         call sample_run(scene, scene%options, scene%t_end, made, no_limit, outcome)
         call check_true(error, outcome%is_complete(), 'the run is complete')
         ! Steps of 0.1 s: without dense output of order six the samples would be off by far more than the steps.
