@@ -121,10 +121,10 @@ contains
         if (model%is_ready_made) advice = ready_made
         if (all(circumstance /= [in_first_step, in_step])) return
         if (method%implicit .or. options%is_adaptive()) then
-            advice = 'take a smaller step; if it persists, '//advice
+            advice = 'take a smaller step; if it persists, '//trim(advice)
         else
             advice = 'take a smaller step, or choose an implicit stepper ('//implicit_advice// &
-                ') if the model is stiff; if it persists, '//advice
+                ') if the model is stiff; if it persists, '//trim(advice)
         end if
     end function on_lost_value
 end module tandem_simulate_advice
