@@ -37,11 +37,13 @@ module tandem_analysis_comoving
 contains
 
     !> The motions that velocities at a point are made of. Errors: no_equilibrium where there are none.
-    subroutine find(self, model, q, qd, qdd, error)
+    subroutine find(self, model, q, qd, qdd, turns_tell, error)
         class(comoving_type), intent(out) :: self
         class(model_type), intent(inout) :: model
         !> (n)
         real(wp), intent(in) :: q(:), qd(:), qdd(:)
+        !> As of `fit_rates`.
+        logical, intent(in) :: turns_tell
         type(error_type), allocatable, intent(out) :: error
         type(affine_motion_type), allocatable :: motions(:)
         real(wp), allocatable :: rates(:)
@@ -51,7 +53,7 @@ contains
         allocate (self%names(0), self%rates(0))
         if (.not. any(abs(qd) > 0.0_wp)) return
         call list_motions(model, motions)
-        call fit_rates(motions, q, qd, rates, qdd)
+        call fit_rates(motions, q, qd, rates, qdd, turns_tell)
         call self%set(motions, rates)
         self%moves = .true.
         rest = qd - self%velocity(q)
@@ -83,12 +85,14 @@ contains
     !> The rates of all motions of a mechanism that come nearest to velocities at a point: those of the world first, which places
     !> tell, and those of bodies from what is left. Without accelerations a turn may be taken for a translation where one body alone
     !> has no direction.
-    subroutine fit_rates(motions, q, qd, rates, qdd)
+    subroutine fit_rates(motions, q, qd, rates, qdd, turns_tell)
         type(affine_motion_type), intent(in) :: motions(:)
         !> (n)
         real(wp), intent(in) :: q(:), qd(:)
         real(wp), allocatable, intent(out) :: rates(:)
         real(wp), intent(in), optional :: qdd(:)
+        !> Whether turns of bodies tell of the world too, as they have to where all places lie on the axis.
+        logical, intent(in), optional :: turns_tell
         real(wp) :: rest(size(qd)), rest_qdd(size(qd)), x(size(qd))
         logical :: of_world(size(qd))
         integer :: i, k
@@ -101,6 +105,7 @@ contains
             of_world(motions(k)%row) = .false.
             of_world(motions(k)%place) = .false.
         end do
+        if (present(turns_tell)) of_world = of_world .or. turns_tell
         rest = qd
         rest_qdd = 0.0_wp
         if (present(qdd)) rest_qdd = qdd

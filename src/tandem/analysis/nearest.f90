@@ -112,12 +112,12 @@ contains
         if (allocated(error)) return
         allocate (inverse, krylov)
         call inverse%point%initialize(model, error)
-        if (.not. allocated(error) .and. present(qd)) call find_frame(inverse%point, t, q, qd, error)
+        if (allocated(error)) return
+        call settle(inverse%point, t, q, self%residual, error, qd)
         if (allocated(error)) return
         self%frame = inverse%point%frame
         if (.not. allocated(self%frame%rates)) allocate (self%frame%names(0), self%frame%rates(0))
-        call rest_at(inverse%point, t, q, self%residual, error)
-        if (.not. allocated(error)) call inverse%point%check_structure(error)
+        call inverse%point%check_structure(error)
         if (allocated(error)) return
         self%t = t
         self%q = q
@@ -148,10 +148,31 @@ contains
             'bounded', 'take another shift')
     end subroutine find
 
+    !> Take the point for an equilibrium or for a steady motion. Bodies that turn alike about an axis through all places turn with
+    !> the world, or each about itself: the latter is tried first.
+    subroutine settle(point, t, q, residual, error, qd)
+        type(sparse_point_type), intent(inout) :: point
+        real(wp), intent(in) :: t, q(:)
+        real(wp), intent(out) :: residual
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), intent(in), optional :: qd(:)
+        type(error_type), allocatable :: second
+
+        if (present(qd)) call find_frame(point, t, q, qd, .false., error)
+        if (.not. allocated(error)) call rest_at(point, t, q, residual, error)
+        if (.not. (allocated(error) .and. present(qd))) return
+        if (error%stat /= status_no_equilibrium) return
+        call find_frame(point, t, q, qd, .true., second)
+        if (.not. allocated(second)) call rest_at(point, t, q, residual, second)
+        if (.not. allocated(second)) deallocate (error)
+    end subroutine settle
+
     !> How all of it goes on, from its velocities and the accelerations that go with them.
-    subroutine find_frame(point, t, q, qd, error)
+    subroutine find_frame(point, t, q, qd, turns_tell, error)
         type(sparse_point_type), intent(inout) :: point
         real(wp), intent(in) :: t, q(:), qd(:)
+        !> As of `fit_rates`.
+        logical, intent(in) :: turns_tell
         type(error_type), allocatable, intent(inout) :: error
         real(wp), allocatable :: acceleration(:)
         integer :: stat
@@ -160,7 +181,7 @@ contains
         call point%look(t, q, stat, qd)
         if (stat == status_ok) call point%find_dependent_rows(acceleration, stat)
         if (stat == status_ok) then
-            call point%frame%find(point%model, q, qd, acceleration, error)
+            call point%frame%find(point%model, q, qd, acceleration, turns_tell, error)
         else
             call set_error(error, stat, 'the model "'//point%model%name//'" cannot be evaluated at the point')
         end if

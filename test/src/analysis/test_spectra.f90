@@ -76,6 +76,8 @@ contains
         real(wp), parameter :: speeds(5) = [0.5_wp, 3.0_wp, 4.0_wp, 5.0_wp, 30.0_wp]
         type(scene_type), target :: scene
         type(linearisation_type) :: it
+        type(nearest_type) :: near
+        type(failure_type), allocatable :: failure
         character(len=40) :: setting
         complex(wp) :: value
         integer :: k
@@ -89,6 +91,11 @@ contains
             call check_count(error, it%kind, in_steady_motion, 'kind of motion')
             call check_below(error, maxval(abs(it%spectrum%values**2 - value**2)/(2*abs(value)*it%spectrum%error)), 1.0_wp, &
                 'error over the stated one')
+            call near%find(scene%model, 0.0_wp, scene%q, (0.0_wp, 0.5_wp), 2, failure, scene%qd)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call check_below(error, maxval(abs(near%values**2 - value**2)/(2*abs(value)*near%error)), 1.0_wp, &
+                'error near a shift over the stated one')
         end do
     end subroutine test_hoop
 
