@@ -63,6 +63,8 @@ contains
         !> 1e-10 of it each. Looks that find them longer by this factor start anew; what is left may then still be reached.
         integer, parameter :: enough = 5
         real(wp), parameter :: collapsed = 1.0e-7_wp, recovered = 10.0_wp, near = 100.0_wp
+        !> A run is taken to be no longer than so many times what it has done: limits of single steps need not be meant.
+        real(wp), parameter :: foreseen = 10.0_wp
         !> Of a model that contradicts itself no more than so many looks are taken, if this part of its tries was in vain: steps
         !> fail for that reason then.
         real(wp), parameter :: most_looks = 10.0_wp, in_vain = 0.3_wp
@@ -80,7 +82,8 @@ contains
             call name_loss_ahead(self, way, stop_at, 'which steps do not reach', error)
             if (allocated(error)) return
         end if
-        associate (limit => collapsed*(t_limit - self%t_start), rest => t_limit - self%state%t)
+        associate (rest => t_limit - self%state%t, &
+            limit => collapsed*min(t_limit - self%t_start, foreseen*(self%state%t - self%t_start)))
             is_wrong = self%tally%contradiction /= '' .and. most_looks*way < rest .and. &
                 real(self%tally%rejected + self%tally%failed, wp) > in_vain*tries
             if (is_wrong .or. (way <= limit .and. near*way <= rest)) then
