@@ -45,7 +45,7 @@ module tandem_io_scene_lexer
     end type scene_lexer_type
 
     !> The parser is called again at each bracket, looks for a key among all of its table, and copies lists and texts as they grow.
-    integer, parameter :: most_nested = 200, most_values = 10000, most_tables = 10000, most_characters = 32768
+    integer, parameter :: most_nested = 200, most_values = 10000, most_tables = 5000, most_characters = 32768
     !> What ends a key in a path; no scene holds it.
     character(len=*), parameter :: behind = achar(1)
 

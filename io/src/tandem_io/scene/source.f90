@@ -20,9 +20,9 @@ module tandem_io_scene_source
 
     !> Largest scene file, in bytes: some thousand bodies, each written out with every default.
     integer, parameter :: largest = 4194304
-    !> Most bytes and dots of a line: messages show whole lines, and the parser descends one level at each dot. The lexer bounds what
-    !> else the work of the parser grows with faster than the text.
-    integer, parameter :: most_bytes = 32768, most_dots = 1000
+    !> Most lines, and bytes and dots of a line: messages show whole lines, and the parser descends one level at each dot. The lexer
+    !> bounds what else the work of the parser grows with faster than the text.
+    integer, parameter :: most_lines = 100000, most_bytes = 32768, most_dots = 1000
 
     !> What some editors put before UTF-8.
     character(len=*), parameter :: byte_order_mark = char(239)//char(187)//char(191)
@@ -279,6 +279,7 @@ contains
                 line = line + 1
                 bytes = 0
                 dots = 0
+                if (line > most_lines) problem = 'is one too many; there may be '//to_toml(most_lines)
             case (iachar('.'))
                 dots = dots + 1
                 if (dots > most_dots) problem = 'has more than '//to_toml(most_dots)//' dots'
