@@ -193,15 +193,14 @@ contains
         type(point_type), intent(inout) :: point
         real(wp), intent(in) :: t, h, y(:, :)
         real(wp), intent(out) :: next(:, :)
-        !> What the last two extrapolations differ by, over the largest value of each level.
+        !> What the last two extrapolations differ by, over the largest value of each level, on the scales of the model.
         real(wp), intent(out) :: error
         integer, intent(out) :: stat
         real(wp), dimension(size(y, 1), size(y, 2)) :: before, now, after, slope, change
         real(wp), allocatable :: table(:, :, :)
-        real(wp) :: part, ratio
-        integer :: j, k, i, parts, n
+        real(wp) :: part, ratio, unit(size(y, 1))
+        integer :: j, k, i, parts
 
-        n = size(y, 1)/2
         error = huge(error)
         allocate (table(size(y, 1), size(y, 2), columns))
         do j = 1, columns
@@ -231,10 +230,9 @@ contains
         next = table(:, :, 1)
         ! Of columns that grow in different ways each by itself.
         error = 0.0_wp
+        unit = [point%scale, point%rate*point%scale]
         do j = 1, size(y, 2)
-            change(:n, j) = (next(:n, j) - change(:n, j))/point%scale
-            change(n + 1:, j) = (next(n + 1:, j) - change(n + 1:, j))/point%scale
-            error = max(error, maxval(abs(change(:, j)))/max(1.0_wp, maxval(abs(next(:, j)))))
+            error = max(error, maxval(abs(next(:, j) - change(:, j))/unit)/max(1.0_wp, maxval(abs(next(:, j))/unit)))
         end do
     end subroutine extrapolate
 

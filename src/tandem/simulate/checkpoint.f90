@@ -138,7 +138,7 @@ contains
         their_jumps = [real(wp) ::]
         if (.not. pack%is_reading) then
             if (allocated(model%breakpoints)) theirs = model%breakpoints(first:)
-            if (allocated(model%nu_jumps)) their_jumps = merge(1.0_wp, 0.0_wp, model%nu_jumps(first:))
+            their_jumps = jumps_of(model, first, size(theirs))
         end if
         call pack%item(theirs)
         call pack%item(their_jumps)
@@ -151,24 +151,28 @@ contains
             return
         end if
         ours = [real(wp) ::]
-        our_jumps = [real(wp) ::]
         if (allocated(model%breakpoints)) ours = model%breakpoints(min(first, size(model%breakpoints) + 1):)
-        if (allocated(model%nu_jumps)) our_jumps = merge(1.0_wp, 0.0_wp, model%nu_jumps(min(first, size(model%nu_jumps) + 1):))
+        our_jumps = jumps_of(model, first, size(ours))
         until = min(until, model%breakpoints_until)
         n = count(ours < until)
         if (n /= count(theirs < until)) then
             problem = 'it was made with other breakpoints'
         else if (any(abs(ours(:n) - theirs(:n)) > rounding*abs(ours(:n)))) then
             problem = 'it was made with other breakpoints'
-        else
-            n = min(n, size(our_jumps), size(their_jumps))
-            if (size(our_jumps) == 0 .neqv. size(their_jumps) == 0) then
-                problem = 'it was made with other jumps of nu'
-            else if (any(abs(our_jumps(:n) - their_jumps(:n)) > 0.0_wp)) then
-                problem = 'it was made with other jumps of nu'
-            end if
+        else if (any(abs(our_jumps(:n) - their_jumps(:n)) > 0.0_wp)) then
+            problem = 'it was made with other jumps of nu'
         end if
     end subroutine compare_breakpoints
+
+    !> 1 for each of n breakpoints from a first one at which nu jumps, 0 for the others.
+    pure function jumps_of(model, first, n) result(jumps)
+        class(model_type), intent(in) :: model
+        integer, intent(in) :: first, n
+        real(wp) :: jumps(n)
+
+        jumps = 0.0_wp
+        if (allocated(model%nu_jumps)) jumps = merge(1.0_wp, 0.0_wp, model%nu_jumps(first:first + n - 1))
+    end function jumps_of
 
     !> A number that must be the same.
     subroutine compare(pack, number, what, problem)

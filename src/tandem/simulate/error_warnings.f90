@@ -32,8 +32,9 @@ contains
         class(global_error_type), intent(in), optional :: global_error
         type(error_type), allocatable, intent(in), optional :: failure
         character(len=*), parameter :: contradicted = ', since the model contradicts itself'
-        !> An error that the motion of a ready-made model amplifies up to this part of the state is no reason for doubt.
-        real(wp), parameter :: amplified = 1.0e-7_wp
+        !> An error of a ready-made model up to this part of the state is no reason for doubt, although the errors of many steps add
+        !> up to it or the motion amplifies them; the report states it.
+        real(wp), parameter :: negligible = 1.0e-7_wp
         character(len=:), allocatable :: advice, cause, suspect, jump
         real(wp) :: limit, tolerance
         logical :: is_contradicted
@@ -73,11 +74,11 @@ contains
         if (.not. present(global_error)) return
         if (.not. global_error%is_known) return
         associate (largest => global_error%largest)
+            if (statistics%has_ready_made_model .and. largest <= negligible) return
             cause = advice
             ! The local errors are root mean squares, of which a largest one of 2 n errors is less than sqrt(2 n).
             if (statistics%local_error_steps > 0 .and. &
                 largest > sqrt(2.0_wp*global_error%n)*statistics%local_error_sum) then
-                if (statistics%has_ready_made_model .and. largest <= amplified) return
                 cause = ', since the motion amplifies what steps leave'//advice//suspect
             else if (statistics%local_error_steps > 0) then
                 cause = ', to which the errors of its steps add up'//advice

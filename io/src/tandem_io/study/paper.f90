@@ -152,7 +152,8 @@ contains
         call read_scene(path, [character(len=1) ::], scene, error)
         if (allocated(error)) return
         options = options_type(stepper=run%stepper, step=run%step, chart='paper', refresh='refine', basis='svd', &
-            constraint_tolerance=run%tolerance, utol=run%tolerance, btol=run%tolerance, htol=run%tolerance, intol=run%intol)
+            constraint_tolerance=run%tolerance, utol=run%tolerance, btol=run%tolerance, htol=run%tolerance)
+        if (run%stepper /= 'rk4') options%intol = run%intol
         select case (run%scene)
         case ('articulated_vehicle')
             options%v_limit = 10.0_wp
