@@ -290,26 +290,27 @@ class ComplexSteps(Case):
         self.tandem("linearise", scene, *(word for setting in settings for word in ("--set", setting)), "--output", "it.h5")
         with h5py.File(self.folder / "it.h5") as file:
             group = file["linearisation"]
-            a, v, g, w, q, qd = (group[name][:] for name in ("a", "v", "g", "w", "q", "qd"))
+            a, v, g, w, q, qd, scale = (group[name][:] for name in ("a", "v", "g", "w", "q", "qd", "scale"))
             # What goes along with a steady motion is not taken off here.
             self.assertEqual(group.attrs["kind"], "instant")
         self.assertEqual(len(q), it.n)
         nv, nw = v.shape[1], w.shape[1]
         c = it.jacobian(q).real
-        # The same tangent spaces, both of the velocities and of the file's bases, which are orthonormal.
+        # The same tangent spaces, both of the velocities and of the file's bases, which are orthonormal in scaled coordinates.
         self.assertLess(max(np.abs(c @ w).max(), np.abs(c @ qd).max()), 1e-11)
         self.assertEqual((len(c), np.linalg.matrix_rank(c)), (it.n - nw,)*2)
-        for basis in (v, w):
-            self.assertLess(np.abs(basis.T @ basis - np.eye(basis.shape[1])).max(), 1e-12)
+        v_dual, w_dual = ((basis/scale[:, None]**2).T for basis in (v, w))
+        for basis, dual in ((v, v_dual), (w, w_dual)):
+            self.assertLess(np.abs(dual @ basis - np.eye(basis.shape[1])).max(), 1e-12)
         found = np.zeros_like(a)
         for j in range(nv + nw):
             move, rate = (v[:, j], np.zeros(it.n)) if j < nv else (np.zeros(it.n), w[:, j - nv])
             moved = q + 1j*TINY*move
             # C qd = 0 beside the point too, the least change that does it: it has no part along W.
-            rate = rate + np.linalg.lstsq(c, -(it.jacobian(moved) @ qd).imag/TINY - c @ rate, rcond=None)[0]
+            rate = rate + scale*np.linalg.lstsq(c*scale, -(it.jacobian(moved) @ qd).imag/TINY - c @ rate, rcond=None)[0]
             if j < nv:
                 self.assertLess(np.abs(rate - g[:, j]).max(), 1e-10*max(1, np.abs(g).max()))
-            found[:, j] = np.concatenate([v.T @ rate, w.T @ it.acceleration(moved, qd + 1j*TINY*rate).imag/TINY])
+            found[:, j] = np.concatenate([v_dual @ rate, w_dual @ it.acceleration(moved, qd + 1j*TINY*rate).imag/TINY])
         error = np.abs(found - a).max()/np.linalg.norm(a)
         self.assertLess(error, 1e-10)
         return error

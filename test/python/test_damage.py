@@ -201,7 +201,7 @@ class Verify(Damaged):
             self.assertGreater(words[2], 0)
             for name, word in zip(names, words[3:-1], strict=True):
                 rows = file[name][:]
-                blocks = [text.ljust(32) for text in rows] if rows.dtype.kind == "S" else [rows.astype("<f8").tobytes()]
+                blocks = [text.ljust(rows.dtype.itemsize) for text in rows] if rows.dtype.kind == "S" else [rows.astype("<f8").tobytes()]
                 self.assertEqual(fletcher(blocks), int(word), name)
 
     def test_a_changed_row(self):
