@@ -89,7 +89,7 @@ contains
         self%e = method%e(:12, :)
         options%rtol = control
         self%tolerance = control
-        call self%control%initialize(options, [1.0_wp], method%properties())
+        call self%control%initialize(options, [1.0_wp], 1.0_wp, method%properties())
         self%t_start = problem%t_start
         self%t_end = problem%t_end
         self%q = problem%q(:3)

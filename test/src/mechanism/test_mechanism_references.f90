@@ -101,8 +101,8 @@ contains
         call check_close(error, simulation%state%q(1:3), place + [real(turned), aimag(turned), 0.0_wp], 1.0e-8_wp, 'centre')
     end subroutine test_turntable
 
-    !> A ball that rolls inside an upright cylinder, its centre at the distance R from the axis on an arm that turns about the axis and
-    !> slides along it. With v + omega x (a e_r) = 0 the arm turns at a constant rate W, the spin about the radius obeys
+    !> A ball that rolls inside an upright cylinder, its centre at the distance R from the axis on an arm that turns about the
+    !> axis and slides along it. With v + omega x (a e_r) = 0 the arm turns at a constant rate W, the spin about the radius obeys
     !> omega_r' = W z'/a, and (m + m_arm + I/a^2) z'' = -(m + m_arm) g - I W/a omega_r: the ball goes up and down harmonically.
     subroutine test_cylinder(error)
         type(error_type), allocatable, intent(out) :: error
