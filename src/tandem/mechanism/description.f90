@@ -460,8 +460,11 @@ contains
         character(len=:), allocatable :: name
         real(wp), allocatable :: place
 
-        names = [character(len=5) :: 'x', 'y', 'z', 'rx', 'ry', 'rz']
-        if (planar) names = [character(len=5) :: 'x', 'y', 'angle']
+        if (planar) then
+            allocate (names, source=[character(len=5) :: 'x', 'y', 'angle'])
+        else
+            allocate (names, source=[character(len=5) :: 'x', 'y', 'z', 'rx', 'ry', 'rz'])
+        end if
         if (reader%is_text_at(key)) then
             call reader%get_choice(key, name, names, help)
             if (.not. reader%failed()) drive = place_among(names, name)

@@ -150,8 +150,11 @@ contains
             problem = error%message
             return
         end if
-        ours = [real(wp) ::]
-        if (allocated(model%breakpoints)) ours = model%breakpoints(min(first, size(model%breakpoints) + 1):)
+        if (allocated(model%breakpoints)) then
+            allocate (ours, source=model%breakpoints(min(first, size(model%breakpoints) + 1):))
+        else
+            allocate (ours(0))
+        end if
         our_jumps = jumps_of(model, first, size(ours))
         until = min(until, model%breakpoints_until)
         n = count(ours < until)

@@ -28,6 +28,7 @@ contains
         logical :: is_removed, is_there
         integer :: i
 
+        allocate (parts(0))
         call split(key, parts, error)
         if (allocated(error)) return
         near = ''
@@ -68,14 +69,14 @@ contains
     !> Split a key at its dots.
     subroutine split(key, parts, error)
         character(len=*), intent(in) :: key
-        type(toml_key), allocatable, intent(out) :: parts(:)
+        !> Empty before.
+        type(toml_key), allocatable, intent(inout) :: parts(:)
         type(error_type), allocatable, intent(out) :: error
         type(source_type), target :: source
         type(toml_key), allocatable :: names(:)
         type(toml_table), pointer :: table
         class(toml_value), pointer :: found
 
-        allocate (parts(0))
         if (key == '' .or. scan(key, '='//achar(10)//achar(13)) > 0) then
             call set_input_error(error, '--unset '//key//' must be table.key, without a value, as in --unset solver.rtol')
             return
