@@ -461,9 +461,9 @@ contains
         real(wp), allocatable :: place
 
         if (planar) then
-            allocate (names, source=[character(len=5) :: 'x', 'y', 'angle'])
+            allocate (names(3), source=[character(len=5) :: 'x', 'y', 'angle'])
         else
-            allocate (names, source=[character(len=5) :: 'x', 'y', 'z', 'rx', 'ry', 'rz'])
+            allocate (names(6), source=[character(len=5) :: 'x', 'y', 'z', 'rx', 'ry', 'rz'])
         end if
         if (reader%is_text_at(key)) then
             call reader%get_choice(key, name, names, help)

@@ -110,8 +110,8 @@ contains
 
         order = pack([(i, i=1, size(self%ahead))], self%ahead <= self%breakpoints_until)
         call sort(order)
-        allocate (places, source=self%ahead(order))
-        allocate (jumps, source=self%jumps_ahead(order))
+        allocate (places(size(order)), source=self%ahead(order))
+        allocate (jumps(size(order)), source=self%jumps_ahead(order))
         n = 0
         do i = 1, size(order)
             if (.not. places(i) < self%times(2)) exit

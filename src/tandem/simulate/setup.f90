@@ -182,8 +182,8 @@ contains
         type(properties_type) :: of_partner
         real(wp), allocatable :: largest_q(:)
 
-        if (allocated(self%model%coordinate_period)) allocate (largest_q, source=merge(self%model%coordinate_period/2, &
-            huge(1.0_wp), self%model%coordinate_period > 0.0_wp))
+        if (allocated(self%model%coordinate_period)) allocate (largest_q(self%model%n), &
+            source=merge(self%model%coordinate_period/2, huge(1.0_wp), self%model%coordinate_period > 0.0_wp))
         call self%control%initialize(self%options, scale, time_scale, self%method, largest_q)
         call self%local_error%initialize(scale, 1.0_wp/time_scale, self%options%is_adaptive() .or. self%method%order > 5, &
             largest_q)

@@ -405,7 +405,8 @@ contains
             do i = 1, n
                 call self%series(n_fields + i)%make(self%file, -i, model, self%capacity, self%goes_on, self%series(0)%dataset)
             end do
-            if (.not. self%goes_on) call self%file%list_users(self%series(0)%dataset, self%series(0)%path, self%series(1:)%dataset)
+            if (.not. self%goes_on) call self%file%list_users(self%series(0)%dataset, self%series(0)%path, &
+                [(self%series(i)%dataset, i=1, n_fields + n)])
         end associate
         self%energy%has_kinetic = output%asks_for(field_kinetic_energy)
         self%energy%has_potential = output%asks_for(field_potential_energy)
