@@ -180,9 +180,9 @@ class Drawn(unittest.TestCase):
         called = library()
         problem = called.tandem_new_mechanism(None)
         try:
-            for text in ("1", " -2.5e-3 ", '"a \\"b\\" \\\\"', "true", "[]", '[1, "l/2" , false]', "[1,]"):
+            for text in ("1", " -2.5e-3 ", '"a \\"b\\" \\\\"', "true", "[]", '[1, "l/2" , false]', "[1,]", "[[1, 2], [3, 4]]"):
                 self.assertEqual(called.tandem_set_key(problem, b"body.a.mass", text.encode()), 0, text)
-            for text in ("", "1 2", "[1", "[1 2]", '"a', "nan", "inf", "3*1", "'a'", "[[1]]", "1]", '"\\n"', "e", "-", "1e999", "[,]"):
+            for text in ("", "1 2", "[1", "[1 2]", '"a', "nan", "inf", "3*1", "'a'", "[[[1]]]", "1]", '"\\n"', "e", "-", "1e999", "[,]"):
                 self.assertNotEqual(called.tandem_set_key(problem, b"body.a.mass", text.encode()), 0, text)
             self.assertNotEqual(called.tandem_set_key(problem, b"", b"1"), 0)
             start = np.zeros(3)

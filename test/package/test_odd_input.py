@@ -57,6 +57,9 @@ forces = "all"
 balance = true
 [time]
 end = 0.1
+[solver]
+stepper = "rk4"
+step = 1e-3
 """
 
 

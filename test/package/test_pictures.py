@@ -281,6 +281,7 @@ bodies = ["ground:[1.5, 0]", "right.other"]
 axis = [1, 0]
 [initial]
 assemble = true
+largest_move = 2
 [results]
 joints = "all"
 [time]

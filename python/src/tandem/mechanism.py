@@ -93,6 +93,9 @@ class Mechanism:
         for key, value in (settings or {}).items():
             made[key] = value
         tables = made.tables
+        given = {key.removeprefix("solver."): value for key, value in (settings or {}).items() if key.startswith("solver.")}
+        if "solver" in tables:
+            replace_steps(tables["solver"], given)
         refuse_unknown(tables)
         scene, initial, time = (tables.get(name, {}) for name in ("scene", "initial", "time"))
         if scene.get("model", "mechanism") != "mechanism":
@@ -198,14 +201,19 @@ def scene_events(scene: Mapping[str, Any]) -> list[Event]:
     return found
 
 
+def replace_steps(solver: dict[str, Any], given: Mapping[str, Any]) -> None:
+    """Remove what given options replace: a step replaces tolerances, and a tolerance a step, unless both are given."""
+    if given.get("step"):
+        for key in {"rtol", "rtol_qd", "atol", "atol_qd", "first_step", "max_step"} - {*given}:
+            solver.pop(key, None)
+    if (given.get("rtol") or given.get("rtol_qd")) and "step" not in given:
+        solver.pop("step", None)
+
+
 def solver_options(scene: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """The options of a scene and those given, which come first: a step replaces the tolerances of the scene, a tolerance its step."""
     solver = dict(scene.get("solver", {}))
-    if given.get("step"):
-        for key in ("rtol", "rtol_qd", "atol", "atol_qd", "first_step", "max_step"):
-            solver.pop(key, None)
-    if given.get("rtol") is not None or given.get("rtol_qd") is not None:
-        solver.pop("step", None)
+    replace_steps(solver, given)
     return {**solver, **{key: value for key, value in given.items() if value is not None}}
 
 
