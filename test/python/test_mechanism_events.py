@@ -116,6 +116,21 @@ class Changing(Mechanism):
             # It holds the moment of the weight, m g cos(45 degrees)/2.
             self.near(file["constraints/latch/torque"][:][after], 2*G*np.cos(np.pi/4)/2, 1e-10)
 
+    def test_a_latch_in_space_catches_once(self):
+        """What a latch holds at the value of its event stays there up to rounding, which is no further event."""
+        text = SPACE + '[body.rod]\nmass = 2\ninertia = [0.1, 0.4, 0.3]\nposition = [0.5, 0, 0]\n\n' \
+            '[body.bob]\nmass = 1\ninertia = [0.1, 0.2, 0.1]\nposition = [1, 0, -0.5]\n\n' \
+            '[joint.pivot]\ntype = "revolute"\nbodies = ["ground", "rod"]\nat = [0, 0, 0]\naxis = [0, 1, 0]\n\n' \
+            '[joint.hand]\ntype = "revolute"\nbodies = ["rod", "bob"]\nat = [1, 0, 0]\naxis = [0, 1, 0]\n\n' \
+            '[constraint.latch]\ntype = "coupling"\njoints = ["hand"]\nfactors = [1]\nlocked = false\n\n' \
+            '[results]\njoints = "all"\n\n[time]\nend = 1\n\n[solver]\nstepper = "dop853"\nrtol = 1e-8\n'
+        for value in np.linspace(-0.5, 0.0, 17)[1:-1]:
+            scene = self.scene(text + event("catch", "/joints/hand/angle", float(value), change="lock latch"))
+            with self.subTest(value), self.went(scene) as file:
+                self.assertEqual(len(file["events/time"]), 1)
+                after = file["trajectory/time"][:] > file["events/time"][0]
+                self.near(file["joints/hand/angle"][:][after], value, 1e-11)
+
     def test_a_spring_that_changes(self):
         """k = 1 until the mass passes the middle, k = 4 from there."""
         text = SPRING + event("middle", "/sensors/way/way", -1.0, change="force.coil.stiffness = 4", direction="falling")

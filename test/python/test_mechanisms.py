@@ -468,7 +468,8 @@ WRONG = [
     ("at = [0, 0]", 'at = "rod:[1, 2, 3]"', ["is no point", "body:[x, y]"]),
     ("at = [0, 0]", 'at = "rod:[1, k]"', ["joint.pivot.at", 'there is no "k"']),
     ("at = [0, 0]", "at = [true, 0]", ["joint.pivot.at", "no numbers"]),
-    ("at = [0, 0]", "at = [[0, 0]]", ["joint.pivot.at", "must be a number, a text, true or false"]),
+    ("at = [0, 0]", "at = [[0, 0]]", ["joint.pivot.at", "is a list of lists", "give one list"]),
+    ("at = [0, 0]", "at = [[0], [0, 1]]", ["joint.pivot.at"]),
     ("at = [0, 0]", "at = []", ["joint.pivot.at", "empty list"]),
     ("mass = 1\n", "mass = -1\n", ["body.bob.mass: is -1", "number >= 0"]),
     ("mass = 1\n", "", ["body.bob", "the key mass is missing"]),
@@ -613,15 +614,18 @@ class Wrong(Case):
         }
         required = {"type", "between", "joint", "on", "dynamic", "speed", "joints", "factors", "velocities", "coefficients", "at",
                     "across"}
+        # Keys without which another one would be needed.
+        special = {("force.h", "force"): "force.h: neither a force nor a torque", ("force.b", "at"): "bushing b has no place; say at",
+                   ("force.r", "normal"): "friction r turns and has no radius; give the radius"}
         for head, keys in elements.items():
             for k, line in enumerate(keys):
                 key = line.split(" ")[0]
                 text = BASE + table + f"[{head}]\n" + "\n".join(keys[:k] + keys[k + 1:]) + "\n"
                 with self.subTest(head=head, key=key):
-                    if key in required and (head, key) != ("force.b", "at"):
+                    if (head, key) in special:
+                        self.refused("check", self.scene(text), says=special[head, key])
+                    elif key in required:
                         self.refused("check", self.scene(text), says=f"{head}: the key {key} is missing; give it")
-                    elif (head, key) == ("force.h", "force"):
-                        self.refused("check", self.scene(text), says=f"{head}: neither a force nor a torque")
                     else:
                         self.tandem("check", self.scene(text))
         for key in ("at = [0, 1, 2, 3]\n", "values = [0, 0, 0, 0]\n"):

@@ -11,7 +11,7 @@ module tandem_io_scene
     use tandem_io_scene_registry, only: scene_model_type, shipped_models
     use tandem_io_scene_settling, only: read_settling, settle
     use tandem_io_scene_solver, only: read_solver
-    use tandem_io_scene_source, only: check_text
+    use tandem_io_scene_source, only: check_limits
     use tandem_io_scene_text, only: to_toml
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
@@ -144,7 +144,7 @@ contains
         if (.not. reader%is_brief) then
             scene%text = reader%text()
             ! It must be one that can be read again, however long the defaults of many events are.
-            call check_text(path//' with every default', scene%text, error)
+            call check_limits(path//' with every default', scene%text, error)
             if (allocated(error)) return
         end if
         if (scene%rests .or. size(scene%steady) > 0) call settle_start(scene, error)

@@ -96,7 +96,7 @@ contains
             law%normal = normal
         else
             if (turns .neqv. present(radius)) then
-                call refuse(label//' '//merge('turns and has no radius   ', 'slides and has a radius   ', turns), &
+                call refuse(label//' '//trim(merge('turns and has no radius ', 'slides and has a radius ', turns)), &
                     'give the radius at which what turns rubs, and none to what slides', error)
                 return
             end if

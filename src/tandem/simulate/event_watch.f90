@@ -70,6 +70,8 @@ module tandem_simulate_event_watch
         !> The zeros that the last search has found.
         type(zeros_type) :: found
         type(watched_type), allocatable, private :: watched(:)
+        !> The model, for the scales of its coordinates.
+        class(model_type), pointer, private :: model => null()
         real(wp), allocatable, private :: lambda(:)
         !> g of each event at the samples of a step, and soon after an event.
         real(wp), allocatable, private :: samples(:, :)
@@ -126,6 +128,7 @@ contains
         allocate (longer(self%n + 1))
         if (self%n > 0) longer(:self%n) = self%watched
         self%n = self%n + 1
+        self%model => model
         longer(self%n)%event => event
         call move_alloc(longer, self%watched)
         select type (event)
@@ -290,24 +293,32 @@ contains
         end associate
     end subroutine evaluate
 
-    !> How far rounding of time, state and multipliers may move g.
+    !> How far rounding of time, state and multipliers may move g. Corrections round on the scale of a coordinate where that exceeds
+    !> its modulus. One pattern of signs may cancel in g, as a common factor of Euler parameters does in angles; two hardly do.
     subroutine measure_noise(self, curve, number, noise)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
         integer, intent(in) :: number
         real(wp), intent(out) :: noise
         real(wp), parameter :: eps = 4*epsilon(1.0_wp)
-        real(wp) :: up(size(curve%state%q)), value, moved
-        integer :: stat, i
+        integer, parameter :: runs_of_signs(2) = [1, 2]
+        real(wp), dimension(size(curve%state%q)) :: change, scale
+        real(wp) :: value, moved
+        integer :: stat, i, k
 
         noise = 0.0_wp
         associate (event => self%watched(number)%event, state => curve%state)
-            up = [(1.0_wp + merge(-eps, eps, mod(i, 2) == 0), i=1, size(curve%state%q))]
+            scale = self%model%scales()
             call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
-            if (stat == 0) call event%evaluate(state%t*(1.0_wp + eps), up*state%q, up*state%qd, (1.0_wp + eps)*self%lambda, &
-                moved, stat)
-            self%evaluations = self%evaluations + 2
-            if (stat == 0 .and. ieee_is_finite(moved - value)) noise = abs(moved - value)
+            self%evaluations = self%evaluations + 1
+            if (stat /= 0) return
+            do k = 1, size(runs_of_signs)
+                change = [(merge(-eps, eps, mod(i/runs_of_signs(k), 2) == 0), i=1, size(change))]
+                call event%evaluate(state%t*(1.0_wp + eps), state%q + change*max(abs(state%q), scale), &
+                    state%qd + change*max(abs(state%qd), scale/self%model%time_scale), (1.0_wp + eps)*self%lambda, moved, stat)
+                self%evaluations = self%evaluations + 1
+                if (stat == 0 .and. ieee_is_finite(moved - value)) noise = max(noise, abs(moved - value))
+            end do
         end associate
     end subroutine measure_noise
 

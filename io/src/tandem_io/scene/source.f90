@@ -16,7 +16,7 @@ module tandem_io_scene_source
     implicit none (type, external)
     private
 
-    public :: source_type, check_text, read_text, set_input_error
+    public :: source_type, check_limits, check_text, read_text, set_input_error
 
     !> Largest scene file, in bytes: some thousand bodies, each written out with every default.
     integer, parameter :: largest = 4194304
@@ -381,6 +381,23 @@ contains
         end if
         call set_input_error(error, without_level(parse_error%message))
     end subroutine parse_text
+
+    !> Refuse a text that was written here and has more of something than a text that is read may have.
+    subroutine check_limits(path, text, error)
+        !> How messages name the text.
+        character(len=*), intent(in) :: path, text
+        type(error_type), allocatable, intent(out) :: error
+        type(scene_lexer_type) :: lexer
+        type(toml_token) :: token
+
+        call check_text(path, text, error)
+        if (allocated(error)) return
+        call new_lexer_from_string(lexer%toml_lexer, text//new_line('a'))
+        do while (token%kind /= token_kind%eof .and. .not. allocated(lexer%limit))
+            call lexer%next(token)
+        end do
+        if (allocated(lexer%limit)) call set_input_error(error, path//' is no scene: '//lexer%limit)
+    end subroutine check_limits
 
     !> The text with a newline for each end of a line as Windows has them.
     pure function with_short_ends(text) result(short)
