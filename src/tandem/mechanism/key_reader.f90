@@ -53,7 +53,9 @@ module tandem_mechanism_key_reader
         type(name_index_type), private :: by_name
         integer, private :: opened = 0
         logical, allocatable, private :: used(:)
+        !> The keys that were asked for of it: the first `n_known`.
         character(len=key_length), allocatable, private :: known(:)
+        integer, private :: n_known = 0
         !> Tables that functions and laws may name.
         character(len=key_length), allocatable, private :: table_names(:)
         type(table_type), allocatable, private :: tables(:)
@@ -146,6 +148,17 @@ module tandem_mechanism_key_reader
             logical, intent(inout) :: truth
             character(len=*), intent(in), optional :: help
         end subroutine get_truth
+
+        !> Keep a line of the complete mechanism: what was given as it was given, else the default.
+        module subroutine remember(self, key, entry, value, unit, help)
+            implicit none (type, external)
+            class(key_reader_type), intent(inout) :: self
+            character(len=*), intent(in) :: key
+            !> The entry that gives it, 0 for none.
+            integer, intent(in) :: entry
+            type(value_type), intent(in) :: value
+            character(len=*), intent(in), optional :: unit, help
+        end subroutine remember
     end interface
 
     interface
@@ -392,7 +405,8 @@ contains
         self%current = k
         self%opened = number
         self%name = trim(self%elements(self%current)%name)
-        self%known = [character(len=key_length) ::]
+        if (.not. allocated(self%known)) allocate (self%known(32))
+        self%n_known = 0
     end subroutine open
 
     !> All keys of the element have been asked for: refuse the others.
@@ -407,8 +421,8 @@ contains
                 k = element%entries(i)
                 if (self%used(k)) cycle
                 key = key_of(self%entries%list(k), element)
-                call self%fail_at(k, 'unknown key "'//key//'" of '//path_of(element)//question(key, self%known), &
-                    'its keys are'//listed(self%known))
+                call self%fail_at(k, 'unknown key "'//key//'" of '//path_of(element)//question(key, self%known(:self%n_known)), &
+                    'its keys are'//listed(self%known(:self%n_known)))
                 return
             end do
         end associate
@@ -466,7 +480,7 @@ contains
 
         names = [character(len=key_length) ::]
         if (self%failed()) return
-        self%known = [character(len=key_length) :: self%known, key]
+        call note_known(self, key)
         associate (element => self%elements(self%current))
             do i = 1, element%n
                 its = key_of(self%entries%list(element%entries(i)), element)
@@ -500,7 +514,7 @@ contains
 
         k = 0
         if (self%failed()) return
-        self%known = [character(len=key_length) :: self%known, key]
+        call note_known(self, key)
         k = self%find(key)
         if (k > 0) then
             self%used(k) = .true.
@@ -543,44 +557,15 @@ contains
         k = 0
     end function find
 
-    !> Keep a line of the complete mechanism: what was given as it was given, else the default.
-    subroutine remember(self, key, entry, value, unit, help)
+    !> A key more that was asked for.
+    pure subroutine note_known(self, key)
         class(key_reader_type), intent(inout) :: self
         character(len=*), intent(in) :: key
-        !> The entry that gives it, 0 for none.
-        integer, intent(in) :: entry
-        type(value_type), intent(in) :: value
-        character(len=*), intent(in), optional :: unit, help
-        type(value_type) :: shown
-        character(len=:), allocatable :: table, name, comment
-        integer :: of
 
-        if (self%failed()) return
-        name = key
-        shown = value
-        associate (element => self%elements(self%current))
-            table = path_of(element)
-            of = entry
-            if (of == 0 .and. element%n > 0) of = element%entries(1)
-            if (of > 0) then
-                associate (its => self%entries%list(of))
-                    if (.not. its%is_first) return
-                    if (allocated(its%template)) then
-                        table = its%template(:its%n_heading)
-                        if (entry > 0) name = its%template(its%n_heading + 2:)
-                    end if
-                    if (entry > 0) shown = its%given
-                end associate
-            end if
-        end associate
-        comment = ''
-        if (present(unit)) comment = unit
-        if (present(help)) then
-            if (len(comment) > 0 .and. len(help) > 0) comment = comment//', '
-            comment = comment//help
-        end if
-        call self%show(table, name, shown, comment)
-    end subroutine remember
+        if (self%n_known == size(self%known)) self%known = [self%known, self%known]
+        self%n_known = self%n_known + 1
+        self%known(self%n_known) = key
+    end subroutine note_known
 
     !> Add a line to the complete mechanism.
     subroutine show(self, table, key, value, comment)

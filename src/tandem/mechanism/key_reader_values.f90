@@ -167,4 +167,35 @@ contains
         end if
     end subroutine check_number
 
+    module procedure remember
+        type(value_type) :: shown
+        character(len=:), allocatable :: table, name, comment
+        integer :: of
+
+        if (self%failed()) return
+        name = key
+        shown = value
+        associate (element => self%elements(self%current))
+            table = path_of(element)
+            of = entry
+            if (of == 0 .and. element%n > 0) of = element%entries(1)
+            if (of > 0) then
+                associate (its => self%entries%list(of))
+                    if (.not. its%is_first) return
+                    if (allocated(its%template)) then
+                        table = its%template(:its%n_heading)
+                        if (entry > 0) name = its%template(its%n_heading + 2:)
+                    end if
+                    if (entry > 0) shown = its%given
+                end associate
+            end if
+        end associate
+        comment = ''
+        if (present(unit)) comment = unit
+        if (present(help)) then
+            if (len(comment) > 0 .and. len(help) > 0) comment = comment//', '
+            comment = comment//help
+        end if
+        call self%show(table, name, shown, comment)
+    end procedure remember
 end submodule tandem_mechanism_key_reader_values

@@ -490,11 +490,14 @@ contains
         call set_up(other, 'pendulum', options, failure)
         other%model%breakpoints = [0.005_wp]
         call refused(other, words, 'it was made with other breakpoints', other_set_up, error)
-        ! Those ahead of the state may be others.
         other%model%breakpoints = [0.5_wp]
         other%model%nu_jumps = [.true.]
+        call refused(other, words, 'it was made with other breakpoints', other_set_up, error)
+        ! Those behind the time until which one of both knows them may be others.
+        other%model%breakpoints_until = 0.4_wp
         call other%simulation%restore_state(words, failure)
         call check_no_failure(error, failure)
+        other%model%breakpoints_until = huge(1.0_wp)
         deallocate (other%model%breakpoints, other%model%nu_jumps)
         other%model%constant_mass = .not. other%model%constant_mass
         call refused(other, words, 'its mass matrix is '//trim(merge('not constant', 'constant    ', &
