@@ -49,6 +49,28 @@ stepper = "dop853"
 rtol = 1e-9
 """
 
+LATE = """
+[scene]
+model = "mechanism"
+planar = true
+[body.rod]
+mass = 1.0
+inertia = 0.1
+position = [0.5, 0]
+[joint.pivot]
+type = "revolute"
+bodies = ["ground", "rod"]
+at = [0, 0]
+motion = "max(0, t - 0.75)"
+[results]
+joints = "all"
+[time]
+end = 1.0
+[solver]
+stepper = "dop853"
+rtol = 1e-9
+"""
+
 
 class FunctionsOfTime(Case):
     def test_a_run_is_prolonged_beyond_known_kinks(self):
@@ -59,6 +81,15 @@ class FunctionsOfTime(Case):
         with h5py.File(self.folder / "out.h5") as file:
             self.assertLess(abs(file["trajectory/qd"][-1, 0] - 0.5), 1e-12)
             self.assertLess(abs(file["trajectory/q"][-1, 0] - 0.250125), 1e-12)
+
+    def test_a_run_is_prolonged_beyond_jumps_of_the_velocity(self):
+        """A hinge that begins to turn at 1 rad/s at 0.75 s, behind the end of the first run."""
+        (self.folder / "late.toml").write_text(LATE)
+        self.tandem("run", "late.toml", "--output", "out.h5", "--quiet", "--no-error", "--set", "time.end=0.5")
+        self.tandem("resume", "out.h5", "--quiet", "--no-error", "--set", "time.end=1.0")
+        with h5py.File(self.folder / "out.h5") as file:
+            self.assertLess(abs(file["joints/pivot/angle"][-1] - 0.25), 1e-12)
+            self.assertLess(abs(file["joints/pivot/rate"][-1] - 1.0), 1e-12)
 
     def test_a_coin_falls_flat(self):
         """From rest at the inclination a, gravity alone turns it about the point of contact: it lies flat after the time that energy

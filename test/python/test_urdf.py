@@ -31,8 +31,10 @@ ROBOT = """<?xml version="1.0"?>
     <limit lower="-1" upper="2" effort="1" velocity="1"/></joint>
   <link name="end"><inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
   <joint name="tip" type="fixed"><parent link="rod"/><child link="end"/><origin xyz="1 0 0" rpy="0.3 0.2 0.1"/></joint>
-  <link name="a_slider_with_a_long_name"><inertial><mass value="4"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="a_slider_with_a_long_name" type="prismatic"><parent link="world"/><child link="a_slider_with_a_long_name"/>
+  <link name="a_slider_whose_name_is_longer_than_the_names_of_mechanisms_are_and_is_cut">
+    <inertial><mass value="4"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="a_slider_whose_name_is_longer_than_the_names_of_mechanisms_are_and_is_cut" type="prismatic">
+    <parent link="world"/><child link="a_slider_whose_name_is_longer_than_the_names_of_mechanisms_are_and_is_cut"/>
     <origin rpy="0 1.5707963267948966 0"/><axis xyz="1 0 0"/><limit lower="0" upper="0"/><dynamics damping="8" friction="1"/></joint>
 </robot>
 """
@@ -48,7 +50,7 @@ class Robots(Mechanism):
     def test_what_is_in_it(self):
         text = self.imported(ROBOT)
         scene = tomllib.loads(text)
-        self.assertEqual(set(scene["body"]), {"rod", "a_slider_with_a_long"})
+        self.assertEqual(set(scene["body"]), {"rod", "a_slider_whose_name_is_longer_than_the_names_of_mechanisms_are_a"})
         rod = scene["body"]["rod"]
         self.assertEqual(rod["mass"], 5)
         self.near(rod["position"], [0.7, 0, 2], 1e-15)
@@ -70,7 +72,8 @@ class Robots(Mechanism):
             self.near(file["bodies/rod/acceleration"][0], [0, 0, -0.7*alpha], 1e-12)
             t = file["trajectory/time"][:]
             # Its axis points down.
-            self.near(file["bodies/a_slider_with_a_long/velocity"][:, 2], -G/2*(1 - np.exp(-2*t)), 1e-9)
+            slider = file["bodies/a_slider_whose_name_is_longer_than_the_names_of_mechanisms_are_a"]
+            self.near(slider["velocity"][:, 2], -G/2*(1 - np.exp(-2*t)), 1e-9)
 
     def test_limits_are_events(self):
         self.imported(ROBOT)
@@ -129,7 +132,7 @@ class Robots(Mechanism):
         text = ROBOT.replace('"a small robot"', '"a&#10;[body.evil]&#10;mass = 1"').replace('"stand"', '"st&#10;mass = 7&#10;and"')
         text = text.replace('"end"', '"e&#10;[x]&#10;nd"')
         scene = tomllib.loads(self.imported(text))
-        self.assertEqual(set(scene["body"]), {"rod", "a_slider_with_a_long"})
+        self.assertEqual(set(scene["body"]), {"rod", "a_slider_whose_name_is_longer_than_the_names_of_mechanisms_are_a"})
         self.assertNotIn("x", scene)
 
     def test_a_closed_loop(self):

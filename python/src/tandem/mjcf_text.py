@@ -7,10 +7,10 @@ import numpy as np
 
 try:
     from .markup import InputError, numbers
-    from .urdf import LONGEST_EVENT, Names, body_lines, printable, quoted, text_of
+    from .urdf import Names, body_lines, printable, quoted, text_of
 except ImportError:  # as a script
     from markup import InputError, numbers
-    from urdf import LONGEST_EVENT, Names, body_lines, printable, quoted, text_of
+    from urdf import Names, body_lines, printable, quoted, text_of
 
 #: Cosines below this are right angles.
 RIGHT = 1e-9
@@ -186,7 +186,7 @@ class Writer:
         for name, joint in watched:
             what = "way" if joint.type == "slide" else "angle"
             for end, value, direction in zip(("lower", "upper"), joint.range, ("falling", "rising")):
-                lines += ["[[event]]", f'name = "{taken.take(name, "_" + end, LONGEST_EVENT)}"', f'watch = "/joints/{name}/{what}"',
+                lines += ["[[event]]", f'name = "{taken.take(name, "_" + end)}"', f'watch = "/joints/{name}/{what}"',
                           f"value = {text_of(value - self.model.at[joint.name])}", f'direction = "{direction}"', ""]
         return [name for name, _ in watched], lines
 

@@ -29,9 +29,8 @@ try:
 except ImportError:  # as a script
     from markup import InputError, finite, guarded, number, numbers, parse
 
-#: The longest name of an element of a mechanism, and of an event.
-LONGEST = 20
-LONGEST_EVENT = 32
+#: The longest name of an element of a mechanism, or of an event.
+LONGEST = 64
 TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "planar": "planar"}
 
 #: Joints with one coordinate.
@@ -350,13 +349,13 @@ class Names:
         #: The next number to try, by what stands before and behind it and by its digits.
         self.numbers = {}
 
-    def take(self, name: str, suffix: str = "", longest: int = LONGEST) -> str:
+    def take(self, name: str, suffix: str = "") -> str:
         clean = "".join(letter if letter.isascii() and (letter.isalnum() or letter in "_-") else "_" for letter in name)
-        short = clean[:longest - len(suffix)] + suffix
+        short = clean[:LONGEST - len(suffix)] + suffix
         digits = 0
         while short in self.taken:
             digits += 1
-            stem = clean[:longest - len(suffix) - digits - 1]
+            stem = clean[:LONGEST - len(suffix) - digits - 1]
             count = self.numbers.get((stem, suffix, digits), max(2, 10**(digits - 1)))
             while short in self.taken and count < 10**digits:
                 short = f"{stem}_{count}{suffix}"
@@ -483,7 +482,7 @@ def limit_lines(joint: Joint, name: str, x: float, events: Names) -> list:
     what = "way" if joint.type == "prismatic" else "angle"
     lines = []
     for end, value, direction in (("lower", joint.lower, "falling"), ("upper", joint.upper, "rising")):
-        lines += ["[[event]]", f'name = "{events.take(name, "_" + end, LONGEST_EVENT)}"', f'watch = "/joints/{name}/{what}"',
+        lines += ["[[event]]", f'name = "{events.take(name, "_" + end)}"', f'watch = "/joints/{name}/{what}"',
                   f"value = {text_of(value - x)}", f'direction = "{direction}"', ""]
     return lines
 
