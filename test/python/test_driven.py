@@ -148,5 +148,59 @@ class Driven(Mechanism):
                         self.near(float(re.search(r" t = ([0-9.]+)", done.stderr)[1]), (np.pi - 0.4)/0.9, 1e-3)
 
 
+class Names(Mechanism):
+    """Freedoms by name, and matrices by rows."""
+
+    def test_a_motion_in_space_by_name(self):
+        """A primitive that holds all, one freedom of it driven: the second body follows along the axis, or turns about it."""
+        axes = np.eye(3)
+        for k, name in enumerate(("x", "y", "z", "rx", "ry", "rz")):
+            joint = '[body.arm]\nmass = 1\ninertia = [0.1, 0.2, 0.3]\nposition = [0.3, 0.4, 0.5]\n\n[joint.base]\n' \
+                'type = "primitive"\nbodies = ["ground", "arm"]\nat = [0, 0, 0]\naxis = [0, 0, 1]\nacross = [1, 0, 0]\n' \
+                f'hold = [1, 1, 1, 1, 1, 1]\nmotion = "0.3*t^2"\ndrive = "{name}"\n\n[results]\nbodies = "all"\n\n[time]\nend = 1\n'
+            with self.subTest(name), self.went(self.scene(SPACE + joint)) as file:
+                t, start, axis = file["trajectory/time"][:], np.array([0.3, 0.4, 0.5]), axes[k % 3]
+                way = (0.3*t**2)[:, None]
+                expected = start + way*axis
+                if k >= 3:
+                    along = axis*(axis @ start)
+                    expected = along + np.cos(way)*(start - along) + np.sin(way)*np.cross(axis, start)
+                self.near(file["bodies/arm/position"][:], expected, 1e-11)
+
+    def test_a_motion_in_the_plane_by_name(self):
+        for name, move in (("x", lambda s: (0.3 + s, 0.4 + 0*s)), ("y", lambda s: (0.3 + 0*s, 0.4 + s)),
+                           ("angle", lambda s: (0.3*np.cos(s) - 0.4*np.sin(s), 0.3*np.sin(s) + 0.4*np.cos(s)))):
+            joint = '[body.arm]\nmass = 1\ninertia = 0.1\nposition = [0.3, 0.4]\n\n[joint.base]\ntype = "primitive"\n' \
+                'bodies = ["ground", "arm"]\nat = [0, 0]\naxis = [1, 0]\nhold = [1, 1, 1]\nmotion = "0.3*t^2"\n' \
+                f'drive = "{name}"\n\n[results]\nbodies = "all"\n\n[time]\nend = 1\n'
+            with self.subTest(name), self.went(self.scene(PLANE + joint)) as file:
+                expected = np.array(move(0.3*file["trajectory/time"][:]**2)).T
+                self.near(file["bodies/arm/position"][:, :2], expected, 1e-11)
+        self.refused("check", self.scene(PLANE + joint.replace('"angle"', '"rz"')), says=["joint.base.drive", "x, y, angle"])
+
+    def test_a_bushing_by_rows(self):
+        """Stiffness between x and y: along (1, 1) it is k + c, along (1, -1) k - c, and damping goes along with both."""
+        k, c, d = 40.0, 15.0, 0.8
+        bushing = '[gravity]\nvector = [0, 0, 0]\n\n[body.mass]\nmass = 2\ninertia = [1, 1, 1]\nposition = [0, 0, 0]\n' \
+            'velocity = [0.3, VY, 0]\n\n[force.mount]\ntype = "bushing"\nbetween = ["ground", "mass"]\nat = [0, 0, 0]\n' \
+            'axis = [0, 0, 1]\nacross = [1, 0, 0]\nstiffness = STIFFNESS\ndamping = DAMPING\n\n[results]\nbodies = "all"\n\n' \
+            '[time]\nend = 2\n\n[solver]\nstepper = "dop853"\nrtol = 1e-11\n'
+        stiffness, damping = np.diag([k, k, k, 5.0, 5.0, 5.0]), d*np.eye(6)
+        stiffness[0, 1] = stiffness[1, 0] = c
+        for sign, stiff in ((1, k + c), (-1, k - c)):
+            for shape in (np.ndarray.tolist, lambda matrix: matrix.ravel().tolist()):
+                text = '[scene]\nmodel = "mechanism"\n\n' + bushing.replace("VY", str(0.3*sign))
+                text = text.replace("STIFFNESS", str(shape(stiffness))).replace("DAMPING", str(shape(damping)))
+                with self.subTest(sign=sign, shape=shape), self.went(self.scene(text)) as file:
+                    t = file["trajectory/time"][:]
+                    decay = d/(2*2)
+                    rate = np.sqrt(stiff/2 - decay**2)
+                    x = 0.3/rate*np.exp(-decay*t)*np.sin(rate*t)
+                    self.near(file["bodies/mass/position"][:], np.array([x, sign*x, 0*x]).T, 1e-10)
+        rows = [row[:5] for row in stiffness.tolist()]
+        text = text.replace(str(shape(stiffness)), str(rows))
+        self.refused("check", self.scene(text), says=["force.mount.stiffness", "has rows of 5", "give 6 rows of 6"])
+
+
 if __name__ == "__main__":
     unittest.main()

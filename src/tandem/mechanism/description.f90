@@ -456,14 +456,16 @@ contains
         !> Not allocated where it is not given.
         integer, allocatable, intent(out) :: drive
         character(len=*), parameter :: key = 'drive', help = 'of a primitive, what the motion drives'
+        character(len=5), parameter :: in_space(6) = [character(len=5) :: 'x', 'y', 'z', 'rx', 'ry', 'rz']
+        character(len=5), parameter :: in_the_plane(3) = [character(len=5) :: 'x', 'y', 'angle']
         character(len=5), allocatable :: names(:)
         character(len=:), allocatable :: name
         real(wp), allocatable :: place
 
         if (planar) then
-            allocate (names(3), source=[character(len=5) :: 'x', 'y', 'angle'])
+            allocate (names(3), source=in_the_plane)
         else
-            allocate (names(6), source=[character(len=5) :: 'x', 'y', 'z', 'rx', 'ry', 'rz'])
+            allocate (names(6), source=in_space)
         end if
         if (reader%is_text_at(key)) then
             call reader%get_choice(key, name, names, help)
