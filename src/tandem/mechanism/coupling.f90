@@ -24,6 +24,7 @@ module tandem_mechanism_coupling
     !> The most coordinates of one row.
     integer, parameter :: max_coupled = 4
 
+    !> A sum of factors times coordinates of joints, which a row holds at 0 or at a function of time.
     type :: coupling_type
         !> The row of Phi, and how many coordinates there are.
         integer :: row = 0, n = 0
