@@ -110,7 +110,7 @@ contains
         if (problem == '' .and. (constant_mass .neqv. self%model%constant_mass)) problem = 'its mass matrix is '// &
             trim(merge('constant    ', 'not constant', constant_mass))
         if (problem /= '') return
-        call compare_breakpoints(pack, self%model, self%state%t, problem)
+        call compare_breakpoints(pack, self%model, problem)
         if (problem /= '') return
         call compare(pack, sizes(5), 'events watched', problem)
         do i = 1, sizes(5)
@@ -120,13 +120,11 @@ contains
         end do
     end subroutine pack_identity
 
-    !> Breakpoints that must be the same, but for rounding: those about the saved time that were passed. The number of the segment
-    !> has a meaning among these alone; later ones may differ, as where the end of a run was put off.
-    subroutine compare_breakpoints(pack, model, t_state, problem)
+    !> Breakpoints that must be the same, but for rounding: from the last that was passed on, until one of the two models knows no
+    !> more, as where the end of a run was put off. The number of the segment has a meaning among these alone.
+    subroutine compare_breakpoints(pack, model, problem)
         type(pack_type), intent(inout) :: pack
         class(model_type), intent(inout) :: model
-        !> The time that is saved.
-        real(wp), intent(in) :: t_state
         character(len=*), intent(inout) :: problem
         real(wp), parameter :: rounding = 1.0e-12_wp
         real(wp), allocatable :: ours(:), theirs(:), our_jumps(:), their_jumps(:)
@@ -144,7 +142,7 @@ contains
         end if
         call pack%item(theirs)
         call pack%item(their_jumps)
-        until = min(model%breakpoints_until, t_state*(1 + sign(rounding, t_state)))
+        until = model%breakpoints_until
         call pack%item(until)
         if (.not. pack%is_reading .or. problem /= '' .or. pack%has_failed) return
         call model%know_breakpoints(first + size(theirs), error)
