@@ -97,7 +97,6 @@ v_limit = 0.3
 w_limit = 0.4
 condition_limit = 10
 iteration_limit = 5
-secant_limit = 1.25
 start_tolerance = 1e-7
 max_steps = 10000
 max_evaluations = 1_000_000

@@ -257,7 +257,7 @@ contains
         real(wp), intent(in) :: scale(:)
         real(wp) :: weight(size(scale))
 
-        weight = 1.0_wp/scale**2
+        weight = max(tiny(1.0_wp), min(huge(1.0_wp), (1.0_wp/scale)**2))
         if (allocated(given)) weight = given
     end function weights
 
