@@ -322,6 +322,27 @@ class Keys(Mechanism):
         '[repeat.row.repeat.column.force."f{10*i + j}"]\ntype = "load"\non = "m{i}_{j}"\nforce = ["i", "j"]\n\n' \
         '[time]\nend = 0.01\n'
 
+    def test_default_weights_of_huge_mechanisms_can_be_read_again(self):
+        """The weights are 1/scale^2, which underflows."""
+        shown = self.tandem("show", self.scene("""\
+[scene]
+model = "mechanism"
+planar = true
+[body.rod]
+mass = 1.0
+inertia = 0.1
+position = [0.5, 0]
+points = { far = [1e200, 0] }
+[joint.pivot]
+type = "revolute"
+bodies = ["ground", "rod.far"]
+[initial]
+assemble = true
+[time]
+end = 1.0
+""")).stdout
+        self.assertEqual(self.tandem("show", self.scene(shown)).stdout, shown)
+
     def test_many_bodies_written_out(self):
         """A scene of 400 bodies runs, and with every default it is a scene too, longer than 131072 bytes."""
         text = PLANE_OF_MASSES + "".join(
