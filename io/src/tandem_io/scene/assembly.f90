@@ -57,8 +57,9 @@ contains
         call reader%get('fixed_velocities', fixed, names, 'coordinates whose velocities stay')
         assembly%fixed_qd = [(any(fixed == names(i)), i=1, model%n)]
         weights = spread(1.0_wp, 1, model%n)
-        if (allocated(model%coordinate_scale)) &
+        if (allocated(model%coordinate_scale)) then
             weights = max(tiny(1.0_wp), min(huge(1.0_wp), (1.0_wp/model%coordinate_scale)**2))
+        end if
         assembly%weight_q = weights
         assembly%weight_qd = weights
         call reader%get_reals('weights', assembly%weight_q, model%n, positive, help='of the coordinates; large ones move little')
