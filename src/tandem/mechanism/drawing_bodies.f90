@@ -59,7 +59,7 @@ contains
         type(point_type) :: point
 
         ! One of the ground may be the first thing that is added.
-        if (.not. allocated(self%names)) call self%clear()
+        if (.not. allocated(self%types)) call self%clear()
         point%name = name
         point%body = self%find_body(body)
         if (point%body < 0) then
@@ -83,7 +83,7 @@ contains
     end procedure add_point
 
     module procedure check_name
-        if (.not. allocated(self%names)) call self%clear()
+        if (.not. allocated(self%types)) call self%clear()
         if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. index(trim(name), '.') > 0 .or. &
             index(trim(name), ' ') > 0) then
             call refuse(label//': "'//trim(name)//'" is no name', 'take 1 to '//to_text(name_length)// &

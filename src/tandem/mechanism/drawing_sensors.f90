@@ -247,7 +247,7 @@ contains
         integer, allocatable :: types(:)
         integer :: i, k
 
-        if (.not. allocated(self%names)) call self%clear()
+        if (.not. allocated(self%types)) call self%clear()
         types = types_of(kind)
         if (size(types) == 0) then
             call refuse('results of '//kind, 'ask for bodies, joints, wheels, constraints or forces', error)
@@ -322,9 +322,9 @@ contains
         name = 'ground'
         if (body > 0) name = self%bodies(body)%name
         if (body >= 0) return
-        do i = 1, self%n_names
+        do i = 1, self%name_index%n
             if (self%types(i) /= of_massless_wheel) cycle
-            if (self%massless_wheels(self%numbers(i))%slide == body) name = self%names(i)
+            if (self%massless_wheels(self%numbers(i))%slide == body) name = self%name_index%name(i)
         end do
     end function name_of
 
@@ -333,9 +333,16 @@ contains
         class(drawing_type), intent(in) :: self
         integer, intent(in) :: types(:)
         character(len=name_length), allocatable :: list(:)
-        integer :: i
+        integer :: i, n
 
-        list = pack(self%names(:self%n_names), [(any(self%types(i) == types), i=1, self%n_names)])
+        n = count([(any(self%types(i) == types), i=1, self%name_index%n)])
+        allocate (list(n))
+        n = 0
+        do i = 1, self%name_index%n
+            if (.not. any(self%types(i) == types)) cycle
+            n = n + 1
+            list(n) = self%name_index%name(i)
+        end do
     end function names_of
 
     !> One sensor more, whose name was checked.
@@ -365,7 +372,7 @@ contains
         type(sensor_type), intent(inout) :: sensor
         type(error_type), allocatable, intent(inout) :: error
 
-        if (.not. allocated(self%names)) call self%clear()
+        if (.not. allocated(self%types)) call self%clear()
         sensor%name = name
         if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. scan(trim(name), './ ') > 0) then
             call refuse('sensor '//trim(name)//': "'//trim(name)//'" is no name', 'take 1 to '//to_text(name_length)// &

@@ -92,12 +92,10 @@ module tandem_mechanism_drawn
         type(sensor_type), allocatable :: sensors(:)
         !> The rows so far, at position level without those of Euler parameters, and at velocity level.
         type(row_list_type) :: held, rolling
-        !> The names of all elements, the first `n_names`; where they are, where `body.point` is among the points, a sensor among
-        !> the sensors, and the first function of time of an element among these.
-        character(len=name_length), allocatable :: names(:)
-        integer :: n_names = 0
+        !> The names of all elements; where `body.point` is among the points, a sensor among the sensors, and the first function of
+        !> time of an element among these.
         type(name_index_type) :: name_index, point_index, sensor_index, motion_index
-        !> What each is, `of_joint` and so on, 0 for a body, and its number in the list of its type.
+        !> What each element is, `of_joint` and so on, 0 for a body, and its number in the list of its type.
         integer, allocatable :: types(:), numbers(:)
         !> How far kinks of each function of time, law and formula have been looked for, in this order; those behind
         !> `breakpoints_until`, in no order, and whether qd jumps there.
@@ -175,9 +173,8 @@ contains
         self%rollers = [roller_type ::]
         self%massless_wheels = [massless_wheel_type ::]
         self%sensors = [sensor_type ::]
-        if (allocated(self%names)) deallocate (self%names, self%types, self%numbers)
-        allocate (self%names(16), self%types(16), self%numbers(16))
-        self%n_names = 0
+        if (allocated(self%types)) deallocate (self%types, self%numbers)
+        allocate (self%types(16), self%numbers(16))
         call self%name_index%clear()
         call self%point_index%clear()
         call self%sensor_index%clear()
@@ -187,23 +184,20 @@ contains
         self%n_of = numbers_type()
     end subroutine clear
 
-    !> Remember a name.
+    !> Remember the name of a new element.
     pure subroutine keep_name(self, name, type_of, number)
         class(drawn_type), intent(inout) :: self
         character(len=*), intent(in) :: name
         !> What it is, and its number among those.
         integer, intent(in) :: type_of, number
 
-        if (self%n_names == size(self%names)) then
-            self%names = [self%names, self%names]
+        if (self%name_index%n == size(self%types)) then
             self%types = [self%types, self%types]
             self%numbers = [self%numbers, self%numbers]
         end if
-        self%n_names = self%n_names + 1
-        self%names(self%n_names) = name
-        self%types(self%n_names) = type_of
-        self%numbers(self%n_names) = number
-        call self%name_index%put(name, self%n_names)
+        call self%name_index%put(name, self%name_index%n + 1)
+        self%types(self%name_index%n) = type_of
+        self%numbers(self%name_index%n) = number
     end subroutine keep_name
 
     !> The index of a body, 0 for the ground, -1 for none.
@@ -352,9 +346,8 @@ contains
             self%massless_wheels = self%massless_wheels(:n%massless_wheels)
             self%sensors = self%sensors(:n%sensors)
             ! `keep_name` makes twice as much of what there is.
-            self%names = self%names(:max(1, self%n_names))
-            self%types = self%types(:max(1, self%n_names))
-            self%numbers = self%numbers(:max(1, self%n_names))
+            self%types = self%types(:max(1, self%name_index%n))
+            self%numbers = self%numbers(:max(1, self%name_index%n))
             call resize_motions(self, n%motions)
             call resize_laws(self, n%laws)
             call resize_formulas(self, n%formulas)
@@ -418,10 +411,10 @@ contains
                 if (way > 0) call add_way(name, way)
             end associate
         end do
-        do i = 1, self%n_names
+        do i = 1, self%name_index%n
             if (self%types(i) /= of_massless_wheel) cycle
             associate (way => self%massless_wheels(self%numbers(i))%way)
-                if (way > 0) call add_way(trim(self%names(i))//'.', way)
+                if (way > 0) call add_way(self%name_index%name(i)//'.', way)
             end associate
         end do
         variables = variables(:m)

@@ -93,8 +93,8 @@ contains
         call self%set_method(method)
         call self%begin()
         if (allocated(self%largest_q)) deallocate (self%largest_q)
-        if (present(largest_q)) self%largest_q = largest_q
         if (.not. options%is_adaptive()) return
+        if (present(largest_q)) self%largest_q = largest_q
         self%weight_q = scale
         self%weight_qd = scale
         self%rtol_q = scale

@@ -51,8 +51,8 @@ module tandem_chart_sparse_system
         !> Natural scales of Phi and of C qd - nu (m, 2), and whether they are those of the last point with its velocity.
         real(wp), allocatable :: scales(:, :)
         logical :: has_scales = .false.
-        !> Work space: unknowns of nodes, (m), (n); sizes of the coordinates in rows of Phi (n).
-        real(wp), allocatable :: z(:), g(:), x(:), magnitude(:)
+        !> Work space: unknowns of nodes, (m), (n).
+        real(wp), allocatable :: z(:), g(:), x(:)
         !> 1 over the time scale of the model.
         real(wp) :: rate = 1.0_wp
     contains
@@ -94,10 +94,9 @@ contains
         self%is_held = .false.
         self%is_put_aside = .false.
         ! Without temporaries, which would leave holes in the memory.
-        if (allocated(self%q_point)) deallocate (self%q_point, self%qd_point, self%x, self%z, self%g, self%scales, &
-            self%magnitude)
+        if (allocated(self%q_point)) deallocate (self%q_point, self%qd_point, self%x, self%z, self%g, self%scales)
         allocate (self%q_point(model%n), self%qd_point(model%n), self%x(model%n), self%z(self%analysis%n_unknowns), &
-            self%g(self%m), self%scales(self%m, 2), self%magnitude(model%n), source=0.0_wp)
+            self%g(self%m), self%scales(self%m, 2), source=0.0_wp)
         self%rate = 1.0_wp/model%time_scale
         self%has_inverses = .false.
         self%base = 1
@@ -389,9 +388,9 @@ contains
         integer, intent(out) :: rows(3)
 
         call self%load()
-        call self%model%set_magnitudes(q, self%magnitude)
-        call judge_rows(self%analysis, self%factor(self%here), self%model%terms, self%nh, self%magnitude, qd, qdd, scale, &
-            self%rate, errors, rows, self%scales)
+        call self%model%set_magnitudes(q, self%x)
+        call judge_rows(self%analysis, self%factor(self%here), self%model%terms, self%nh, self%x, qd, qdd, scale, self%rate, &
+            errors, rows, self%scales)
         self%has_scales = self%has_motion
     end subroutine find_errors
 
