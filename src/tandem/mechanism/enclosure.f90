@@ -52,7 +52,7 @@ contains
         offset = subtract(interval_type(from, to), exact(middle_of(from, to)))
         associate (code => self%code)
             do k = 1, size(code%variables)
-                w(k) = nothing()
+                w(k) = nothing
                 w1(k) = w(k)
                 at_middle(k) = w(k)
                 if (code%variables(k) /= variable) cycle

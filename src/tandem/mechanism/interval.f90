@@ -17,6 +17,10 @@ module tandem_mechanism_interval
         real(wp) :: low, high
     end type interval_type
 
+    !> A quiet NaN by its bits, since each procedure that takes one from `ieee_arithmetic` saves and restores the state of the
+    !> processor; the empty interval, between two of them.
+    real(wp), parameter :: not_a_number = transfer(int(z'7FF8000000000000', long), 1.0_wp)
+    type(interval_type), parameter :: nothing = interval_type(not_a_number, not_a_number)
     !> No bound is known.
     type(interval_type), parameter :: whole = interval_type(-huge(1.0_wp), huge(1.0_wp))
     real(wp), parameter :: rounding = 2.0_wp*epsilon(1.0_wp), half_pi = pi/2
@@ -42,14 +46,6 @@ contains
         is_empty = .not. a%low <= a%high
     end function is_empty
 
-    !> The empty interval.
-    pure type(interval_type) function nothing()
-        use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
-
-        nothing%low = ieee_value(0.0_wp, ieee_quiet_nan)
-        nothing%high = nothing%low
-    end function nothing
-
     !> a + b.
     elemental type(interval_type) function add(a, b) result(f)
         type(interval_type), intent(in) :: a, b
@@ -69,7 +65,7 @@ contains
         type(interval_type), intent(in) :: a, b
         real(wp) :: p(4)
 
-        f = nothing()
+        f = nothing
         if (is_empty(a) .or. is_empty(b)) return
         p = [product_of(a%low, b%low), product_of(a%low, b%high), product_of(a%high, b%low), product_of(a%high, b%high)]
         f = widened(min(p(1), p(2), p(3), p(4)), max(p(1), p(2), p(3), p(4)))
@@ -222,7 +218,7 @@ contains
         integer, intent(in) :: branches(2)
         real(wp) :: low, high
 
-        f = nothing()
+        f = nothing
         if (is_empty(a) .or. is_empty(b)) return
         if (operation >= op_abs) then
             call enclose_kinked(operation, a, b, branches, f)
@@ -347,7 +343,7 @@ contains
         type(interval_type) :: s
         logical :: is_sure
 
-        by_a = nothing()
+        by_a = nothing
         by_b = by_a
         if (is_empty(f)) return
         by_b = exact(0.0_wp)
