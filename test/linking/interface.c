@@ -421,8 +421,8 @@ static void test_events(void)
     expect("no-such-direction", p, tandem_add_event(p, "x", "q", 0, 0, 2, 0), TANDEM_INVALID_OPTION, "direction 2");
     expect("a-value-that-is-nan", p, tandem_add_event(p, "x", "q", 0, NAN, 0, 0), TANDEM_INVALID_OPTION, "not finite");
     expect("a-function-that-is-null", p, tandem_add_event_function(p, "x", NULL, 0, 0), TANDEM_INVALID_OPTION, "no function");
-    expect("a-name-of-thirty-three", p, tandem_add_event(p, "thirty-three characters are a lot", "q", 0, 0, 0, 0),
-           TANDEM_INVALID_OPTION, "32");
+    expect("a-name-of-ninety-seven", p, tandem_add_event(p, "ninety-seven characters are a lot "
+           "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx", "q", 0, 0, 0, 0), TANDEM_INVALID_OPTION, "96");
     check("what-was-refused-is-not-there", tandem_start(p, 0, bowl_q, bowl_qd) == 0 && tandem_integrate(p, 2) == 0 &&
           tandem_count_events(p, &count) == 0 && count == 1, tandem_message(p));
     tandem_free(p);

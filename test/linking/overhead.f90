@@ -122,6 +122,13 @@ program main
             type(c_funptr), value :: function_
             integer(c_int), value :: provides
         end function tandem_set_evaluate
+        integer(c_int) function tandem_set_real(problem, name, value) bind(C)
+            import :: c_char, c_double, c_int, c_ptr
+            implicit none (type, external)
+            type(c_ptr), value :: problem
+            character(kind=c_char), intent(in) :: name(*)
+            real(c_double), value :: value
+        end function tandem_set_real
         integer(c_int) function tandem_start(problem, t, q, qd) bind(C)
             import :: c_double, c_int, c_ptr
             implicit none (type, external)
@@ -160,6 +167,14 @@ program main
             procedure(evaluate_f77) :: sub
             integer, intent(out) :: ierr
         end subroutine tdeval
+        subroutine tdsetr(h, name, value, ierr)
+            import :: wp
+            implicit none (type, external)
+            integer, intent(in) :: h(4)
+            character(len=*), intent(in) :: name
+            real(wp), intent(in) :: value
+            integer, intent(out) :: ierr
+        end subroutine tdsetr
         subroutine tdstrt(h, t, q, qd, rpar, ipar, ierr)
             import :: wp
             implicit none (type, external)
@@ -241,6 +256,7 @@ contains
         case (2)
             problem = tandem_new(n, nh, nd, c_loc(disk))
             stat = stat + tandem_set_evaluate(problem, c_funloc(evaluate_c), provided)
+            stat = stat + tandem_set_real(problem, 'step'//c_null_char, 1.0e-3_wp)
             stat = stat + tandem_start(problem, t, q, qd)
             call cpu_time(before)
             stat = stat + tandem_integrate(problem, t_end)
@@ -252,6 +268,7 @@ contains
             rpar = 0.0_wp
             call tdnew(h, n, nh, nd, stat)
             if (stat == 0) call tdeval(h, evaluate_f77, provided, stat)
+            if (stat == 0) call tdsetr(h, 'step', 1.0e-3_wp, stat)
             if (stat == 0) call tdstrt(h, t, q, qd, rpar, ipar, stat)
             call cpu_time(before)
             if (stat == 0) call tdintg(h, t, q, qd, t_end, rpar, ipar, stat)
