@@ -103,8 +103,8 @@ contains
                 point%n_bases = 0
                 call self%iterate(point, t, .false., stat)
             end if
-            ! The start can be evaluated: a point that cannot is where the search itself has gone.
-            if (stat /= status_ok) stat = status_no_equilibrium
+            ! If the start can be evaluated, a point that cannot is where the search itself has gone.
+            if (stat /= status_ok .and. self%relaxations > 1) stat = status_no_equilibrium
         end if
         if (stat /= status_ok) then
             call self%refuse(point, stat, 'equilibrium', error)
