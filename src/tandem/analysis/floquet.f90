@@ -193,7 +193,7 @@ contains
         type(point_type), intent(inout) :: point
         real(wp), intent(in) :: t, h, y(:, :)
         real(wp), intent(out) :: next(:, :)
-        !> What the last two extrapolations differ by, over the largest value of each level, on the scales of the model.
+        !> Difference of the last two extrapolations over the largest value of each level, on the scales of the model.
         real(wp), intent(out) :: error
         integer, intent(out) :: stat
         real(wp), dimension(size(y, 1), size(y, 2)) :: before, now, after, slope, change

@@ -449,7 +449,7 @@ contains
         call reader%blame(error)
     end subroutine read_joint
 
-    !> What the motion of a primitive drives: a place in `hold`, or the name of that freedom.
+    !> Freedom of a primitive that its motion drives: a place in `hold`, or its name.
     subroutine read_drive(reader, planar, drive)
         type(key_reader_type), intent(inout) :: reader
         logical, intent(in) :: planar

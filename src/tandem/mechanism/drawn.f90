@@ -131,12 +131,12 @@ module tandem_mechanism_drawn
             class(drawn_type), intent(inout) :: self
         end subroutine hold_pieces
 
-        !> Whether the pieces that are held have values between two times that a step does not see.
+        !> True if the pieces that are held have values between two times that a step does not see.
         module function pieces_hide(self, from, to, between)
             implicit none (type, external)
             class(drawn_type), intent(in) :: self
             real(wp), intent(in) :: from, to
-            !> Whether the step looks at times between its ends.
+            !> True if the step evaluates at times between its ends.
             logical, intent(in) :: between
             logical :: pieces_hide
         end function pieces_hide

@@ -33,7 +33,7 @@ module tandem_mechanism_expression
         !> What it gives at a point.
         procedure :: value => evaluate_value, evaluate_gradient, evaluate_along
         procedure :: evaluate_gradient_along, evaluate_kinks, find_sides
-        !> What it gives while one variable goes through an interval.
+        !> Enclosure of the value while one variable goes through an interval.
         procedure :: enclose_kinks, enclose_parts, evaluate_parts
         procedure, private :: fill_leaves, branch_at, branch_with
     end type expression_type

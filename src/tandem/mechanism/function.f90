@@ -102,7 +102,7 @@ contains
         class(function_type), intent(in) :: self
         !> Two times within the piece that is held (s).
         real(wp), intent(in) :: from, to
-        !> Whether the step looks at times between its ends, and whether the rate counts too.
+        !> True if the step evaluates at times between its ends; true if the rate counts too.
         logical, intent(in) :: between, rates
 
         hides = .false.

@@ -39,7 +39,7 @@ contains
         if (f%high > huge(high)) f%high = huge(high)
     end function widened
 
-    !> Whether an interval is empty.
+    !> True for an empty interval.
     elemental logical function is_empty(a)
         type(interval_type), intent(in) :: a
 
@@ -143,7 +143,7 @@ contains
 
     contains
 
-        !> Whether an angle or one that differs by whole turns lies within a.
+        !> True if an angle, or one that differs from it by whole turns, lies within a.
         pure logical function passes(angle)
             real(wp), intent(in) :: angle
 

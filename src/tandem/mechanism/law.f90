@@ -106,7 +106,7 @@ contains
         class(law_type), intent(in) :: self
         !> Two times within the piece that is held (s).
         real(wp), intent(in) :: from, to
-        !> Whether the step looks at times between its ends.
+        !> True if the step evaluates at times between its ends.
         logical, intent(in) :: between
 
         hides = .false.

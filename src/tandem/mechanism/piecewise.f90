@@ -192,7 +192,7 @@ contains
         class(piecewise_type), intent(in) :: self
         !> Two times within a smooth piece, which is held.
         real(wp), intent(in) :: from, to
-        !> Whether the step looks at times between its ends, and whether derivatives count too.
+        !> True if the step evaluates at times between its ends; true if derivatives count too.
         logical, intent(in) :: between, rates
         !> The two groups besides the ends, as parts of the step.
         real(wp), parameter :: looks(3, 2) = reshape([0.5_wp, 0.29_wp, 0.77_wp, 0.62_wp, 0.13_wp, 0.91_wp], [3, 2])

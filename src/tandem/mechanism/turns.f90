@@ -74,7 +74,7 @@ contains
         call visit_sensors(self, count_turns)
     end procedure follow_turns
 
-    !> Whether forces, expressions or rows depend on turns.
+    !> True if forces, expressions or rows depend on turns.
     pure logical function has_counting_elements(self)
         type(mechanism_type), intent(in) :: self
 

@@ -611,7 +611,7 @@ contains
     logical function hides(self, from, to, between)
         class(model_type), intent(inout) :: self
         real(wp), intent(in) :: from, to
-        !> Whether the step looks at times between its ends.
+        !> True if the step evaluates at times between its ends.
         logical, intent(in) :: between
 
         hides = .false.

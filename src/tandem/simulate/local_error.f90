@@ -232,7 +232,7 @@ contains
         self%in_vain = 0
     end subroutine begin_step
 
-    !> Whether steps count the error of what constraints impose as functions of time.
+    !> Let steps count the error of motions that constraints impose as functions of time.
     pure subroutine count_imposed(self, counts)
         class(local_error_type), intent(inout) :: self
         logical, intent(in) :: counts

@@ -103,7 +103,7 @@ module tandem_simulation
         integer, private :: hindrance = status_ok
         !> Whether a limit on the work has ended the tries of a controlled step, and whether one of those had failed.
         logical, private :: is_interrupted = .false., try_has_failed = .false.
-        !> Whether a fixed step was found to pass over values of functions of time.
+        !> True if a fixed step was found to pass over values of functions of time.
         logical, private :: has_overlooked = .false.
         !> Tries of controlled steps since a time; tries since the last look whether steps creep, and its time; how many looks have
         !> found that they do.

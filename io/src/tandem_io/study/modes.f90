@@ -340,7 +340,7 @@ contains
         type(locus_point_type), intent(in) :: a, b
         complex(wp), intent(in) :: value_a, value_b
         type(critical_type), intent(inout) :: found
-        !> Whether it is one: two pairs that were matched wrongly jump.
+        !> True for a crossing; two pairs that were matched wrongly jump instead.
         logical, intent(out) :: is_crossing
         type(error_type), allocatable, intent(out) :: error
         type(bracket_type) :: bracket
