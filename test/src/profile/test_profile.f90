@@ -9,9 +9,10 @@ module test_profile
     use subjects, only: new_subject, subject_names
     use tandem, only: change_stepper, failure_type => error_type, long, mark_type, model_type, n_derivatives, n_part_groups, &
         n_parts, n_terms, observer_type, options_type, part_group, part_group_name, part_name, part_open, part_rows, &
-        part_start, part_watch, profile_type, profiled_chart_type, profiled_observer_type, simulation_type, statistics_type, &
+        part_start, part_watch, profile_type, profiled_observer_type, simulation_type, statistics_type, &
         stepper_names, term_name, terms_of_part, to_text, wp
     use tandem_io_output_observers, only: observer_list_type
+    use tandem_profile_chart, only: profiled_chart_type
     use tandem_profile_parts, only: part_acceleration, part_control, part_correction, part_derivatives, part_energy, part_matrix, &
         part_multipliers, part_renew, part_terms
     use testdrive, only: error_type, new_unittest, unittest_type

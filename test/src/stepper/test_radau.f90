@@ -8,8 +8,9 @@ module test_radau
     use reference, only: read_reference, reference_type
     use runs, only: get_start, new_scene, run
     use tandem, only: failure_type => error_type, long, model_type, motorcycle_type, new_stepper, options_type, profile_type, &
-        profiled_chart_type, properties_type, simulation_type, statistics_type, stepper_choices, to_text, wp
+        properties_type, simulation_type, statistics_type, stepper_choices, to_text, wp
     use tandem_chart_dense, only: dense_chart_type
+    use tandem_profile_chart, only: profiled_chart_type
     use tandem_stepper, only: stepper_type
     use tandem_stepper_radau, only: radau_type
     use tandem_stepper_radau_tableau, only: tableau_of, tableau_type

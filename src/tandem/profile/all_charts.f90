@@ -1,0 +1,34 @@
+! SPDX-License-Identifier: MIT
+!> The list of all charts that book their time.
+submodule(tandem_profile_factory) tandem_profile_all
+    use tandem_chart_factory, only: wants_sparse
+    use tandem_profile_chart, only: profiled_chart_type
+    use tandem_profile_sparse_chart, only: profiled_sparse_chart_type => profiled_chart_type
+    use tandem_stepper, only: properties_type, stepper_type
+    use tandem_stepper_factory, only: new_stepper, stepper_choices
+    implicit none (type, external)
+
+contains
+
+    module procedure new_profiled_chart
+        class(stepper_type), allocatable :: stepper
+        type(properties_type) :: method
+        type(profiled_chart_type) :: dense
+        type(profiled_sparse_chart_type) :: sparse
+        logical :: is_sparse
+
+        is_sparse = .false.
+        if (any(stepper_choices == options%stepper)) then
+            call new_stepper(options%stepper, stepper)
+            method = stepper%properties()
+            is_sparse = wants_sparse(model, options, method%implicit)
+        end if
+        if (is_sparse) then
+            sparse%profile => profile
+            allocate (chart, source=sparse)
+        else
+            dense%profile => profile
+            allocate (chart, source=dense)
+        end if
+    end procedure new_profiled_chart
+end submodule tandem_profile_all
