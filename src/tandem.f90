@@ -35,7 +35,7 @@ module tandem
     use tandem_models_articulated_vehicle, only: articulated_vehicle_type
     use tandem_models_motorcycle, only: motorcycle_type
     use tandem_models_rolling_disk, only: rolling_disk_type
-    use tandem_option_rules, only: change_stepper, complete_options, conflict_type, find_conflict
+    use tandem_option_rules, only: change_stepper, complete_options, conflict_type, find_conflict, projects_stages
     use tandem_options, only: basis_methods, chart_kinds, chart_policies, default_rtol, default_step, option_row_type, &
         option_visitor_type, options_type, projections, refresh_modes, steppers_without_estimate
     use tandem_pack, only: pack_type
@@ -72,7 +72,7 @@ module tandem
     public :: finding_type, verify_model
     public :: options_type, option_row_type, option_visitor_type, basis_methods, chart_kinds, chart_policies, projections, &
         refresh_modes, steppers_without_estimate, default_rtol, default_step
-    public :: change_stepper, complete_options, conflict_type, find_conflict
+    public :: change_stepper, complete_options, conflict_type, find_conflict, projects_stages
     public :: simulation_type, observer_type, at_start, at_step, at_end, at_event
     public :: event_type, event_record_type, threshold_event_type
     public :: statistics_type, n_reasons, reason_name, figure_reader_type, tell_figures, warning_type

@@ -3,12 +3,13 @@
 module tandem_option_rules
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
-    use tandem_options, only: default_rtol, default_step, explicit_steppers, options_type
+    use tandem_options, only: chart_policies, default_rtol, default_step, explicit_steppers, options_type, projections, &
+        refresh_modes
     use tandem_status, only: status_invalid_option
     implicit none (type, external)
     private
 
-    public :: conflict_type, find_conflict, complete_options, change_stepper
+    public :: conflict_type, find_conflict, complete_options, change_stepper, projects_stages
 
     !> An option that has no effect.
     type :: conflict_type
@@ -135,6 +136,21 @@ contains
         if (options%chart /= 'adaptive') options%secant_limit = default%secant_limit
         if (any(explicit_steppers == options%stepper)) options%intol = default%intol
     end subroutine change_stepper
+
+    !> True if explicit steps meet the constraints at every stage. By default they do so with a fixed size, where stages belong to the
+    !> paper's method, and on charts that are kept or refined; under error control the end of a step is enough (Hairer, Wanner II,
+    !> section VII.2: the order stays).
+    pure logical function projects_stages(options)
+        !> Complete.
+        type(options_type), intent(in) :: options
+
+        if (options%projection == projections(1)) then
+            projects_stages = .not. options%is_adaptive() .or. options%chart /= chart_policies(1) .or. &
+                options%refresh /= refresh_modes(1)
+        else
+            projects_stages = options%projection == projections(2)
+        end if
+    end function projects_stages
 
     !> Steps have a fixed size, which may be left to `default_step`.
     pure logical function has_fixed_steps(options, has_estimate)

@@ -35,8 +35,9 @@ module tandem_options
     !> Where the bases V, U, W, X come from: pivoted QR, or the paper's singular value decompositions.
     character(len=3), parameter :: basis_methods(2) = [character(len=3) :: 'qr', 'svd']
 
-    !> Where explicit steps are projected onto the constraints: at every stage, the paper's method, or at their ends alone.
-    character(len=9), parameter :: projections(2) = [character(len=9) :: 'stages', 'step_ends']
+    !> Points of an explicit step that are projected onto the constraints: those that `projects_stages` chooses; every stage, as in
+    !> the paper; the end alone.
+    character(len=9), parameter :: projections(3) = [character(len=9) :: 'automatic', 'stages', 'step_ends']
 
     !> A tolerance below this is lost in rounding; one above means nothing.
     real(wp), parameter :: smallest_tolerance = 1.0e-15_wp, largest_tolerance = 1.0e-2_wp
@@ -110,7 +111,7 @@ module tandem_options
         !> One of `basis_methods`.
         character(len=3) :: basis = 'qr'
         !> One of `projections`; for explicit steppers.
-        character(len=9) :: projection = 'stages'
+        character(len=9) :: projection = 'automatic'
         !> Largest constraint error on the natural scale of its row, at all three levels.
         real(wp) :: constraint_tolerance = 1.0e-12_wp
         !> Tolerance of the position iteration (17); 0 stands for a hundredth of `constraint_tolerance`, since what is left at every

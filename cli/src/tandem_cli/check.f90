@@ -5,7 +5,7 @@ module tandem_cli_check
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
     use tandem_cli_moves, only: moves_text
-    use tandem_cli_report, only: print_warnings
+    use tandem_cli_report, only: chart_text, cost_text, print_warnings
     use tandem_io, only: brief, find_scene, json_type, read_scene, scene_type
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
@@ -180,6 +180,11 @@ contains
         call say('start: C has '//rank//', the errors of position, velocity and acceleration are '// &
             brief(simulation%errors(1))//', '// &
             brief(simulation%errors(2))//', '//brief(simulation%errors(3))//' of their rows'' natural scales')
+        if (simulation%cost%dense > 0.0_wp) then
+            call say(chart_text(simulation)//': the cost of a step is '//cost_text(simulation))
+        else
+            call say(chart_text(simulation))
+        end if
         call print_warnings(simulation)
     end subroutine print_start
 

@@ -2,7 +2,7 @@
 !> What takes the time of a run, for `tandem run --profile`.
 module tandem_cli_profiling
     use tandem, only: chart_type, model_type, new_profiled_chart, observer_type, options_type, part_rows, part_watch, &
-        profile_type, profiled_observer_type
+        profile_type, profiled_observer_type, wp
     use tandem_io, only: observer_list_type
     implicit none (type, external)
     private
@@ -21,17 +21,19 @@ module tandem_cli_profiling
 contains
 
     !> Take the time from now on.
-    subroutine begin(self, model, options, chart)
+    subroutine begin(self, model, options, t, q, qd, chart)
         class(profiling_type), intent(inout), target :: self
         !> The model of the run.
-        class(model_type), intent(inout) :: model
+        class(model_type), intent(inout), target :: model
         type(options_type), intent(in) :: options
+        !> Its start.
+        real(wp), intent(in) :: t, q(:), qd(:)
         !> What `initialize` of the simulation takes as its chart.
         class(chart_type), allocatable, intent(out) :: chart
 
         call self%profile%begin()
+        call new_profiled_chart(model, options, t, q, qd, self%profile, chart)
         model%timer => self%profile
-        call new_profiled_chart(model, options, self%profile, chart)
     end subroutine begin
 
     !> Take the time of observers.

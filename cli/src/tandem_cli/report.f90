@@ -2,7 +2,7 @@
 !> The report at the end of a run: what it was, what it cost, how wrong it was, what was computed and what was left out.
 module tandem_cli_report
     use tandem, only: derivative_name, error_type, find_error_warnings, global_error_type, long, mechanism_type, &
-        n_derivatives, n_reasons, n_terms, new_stepper, options_type, projections, properties_type, reason_name, &
+        n_derivatives, n_reasons, n_terms, new_stepper, options_type, projects_stages, properties_type, reason_name, &
         simulation_type, statistics_type, status_output_failed, term_name, warning_type, wp
     use tandem_cli_messages, only: complain, say
     use tandem_cli_moves, only: moves_text
@@ -12,7 +12,7 @@ module tandem_cli_report
     implicit none (type, external)
     private
 
-    public :: complain_of_doubts, print_report, print_warnings, print_line, short, count_text, counted
+    public :: chart_text, complain_of_doubts, cost_text, print_report, print_warnings, print_line, short, count_text, counted
 
     !> Columns of the text after its label, and of a whole line.
     integer, parameter :: indent = 18, width = 110
@@ -45,9 +45,9 @@ contains
         associate (options => scene%options)
             steps = 'h = '//to_toml(options%step)//' s'
             if (options%is_adaptive()) steps = tolerances(options, scene%model%n)
-            call print_line('solver', trim(options%stepper)//', '//steps//', '// &
-                trim(merge('sparse', 'dense ', simulation%is_sparse))//' chart '//trim(options%chart)// &
-                ', refresh '//trim(options%refresh))
+            call print_line('solver', trim(options%stepper)//', '//steps//', '//chart_text(simulation)//' '// &
+                trim(options%chart)//', refresh '//trim(options%refresh))
+            if (simulation%cost%dense > 0.0_wp) call print_line('cost of a step', cost_text(simulation))
         end associate
         if (allocated(error)) then
             call print_line('time', to_toml(scene%t_start)//' to '//short(simulation%state%t, 6)//' s of '// &
@@ -354,12 +354,29 @@ contains
         else
             call phrase%add('derivatives (the stepper is explicit)')
         end if
-        if (scene%options%projection /= projections(1)) then
-            call phrase%add('projection of stages (projection = step_ends: not the method of the paper)')
+        if (.not. (properties%implicit .or. projects_stages(scene%options))) then
+            call phrase%add('projection of stages (explicit steps under error control meet the constraints at their ends)')
         end if
         text = 'nothing'
         if (allocated(phrase%text)) text = phrase%text
     end function left_out
+
+    !> The kind of chart.
+    pure function chart_text(simulation) result(text)
+        type(simulation_type), intent(in) :: simulation
+        character(len=:), allocatable :: text
+
+        text = trim(merge('sparse', 'dense ', simulation%is_sparse))//' chart'
+    end function chart_text
+
+    !> The costs by which the program chose the kind of chart.
+    pure function cost_text(simulation) result(text)
+        type(simulation_type), intent(in) :: simulation
+        character(len=:), allocatable :: text
+
+        text = 'estimated from the pattern of C and M: '//short(simulation%cost%sparse/simulation%cost%dense, 2)// &
+            ' on a sparse chart for 1 on a dense one'
+    end function cost_text
 
     !> Add an item where its count is not zero.
     subroutine add_count(phrase, name, number)

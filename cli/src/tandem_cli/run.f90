@@ -152,7 +152,7 @@ contains
         integer :: i
 
         if (present(profiling)) then
-            call profiling%begin(scene%model, scene%options, chart)
+            call profiling%begin(scene%model, scene%options, scene%t_start, scene%q, scene%qd, chart)
             call profiling%profile%enter(part_start, mark)
             call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly, chart)
             call profiling%profile%leave(mark)

@@ -1,36 +1,37 @@
 ! SPDX-License-Identifier: MIT
 !> The list of all charts, and the choice between them.
 submodule(tandem_chart_factory) tandem_chart_all
+    use tandem_chart_cost, only: estimate_cost, stiffness_of
     use tandem_chart_dense, only: dense_chart_type
     use tandem_chart_sparse, only: find_obstacle, sparse_chart_type
     implicit none (type, external)
 
-    !> From so many coordinates on no scene was slower with a sparse chart and explicit steps, of fixed length and under error
-    !> control: doc/sparse.md has the tables.
-    integer, parameter :: crossover = 27, crossover_of_control = 40
-    !> With implicit ones some are slower up to here: dense charts follow what is stiff. And from here on redundant rows are left to
-    !> sparse charts, which give them no multipliers.
+    !> Smaller models were no faster with sparse charts; larger ones always are, whatever their pattern.
+    integer, parameter :: few = 8, very_many = 100
+    !> From so many coordinates on implicit steps take sparse charts, stiff or not.
     integer, parameter :: many = 60
+    !> Implicit steps may need more corrections on sparse charts: they must gain so much.
+    real(wp), parameter :: gain = 0.85_wp
+    !> Forces that oscillate or decay so many times as fast as the mechanism moves make sparse charts take more implicit steps.
+    real(wp), parameter :: very_stiff = 500.0_wp
 
 contains
 
-    module procedure wants_sparse
-        integer :: least
+    module procedure choose_chart
+        real(wp) :: stiffness
 
-        if (options%chart_kind == chart_kinds(1)) then
-            least = crossover
-            if (options%is_adaptive()) least = crossover_of_control
-            if (implicit .or. options%stepper == 'auto') least = many
-            wants_sparse = .false.
-            if (model%n >= least) wants_sparse = find_obstacle(model, options, implicit) == ''
-        else
-            wants_sparse = options%chart_kind == 'sparse'
-        end if
-    end procedure wants_sparse
-
-    module procedure keeps_dependent_rows
-        keeps_dependent_rows = options%chart_kind == chart_kinds(1) .and. model%n < many
-    end procedure keeps_dependent_rows
+        is_sparse = options%chart_kind == 'sparse'
+        if (options%chart_kind /= chart_kinds(1) .or. model%n < few) return
+        if (find_obstacle(model, options, implicit) /= '') return
+        is_sparse = model%n >= very_many
+        if (is_sparse) return
+        call estimate_cost(model, implicit, cost)
+        is_sparse = cost%sparse < merge(gain, 1.0_wp, implicit)*cost%dense
+        if (.not. is_sparse .or. model%n >= many .or. .not. associated(model%evaluate_stiffness)) return
+        if (.not. (implicit .or. options%stepper == 'auto')) return
+        call stiffness_of(model, t, q, qd, stiffness)
+        is_sparse = stiffness < very_stiff
+    end procedure choose_chart
 
     module procedure is_sparse_chart
         is_sparse_chart = .false.

@@ -2,33 +2,32 @@
 !> The kind of chart that a model gets; `chart_policies` name when it is renewed.
 module tandem_chart_factory
     use tandem_chart, only: chart_type
+    use tandem_chart_cost, only: cost_type
+    use tandem_kinds, only: wp
     use tandem_model, only: model_type
     use tandem_options, only: chart_kinds, options_type
     implicit none (type, external)
     private
 
-    public :: is_sparse_chart, keeps_dependent_rows, new_chart, wants_sparse
+    public :: choose_chart, cost_type, is_sparse_chart, new_chart
 
     ! The submodule alone uses the modules of the charts, so that a change in one of them recompiles few files.
     interface
-        !> True for a model that gets a sparse chart: on request, or since it can have one that is faster.
-        module logical function wants_sparse(model, options, implicit)
+        !> Choose the kind of chart: on request, or by the estimated cost of a step. Implicit steps of a very stiff mechanism take
+        !> dense charts, whose complements follow what is stiff.
+        module subroutine choose_chart(model, options, implicit, t, q, qd, is_sparse, cost)
             implicit none (type, external)
+            class(model_type), intent(inout), target :: model
             !> Checked.
-            class(model_type), intent(in) :: model
             type(options_type), intent(in) :: options
             !> True for an implicit stepper.
             logical, intent(in) :: implicit
-        end function wants_sparse
-
-        !> True for a model whose redundant rows call for a dense chart, which gives multipliers of least norm, in place of the
-        !> sparse one that the program chose.
-        pure module logical function keeps_dependent_rows(model, options)
-            implicit none (type, external)
-            class(model_type), intent(in) :: model
-            !> Checked.
-            type(options_type), intent(in) :: options
-        end function keeps_dependent_rows
+            !> The start, which need not satisfy the constraints.
+            real(wp), intent(in) :: t, q(:), qd(:)
+            logical, intent(out) :: is_sparse
+            !> Zero where it was not needed.
+            type(cost_type), intent(out) :: cost
+        end subroutine choose_chart
 
         !> True for a sparse chart.
         pure module logical function is_sparse_chart(chart)

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> The list of all charts that book their time.
 submodule(tandem_profile_factory) tandem_profile_all
-    use tandem_chart_factory, only: wants_sparse
+    use tandem_chart_factory, only: choose_chart, cost_type
     use tandem_profile_chart, only: profiled_chart_type
     use tandem_profile_sparse_chart, only: profiled_sparse_chart_type => profiled_chart_type
     use tandem_stepper, only: properties_type, stepper_type
@@ -15,13 +15,14 @@ contains
         type(properties_type) :: method
         type(profiled_chart_type) :: dense
         type(profiled_sparse_chart_type) :: sparse
+        type(cost_type) :: cost
         logical :: is_sparse
 
         is_sparse = .false.
         if (any(stepper_choices == options%stepper)) then
             call new_stepper(options%stepper, stepper)
             method = stepper%properties()
-            is_sparse = wants_sparse(model, options, method%implicit)
+            call choose_chart(model, options, method%implicit, t, q, qd, is_sparse, cost)
         end if
         if (is_sparse) then
             sparse%profile => profile

@@ -2,6 +2,7 @@
 !> The chart that a run would get, as one that books its time.
 module tandem_profile_factory
     use tandem_chart, only: chart_type
+    use tandem_kinds, only: wp
     use tandem_model, only: model_type
     use tandem_options, only: options_type
     use tandem_profile_ledger, only: profile_type
@@ -13,10 +14,12 @@ module tandem_profile_factory
     ! The submodule alone uses the modules of the charts, so that a change in one of them recompiles few files.
     interface
         !> For `initialize` of the simulation.
-        module subroutine new_profiled_chart(model, options, profile, chart)
+        module subroutine new_profiled_chart(model, options, t, q, qd, profile, chart)
             implicit none (type, external)
-            class(model_type), intent(in) :: model
+            class(model_type), intent(inout), target :: model
             type(options_type), intent(in) :: options
+            !> The start of the run.
+            real(wp), intent(in) :: t, q(:), qd(:)
             !> Where the time is booked; it must outlive the simulation.
             type(profile_type), intent(in), target :: profile
             class(chart_type), allocatable, intent(out) :: chart

@@ -144,7 +144,7 @@ contains
     end procedure take_stepper
 
     module procedure set_method
-        self%stepper%projects_stages = self%options%projection == projections(1)
+        self%stepper%projects_stages = projects_stages(self%options)
         call watch_constraints(self)
         call self%control%set_method(self%method)
         call self%control%restart()

@@ -1,7 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> The set-up of a simulation: what was asked for is checked, what a run before has left is forgotten, work space is allocated.
 submodule(tandem_simulation) tandem_simulate_setup
-    use tandem_option_rules, only: complete_options
     use tandem_model_terms, only: need_nu
     use tandem_model_segment, only: find_segment
     implicit none (type, external)
@@ -38,12 +37,12 @@ contains
         else
             allocate (self%control)
         end if
-        self%stepper%projects_stages = self%options%projection == projections(1)
+        self%stepper%projects_stages = projects_stages(self%options)
         if (present(chart)) allocate (self%blank, source=chart)
         if (present(chart)) then
             self%is_sparse = is_sparse_chart(chart)
         else
-            self%is_sparse = wants_sparse(model, self%options, self%method%implicit)
+            call choose_chart(model, self%options, self%method%implicit, t, q, qd, self%is_sparse, self%cost)
         end if
         call find_segment(model, t, error)
         if (allocated(error)) return
@@ -118,17 +117,13 @@ contains
             call set_error(error, status_invalid_option, 'step is given, but '//trim(options%stepper)//' chooses between '// &
                 trim(merge('orders ', 'methods', method%varies))//' by what their steps cost under error control', &
                 'give rtol instead of step, or choose a method for fixed steps')
-        else if (options%projection /= projections(1) .and. method%partner /= '') then
-            call set_error(error, status_invalid_option, 'projection = "'//trim(options%projection)//'", but '// &
-                trim(options%stepper)//' may go over to implicit steps, which project their stages', &
-                'use projection = "stages", or an explicit stepper')
         else if (options%is_adaptive() .and. method%estimate_order == 0) then
             call set_error(error, status_invalid_option, 'rtol is given, but '//trim(options%stepper)// &
                 ' has no error estimate', 'give step instead of rtol, or choose another stepper')
-        else if (options%projection /= projections(1) .and. method%implicit) then
+        else if (options%projection == projections(3) .and. method%implicit) then
             call set_error(error, status_invalid_option, 'projection = "'//trim(options%projection)//'", but the stages of '// &
                 trim(options%stepper)//' are implicit: Newton''s iteration solves for points of the manifold', &
-                'use projection = "stages", or an explicit stepper')
+                'remove it, or use an explicit stepper')
         end if
     end subroutine check_method
 

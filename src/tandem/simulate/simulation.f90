@@ -8,6 +8,7 @@ module tandem_simulation
     use tandem_kinds, only: long, wp
     use tandem_model, only: label_length, model_type
     use tandem_model_check, only: check_model
+    use tandem_option_rules, only: complete_options, projects_stages
     use tandem_options, only: chart_kinds, options_type, projections
     use tandem_simulate_event, only: event_record_type, event_type
     use tandem_simulate_statistics, only: by_breakpoint, by_condition, by_d, by_event, by_failure, by_fbar, by_iterations, &
@@ -32,7 +33,7 @@ module tandem_simulation
     use tandem_stepper_state, only: state_type
     use tandem_chart, only: chart_type, health_type
     use tandem_model_counts, only: counts_type
-    use tandem_chart_factory, only: is_sparse_chart, keeps_dependent_rows, new_chart, wants_sparse
+    use tandem_chart_factory, only: choose_chart, cost_type, is_sparse_chart, new_chart
     use tandem_model_derivatives, only: need_all_derivatives
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
@@ -76,6 +77,8 @@ module tandem_simulation
         integer :: n_redundant = 0
         !> Whether charts are sparse.
         logical :: is_sparse = .false.
+        !> The estimates that chose it; zero where none were needed.
+        type(cost_type) :: cost
         !> What has happened, `n_events` entries in the order of time; more may be allocated.
         type(event_record_type), allocatable :: events(:)
         integer :: n_events = 0

@@ -17,8 +17,7 @@ contains
         self%next%dq(:) = self%state%q
         self%next%dqd(:) = self%state%qd
         call begin_chart(self, stat)
-        if (self%is_sparse .and. stat == status_rank_deficient .and. &
-            (allocated(self%blank) .or. .not. keeps_dependent_rows(self%model, self%options))) call leave_out_rows(self, stat)
+        if (self%is_sparse .and. stat == status_rank_deficient) call leave_out_rows(self, stat)
         if (self%is_sparse .and. any(stat == [status_rank_deficient, status_singular_mass])) then
             call leave_sparse(self, stat, error)
             if (allocated(error)) return
@@ -88,11 +87,11 @@ contains
                 associate (row => self%chart%left_out(i))
                     call self%warn('the constraint "'//model%row_name(row)//'" repeats'// &
                         trim(self%with_rows(partners(first(i):first(i + 1) - 1), row, ' '))// &
-                        ' and was left out; its multiplier is zero', is_note=.true.)
+                        ' and was left out; the multipliers are those of least norm', is_note=.true.)
                 end associate
             end do
             if (self%n_redundant > most_told) call self%warn(to_text(self%n_redundant - most_told)// &
-                ' constraints more repeat others and were left out; their multipliers are zero', is_note=.true.)
+                ' constraints more repeat others and were left out', is_note=.true.)
         end associate
     end subroutine leave_out_rows
 
@@ -115,8 +114,7 @@ contains
         end do
     end subroutine check_left_out
 
-    !> Bodies without mass, redundant rows among nonholonomic ones, and those of small models want the dense chart: take it where
-    !> the choice is the program's.
+    !> Bodies without mass and redundant rows among nonholonomic ones want the dense chart: take it where the choice is the program's.
     subroutine leave_sparse(self, stat, error)
         class(simulation_type), intent(inout) :: self
         !> Why there is no sparse chart at the start.

@@ -35,6 +35,8 @@ contains
         before%gap = self%tally%velocity_gap
         before%grid_steps = self%grid_steps
         before%on_grid = self%on_grid
+        ! Of a model that contradicts itself every point is brought onto the manifold.
+        if (self%tally%contradiction /= '') self%stepper%projects_stages = .true.
         call self%make_room()
         call step_within_tolerance(self, t_limit, before, ends_at_breakpoint, error)
         if (allocated(error)) return

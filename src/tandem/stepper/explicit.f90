@@ -38,6 +38,10 @@ module tandem_stepper_explicit
         real(wp), allocatable, private :: y_start(:)
         !> Zeros, and work space, ordered alike, where there are estimates.
         real(wp), allocatable :: zero(:), part(:), slope(:)
+        !> The moduli of the way from the coordinates at the end of a step to their point on the manifold (n), where stages are not
+        !> projected: the error of the step across the manifold, which the rates of stages do not show if an imposed motion has a kink.
+        !> That of velocities is looked at wherever stages lie.
+        real(wp), allocatable, private :: shift(:)
         !> Its rows of zeros let no register hold both, so that sums for the next position need not wait for the last acceleration.
         integer :: n = 0, offset = 0
         !> Whether the chart is to remember stages by their number: those of higher methods are so good that the memory costs more
@@ -91,6 +95,8 @@ contains
         if (allocated(self%e)) n_estimates = size(self%e, 2)
         if (allocated(self%q)) deallocate (self%q, self%defect)
         if (allocated(self%zero)) deallocate (self%zero, self%part, self%slope)
+        if (allocated(self%shift)) deallocate (self%shift)
+        allocate (self%shift(merge(n, 0, n_estimates > 0)), source=0.0_wp)
         self%in_turn = n_estimates + self%n_extra == 0 .and. s > 1
         do i = 3, s
             self%in_turn = self%in_turn .and. .not. any(abs(self%a(:i - 2, i)) > 0.0_wp)
@@ -129,6 +135,7 @@ contains
         real(wp), intent(in) :: h
         type(state_type), intent(inout) :: next
         integer, intent(out) :: stat
+        real(wp), parameter :: rounding = 8*epsilon(1.0_wp)
         real(wp) :: t
         integer :: i, n, s
 
@@ -173,6 +180,14 @@ contains
         do i = 1, n
             self%rate(i, s + 1) = next%qd(i)
             self%rate(self%offset + i, s + 1) = next%qdd(i)
+        end do
+        if (self%projects_stages) return
+        ! Without the rounding of the coordinates.
+        !GCC$ UNROLL 1
+        do i = 1, n
+            associate (way => (next%q(i) - state%q(i)) - (self%y(i) - state%dq(i)))
+                self%shift(i) = max(abs(way) - rounding*abs(next%q(i)), 0.0_wp)
+            end associate
         end do
     end subroutine advance
 
@@ -371,7 +386,8 @@ contains
     end subroutine load
 
     !> The error of the last step in a weighted norm. Of two estimates (orders 5 and 3 of dop853) the combination of Hairer,
-    !> Norsett, Wanner I, (10.17): the first squared over the root of the sum of squares, the second at a tenth.
+    !> Norsett, Wanner I, (10.17): the first squared over the root of the sum of squares, the second at a tenth. Where stages are
+    !> not projected, it is at least the way to the manifold.
     subroutine estimate(self, chart, h, weight_q, weight_qd, norm)
         class(explicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -381,9 +397,11 @@ contains
         real(wp) :: second
 
         norm = self%estimate_norm(1, h, weight_q, weight_qd)
-        if (size(self%estimate_sum) < 2 .or. .not. norm > 0.0_wp) return
-        second = 0.1_wp*self%estimate_norm(2, h, weight_q, weight_qd)
-        norm = norm**2/sqrt(norm**2 + second**2)
+        if (size(self%estimate_sum) > 1 .and. norm > 0.0_wp) then
+            second = 0.1_wp*self%estimate_norm(2, h, weight_q, weight_qd)
+            norm = norm**2/sqrt(norm**2 + second**2)
+        end if
+        if (.not. self%projects_stages) norm = max(norm, norm2(self%shift*weight_q)/sqrt(2*real(self%n, wp)))
     end subroutine estimate
 
     !> h |lambda| from the last stage and the end of the step, both at the same time. The difference of their values leans towards

@@ -59,7 +59,7 @@ contains
         call complete_options(options, failure)
         call check_no_failure(error, failure)
         call check_below(error, abs(options%rtol - 1.0e-6_wp), 0.0_wp, 'rtol - 1e-6')
-        call check_true(error, options%projection == 'stages', 'stages are projected by default')
+        call check_true(error, options%projection == 'automatic', 'the projection is chosen by default')
         call check_below(error, abs(options%constraint_tolerance - 1.0e-12_wp), 0.0_wp, 'constraint_tolerance - 1e-12')
     end subroutine test_defaults
 

@@ -29,6 +29,7 @@ contains
             new_unittest('projection-at-ends-keeps-the-order', test_order), &
             new_unittest('projection-at-ends-has-errors-not-far-from-those-of-stages', test_errors), &
             new_unittest('projection-at-ends-is-another-method', test_other), &
+            new_unittest('projection-at-ends-is-the-default-under-error-control', test_default), &
             new_unittest('ends-of-steps-hold-the-constraints', test_ends), &
             new_unittest('dense-output-holds-the-constraints-and-leaves-no-trace', test_dense), &
             new_unittest('events-are-where-they-are-in-closed-form', test_events), &
@@ -106,8 +107,8 @@ contains
             logarithms = 0.0_wp
             of_stages = 0.0_wp
             do k = 6, 10
-                do j = 1, size(projections)
-                    options = options_type(stepper=explicit(i), rtol=10.0_wp**(-k), projection=projections(j))
+                do j = 1, 2
+                    options = options_type(stepper=explicit(i), rtol=10.0_wp**(-k), projection=projections(j + 1))
                     call run_to('disk', options, 10.0_wp, state, failure)
                     call check_no_failure(error, failure)
                     if (allocated(error)) return
@@ -270,7 +271,7 @@ contains
         do i = 1, size(explicit)
             do j = 1, 2
                 options = choose(step=0.01_wp, stepper=trim(explicit(i)))
-                options%projection = projections(j)
+                options%projection = projections(j + 1)
                 call run(simulation, model, options, 0.0_wp, q, qd, 2.0_wp, failure)
                 call check_no_failure(error, failure)
                 if (allocated(error)) return
@@ -283,6 +284,36 @@ contains
             if (allocated(error)) return
         end do
     end subroutine test_counts
+
+    !> Ends alone under error control, every stage with fixed steps and on charts that are kept or refined.
+    subroutine test_default(error)
+        type(error_type), allocatable, intent(out) :: error
+        !> The choice that each should equal: number in `projections`.
+        integer, parameter :: expected(4) = [3, 2, 2, 2]
+        type(options_type) :: options(4)
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: found(:, :), state(:, :), other(:, :)
+        integer :: i
+
+        options(1) = options_type(stepper='dop853', rtol=1.0e-6_wp)
+        options(2) = options_type(stepper='dop853', step=0.01_wp)
+        options(3) = options_type(stepper='dop853', rtol=1.0e-6_wp, chart='adaptive')
+        options(4) = options_type(stepper='dop853', rtol=1.0e-6_wp, refresh='refine')
+        do i = 1, size(options)
+            call run_to('disk', options(i), 0.5_wp, found, failure)
+            call check_no_failure(error, failure)
+            options(i)%projection = projections(expected(i))
+            if (.not. allocated(error)) call run_to('disk', options(i), 0.5_wp, state, failure)
+            call check_no_failure(error, failure)
+            options(i)%projection = projections(5 - expected(i))
+            if (.not. allocated(error)) call run_to('disk', options(i), 0.5_wp, other, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call check_true(error, all(abs(found - state) <= 0.0_wp), 'the default is '//projections(expected(i)))
+            call check_true(error, any(abs(found - other) > 0.0_wp), 'the default is not '//projections(5 - expected(i)))
+            if (allocated(error)) return
+        end do
+    end subroutine test_default
 
     subroutine test_implicit(error)
         type(error_type), allocatable, intent(out) :: error

@@ -12,7 +12,7 @@ module test_singular
     use rank_checks, only: all_warnings, check_multipliers, check_same_motion, n_warnings
     use ranks, only: bricard_angle
     use runs, only: choose, run
-    use tandem, only: change_stepper, chart_policies, failure_type => error_type, options_type, rolling_disk_type, &
+    use tandem, only: change_stepper, chart_policies, failure_type => error_type, options_type, projections, rolling_disk_type, &
         simulation_type, stepper_names, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     use watch, only: energy_watch_type, error_watch_type
@@ -98,7 +98,8 @@ contains
     end subroutine test_crank_pairs
 
     !> A bead runs on the circle towards the line that crosses it. Short steps near the crossing find the line as well as the
-    !> circle: a run may find neither, but never go on along the line and say that all went well.
+    !> circle: a run may find neither, but never go on along the line and say that all went well. Stages on the manifold meet the line
+    !> in long steps, and name the loss of rank in most runs; ends alone come so near that corrections diverge.
     subroutine test_crossing(error)
         type(error_type), allocatable, intent(out) :: error
         type(crossing_type), target :: model
@@ -106,11 +107,12 @@ contains
         type(failure_type), allocatable :: failure
         type(options_type) :: options
         real(wp) :: angle
-        integer :: i, k, n_named
+        integer :: i, k, n_named(2)
 
         n_named = 0
-        do k = 1, 2
-            options = choose(stepper=merge('dopri5', 'dop853', k == 1))
+        do k = 1, 4
+            options = choose(stepper=merge('dopri5', 'dop853', modulo(k, 2) == 1))
+            options%projection = projections(1 + (k + 1)/2)
             do i = 0, 59
                 angle = 0.4_wp + 0.012_wp*i
                 call change_stepper(options, options%stepper, rtol=10.0_wp**(-3.0_wp - 0.05_wp*i))
@@ -120,7 +122,7 @@ contains
                 call run(simulation, model, options, 0.0_wp, [cos(angle), sin(angle)], [sin(angle), -cos(angle)], angle + model%k &
                     + 0.8_wp, failure)
                 if (allocated(failure)) then
-                    if (index(failure%message, 'rank_deficient') > 0) n_named = n_named + 1
+                    if (index(failure%message, 'rank_deficient') > 0) n_named((k + 1)/2) = n_named((k + 1)/2) + 1
                     call check_close(error, simulation%state%q(2:), [-model%k], 1.0e-2_wp, 'y of the end')
                 else
                     call check_close(error, [norm2(simulation%state%q)], [1.0_wp], 1.0e-9_wp, 'radius')
@@ -128,7 +130,7 @@ contains
                 if (allocated(error)) return
             end do
         end do
-        call check_true(error, n_named > 60, 'most runs say why they end')
+        call check_true(error, n_named(1) > 60, 'most runs with stages on the manifold say why they end')
     end subroutine test_crossing
 
     !> Run a parallelogram without gravity, at 1 rad/s, until it should stop: in the flat position, which is `ahead` of its start.

@@ -6,7 +6,7 @@ module test_friction
     use mechanism_checks, only: verify
     use tandem, only: failure_type => error_type, mechanism_type, options_type, terms_type, wp
     use tandem_chart_dense, only: dense_chart_type
-    use tandem_chart_factory, only: wants_sparse
+    use tandem_chart_factory, only: choose_chart, cost_type
     use tandem_status, only: status_not_evaluable
     use terms_at, only: get_terms
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
@@ -78,8 +78,10 @@ contains
         type(mechanism_type), target :: mechanism
         type(dense_chart_type), allocatable :: chart
         type(options_type) :: options
+        type(cost_type) :: cost
         type(failure_type), allocatable :: failure
         type(terms_type) :: terms
+        logical :: is_sparse
         real(wp), allocatable, dimension(:) :: q0, qd0, q, qd, qdd, dq, dqd, lambda, normals, left
         real(wp), allocatable :: directions(:, :), gradient(:, :)
         real(wp) :: worst, scale
@@ -92,12 +94,13 @@ contains
             call check_no_failure(error, failure)
             if (allocated(error)) return
             call check_count(error, mechanism%n_frictions, 3, 'frictions')
-            call check_true(error, .not. wants_sparse(mechanism, options, .false.), 'a sparse chart')
             associate (n => mechanism%n, m => mechanism%n_constraints())
                 allocate (q0(n), qd0(n), q(n), qd(n), qdd(n), dq(n), dqd(n), lambda(m), normals(3), directions(n, 3), &
                     gradient(3, m), left(n))
             end associate
             call mechanism%start(q0, qd0)
+            call choose_chart(mechanism, options, .false., 0.0_wp, q0, qd0, is_sparse, cost)
+            call check_true(error, .not. is_sparse, 'a sparse chart')
             allocate (chart)
             call chart%initialize(mechanism, options, k > 2, failure)
             call check_no_failure(error, failure)

@@ -136,12 +136,13 @@ contains
                 if (.not. allocated(failure)) call simulation%integrate(1.0_wp, failure)
                 statistics = simulation%statistics()
                 call check_true(error, statistics%steps < some_thousands, place//' takes '//to_text(int(statistics%steps)))
+                ! Beside a wrong Jacobian a right gamma is as wrong.
                 if (allocated(failure)) then
-                    ! Beside a wrong Jacobian a right gamma is as wrong.
                     call check_true(error, index(failure%message, 'the Jacobian of the constraint') > 0 .or. &
                         index(failure%message, 'gamma of the constraint') > 0, place//': '//failure%message)
                 else if (abs(factors(i) - 2.0_wp) > 0.01_wp) then
-                    call check_true(error, index(statistics%contradiction, 'acobian') > 0, place//' completes silently')
+                    call check_true(error, index(statistics%contradiction, 'the Jacobian of the constraint') > 0 .or. &
+                        index(statistics%contradiction, 'gamma of the constraint') > 0, place//' completes silently')
                 end if
                 if (allocated(error)) return
             end do

@@ -145,7 +145,7 @@ contains
         type(case_type), parameter :: cases(10) = [ &
             case_type('disk', 'rk4', 0.0_wp, 0.5_wp, 0.1_wp), case_type('knife_edge', 'rk4', 0.0_wp, 5.0_wp, 0.3_wp), &
             case_type('knife_edge', 'trapezoid', 0.0_wp, 0.2_wp, 0.3_wp), case_type('disk', 'sdirk54', 0.0_wp, 0.06_wp, 0.1_wp), &
-            case_type('disk', 'dopri5', 1.0e-4_wp, 0.0_wp, 0.01_wp), case_type('disk', 'dopri5', 1.0e-4_wp, 0.0_wp, 0.05_wp), &
+            case_type('disk', 'dopri5', 1.0e-4_wp, 0.0_wp, 0.03_wp), case_type('disk', 'dopri5', 1.0e-4_wp, 0.0_wp, 0.05_wp), &
             case_type('disk', 'rk4', 0.0_wp, 0.1_wp, 0.14_wp), &
             case_type('knife_edge', 'dop853', 1.0e-4_wp, 0.0_wp, 0.3_wp), &
             case_type('disk', 'sdirk54', 1.0e-4_wp, 0.0_wp, 0.2_wp), &

@@ -21,7 +21,8 @@ module tandem_chart_dense
     use tandem_model_differences, only: differences_type
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
-    use tandem_options, only: chart_policies, options_type, projections
+    use tandem_option_rules, only: projects_stages
+    use tandem_options, only: chart_policies, options_type
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_invalid_model, status_not_finite, status_ok, &
         status_position_diverged, status_rank_deficient, status_singular_mass

@@ -13,9 +13,9 @@ contains
         self%is_implicit = implicit
         self%follows_stiffness = implicit .and. self%damps .and. options%chart /= 'paper'
         self%uses_svd = options%basis == 'svd'
-        ! How far a kept chart reaches is measured for the paper's complement; where stages are not restored, ends do better by it;
-        ! and fixed steps, whose errors nobody looks at, end by name where C has turned too far for it.
-        self%keeps_momentum = options%is_adaptive() .and. options%projection == projections(1) .and. &
+        ! The reach of kept charts is measured for the paper's complement; ends whose stages are not restored do better by it; and fixed
+        ! steps, which have no error estimate, end by name where C has turned too far for it.
+        self%keeps_momentum = options%is_adaptive() .and. projects_stages(options) .and. &
             options%chart == chart_policies(1)
         self%tolerance = options%constraint_tolerance
         ! Handed on where it is absent, gfortran computes with bounds that it has not.

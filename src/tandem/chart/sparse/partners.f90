@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Of which rows those that were left out are combinations. One solution tells it of many of them: the rows of a combination hang
-!> together by bodies, so that combinations which touch no common body are told apart. Those that do are solved for again, in
-!> several lots.
+!> The combinations of rows that rows left out repeat, and the multipliers of least norm, which share the load of a combination among
+!> all its rows. One solution gives many combinations: the rows of each hang together by bodies, so that those which touch no common
+!> body are told apart. Those that do are solved for again, in several lots.
 module tandem_chart_sparse_partners
     use tandem_chart_sparse_system, only: system_type
     use tandem_kinds, only: wp
@@ -9,7 +9,7 @@ module tandem_chart_sparse_partners
     implicit none (type, external)
     private
 
-    public :: find_partners
+    public :: find_partners, share_load
 
     !> So many lots are made of rows whose combinations may touch. Those of one joint, three at most in a bay of hinges, stand side
     !> by side, and those of neighbouring bays touch.
@@ -23,44 +23,131 @@ contains
         integer, intent(in) :: rows(:)
         !> Those of rows(i) are partners(start(i):start(i + 1) - 1), ascending.
         integer, allocatable, intent(out) :: start(:), partners(:)
-        integer, allocatable :: lot(:), group(:), pairs(:, :)
+        !> Smaller shares than this of the largest are rounding.
+        real(wp), parameter :: least_share = 1.0e-6_wp
+        integer, allocatable :: pairs(:, :)
+        real(wp), allocatable :: share(:)
+
+        call find_combinations(system, rows, .false., least_share, pairs, share)
+        call sort_to_lists(size(rows), pairs(1, :), pairs(2, :), start, partners)
+    end subroutine find_partners
+
+    !> Change multipliers, those of the rows left out being zero, to the ones of least norm with the same reactions. Combinations
+    !> v with C' v = 0 are taken from them as far as they hold: (V'V) y = V' lambda, lambda := lambda - V y. The row that was left
+    !> out makes V'V at least the unit matrix, so that conjugate gradients take few iterations.
+    subroutine share_load(system, rows, lambda)
+        !> Factored at the point of the multipliers.
+        type(system_type), intent(inout) :: system
+        !> The rows that were left out.
+        integer, intent(in) :: rows(:)
+        !> (m)
+        real(wp), intent(inout), contiguous :: lambda(:)
+        real(wp), parameter :: least_share = 1.0e-13_wp, enough = 1.0e-30_wp
+        integer, parameter :: most = 200
+        integer, allocatable :: pairs(:, :)
+        real(wp), allocatable :: share(:)
+        real(wp) :: y(size(rows)), left(size(rows)), way(size(rows)), image(size(rows)), v(size(lambda))
+        real(wp) :: norm, last_norm, first_norm, step
+        integer :: i
+
+        call find_combinations(system, rows, .true., least_share, pairs, share)
+        y = 0.0_wp
+        call of_combinations(lambda, left)
+        way = left
+        norm = dot_product(left, left)
+        first_norm = norm
+        do i = 1, most
+            if (.not. norm > enough*first_norm) exit
+            call combine_all(way, v)
+            call of_combinations(v, image)
+            step = norm/dot_product(way, image)
+            y = y + step*way
+            left = left - step*image
+            last_norm = norm
+            norm = dot_product(left, left)
+            way = left + norm/last_norm*way
+        end do
+        call combine_all(y, v)
+        lambda = lambda - v
+
+    contains
+
+        !> x := V' z.
+        pure subroutine of_combinations(z, x)
+            real(wp), intent(in) :: z(:)
+            real(wp), intent(out) :: x(:)
+            integer :: k
+
+            x = -z(rows)
+            do k = 1, size(share)
+                x(pairs(1, k)) = x(pairs(1, k)) + share(k)*z(pairs(2, k))
+            end do
+        end subroutine of_combinations
+
+        !> z := V x.
+        pure subroutine combine_all(x, z)
+            real(wp), intent(in) :: x(:)
+            real(wp), intent(out) :: z(:)
+            integer :: k
+
+            z = 0.0_wp
+            z(rows) = -x
+            do k = 1, size(share)
+                z(pairs(2, k)) = z(pairs(2, k)) + share(k)*x(pairs(1, k))
+            end do
+        end subroutine combine_all
+    end subroutine share_load
+
+    !> The combinations of rows in use that the given ones repeat, where the system was factored last.
+    subroutine find_combinations(system, rows, with_owned, least_share, pairs, share)
+        type(system_type), intent(inout) :: system
+        integer, intent(in) :: rows(:)
+        !> True for the rows that bodies own as well.
+        logical, intent(in) :: with_owned
+        !> Smaller shares than this of the largest are rounding.
+        real(wp), intent(in) :: least_share
+        !> (2, :) numbers in `rows` and rows of their combinations, with the factors of these.
+        integer, allocatable, intent(out) :: pairs(:, :)
+        real(wp), allocatable, intent(out) :: share(:)
+        integer, allocatable :: lot(:), group(:)
         real(wp), allocatable :: lambda(:), force(:)
         integer :: i, n_lots, now
 
         allocate (force(size(system%x)), lambda(system%m), source=0.0_wp)
-        allocate (group(0:system%analysis%n_bodies), pairs(2, 0))
+        allocate (group(0:system%analysis%n_bodies), pairs(2, 0), share(0))
         lot = [(modulo(i, lots) + 1, i=1, size(rows))]
         n_lots = lots
         now = 1
         do while (now <= n_lots)
-            if (any(lot == now)) call part_lot(system, rows, now, lot, n_lots, lambda, force, group, pairs)
+            if (any(lot == now)) call part_lot(system, rows, with_owned, least_share, now, lot, n_lots, lambda, force, group, &
+                pairs, share)
             now = now + 1
         end do
-        call sort_to_lists(size(rows), pairs(1, :), pairs(2, :), start, partners)
-    end subroutine find_partners
+    end subroutine find_combinations
 
     !> Solve for the rows of a lot. Those whose combinations touch no other's are done.
-    subroutine part_lot(system, rows, now, lot, n_lots, lambda, force, group, pairs)
+    subroutine part_lot(system, rows, with_owned, least_share, now, lot, n_lots, lambda, force, group, pairs, share)
         type(system_type), intent(inout) :: system
         integer, intent(in) :: rows(:), now
+        logical, intent(in) :: with_owned
+        real(wp), intent(in) :: least_share
         !> The lot of each row, 0 where it is done; the lots so far.
         integer, intent(inout) :: lot(:), n_lots
         !> Work space (m), (n), (0:n_bodies).
         real(wp), intent(inout), contiguous :: lambda(:), force(:)
         integer, intent(inout) :: group(0:)
-        !> Rows and their partners, as numbers in `rows` and as rows.
+        !> Rows and their partners, as numbers in `rows` and as rows, and the factors.
         integer, allocatable, intent(inout) :: pairs(:, :)
-        !> Smaller shares than this of the largest are rounding.
-        real(wp), parameter :: least_share = 1.0e-6_wp
+        real(wp), allocatable, intent(inout) :: share(:)
         real(wp), allocatable :: largest(:)
         integer, allocatable :: members(:), met(:), more(:, :), of(:)
         logical :: takes_part(system%m)
         integer :: i, k, n
 
         members = pack([(i, i=1, size(rows))], lot == now)
-        call combine(system, rows(members), lambda, force)
+        call combine(system, rows(members), with_owned, lambda, force)
         associate (a => system%analysis, pattern => system%pattern)
-            takes_part(:) = lambda > least_share*max(maxval(lambda), least_share)
+            takes_part(:) = abs(lambda) > least_share*max(maxval(abs(lambda)), least_share)
             takes_part(rows(members)) = .true.
             group = [(i, i=0, a%n_bodies)]
             do i = 1, system%m
@@ -88,14 +175,14 @@ contains
             end do
             n_lots = n_lots + lots
             do i = 1, system%m
-                if (takes_part(i)) largest(group_of(i)) = max(largest(group_of(i)), lambda(i))
+                if (takes_part(i)) largest(group_of(i)) = max(largest(group_of(i)), abs(lambda(i)))
             end do
             allocate (more(2, count(takes_part)))
             n = 0
             do i = 1, system%m
                 if (.not. takes_part(i)) cycle
                 associate (root => group_of(i))
-                    if (met(root) /= 1 .or. .not. lambda(i) > least_share*largest(root)) cycle
+                    if (met(root) /= 1 .or. .not. abs(lambda(i)) > least_share*largest(root)) cycle
                     n = n + 1
                     more(:, n) = [of(root), i]
                 end associate
@@ -108,6 +195,7 @@ contains
             lot(members(i)) = n_lots
         end do
         pairs = reshape([pairs, more(:, :n)], [2, size(pairs, 2) + n])
+        share = [share, lambda(more(2, :n))]
 
     contains
 
@@ -122,12 +210,13 @@ contains
         end function group_of
     end subroutine part_lot
 
-    !> The multipliers of the rows in use that make up the sum of some that are not, their moduli.
-    subroutine combine(system, rows, lambda, force)
+    !> The factors of the rows in use that make up the sum of some that are not.
+    subroutine combine(system, rows, with_owned, lambda, force)
         type(system_type), intent(inout) :: system
         integer, intent(in) :: rows(:)
+        logical, intent(in) :: with_owned
         real(wp), intent(inout), contiguous :: lambda(:), force(:)
-        integer :: i, n
+        integer :: b, first, i, last, n
 
         lambda = 0.0_wp
         lambda(rows) = -1.0_wp
@@ -140,8 +229,16 @@ contains
             do n = 1, a%n_nodes
                 if (a%is_body(n)) cycle
                 do i = 1, a%height(n)
-                    lambda(a%origin(n) + i - 1) = abs(system%z(a%place(n) + i))
+                    lambda(a%origin(n) + i - 1) = system%z(a%place(n) + i)
                 end do
+            end do
+            if (.not. with_owned) return
+            call factor%add_reactions(a, lambda, force)
+            do b = 1, a%n_bodies
+                if (a%own_row(b) == 0) cycle
+                first = a%first(b)
+                last = a%first(b + 1) - 1
+                lambda(a%own_row(b)) = dot_product(factor%own(first:last), force(first:last))/sum(factor%own(first:last)**2)
             end do
         end associate
     end subroutine combine

@@ -6,6 +6,7 @@ module tandem_chart_sparse
     use tandem_chart_sparse_factor, only: least_pivot
     use tandem_chart_sparse_coupled_stages, only: sparse_coupled_type
     use tandem_chart_sparse_motion, only: find_obstacle
+    use tandem_chart_sparse_partners, only: share_load
     use tandem_chart_sparse_progress, only: largest
     use tandem_chart_sparse_rank, only: rank_type
     use tandem_kinds, only: wp
@@ -134,6 +135,7 @@ contains
             end if
             self%counts%multipliers = self%counts%multipliers + 1
             call s%find_multipliers(qdd, lambda)
+            if (self%n_dropped > 0) call share_load(s, self%left_out, lambda)
         end associate
     end subroutine multipliers
 

@@ -1,0 +1,102 @@
+! SPDX-License-Identifier: MIT
+!> The cost of a step on dense and on sparse charts, estimated before the first one. It follows from the pattern of C and M alone, so
+!> that the choice of a chart does not depend on the machine or on what else it does.
+!>
+!> A dense chart eliminates m rows of n columns and forms D'M D with the n - m columns of D; a sparse one works through the entries of
+!> C, body by body, and the blocks of its factor. The weights are fitted to runs of 50 mechanisms with 2 to 98 coordinates and rtol from
+!> 1e-4 to 1e-9, `dop853` for explicit steps, `radau5` and `sdirk54` for implicit ones (doc/sparse.md).
+module tandem_chart_cost
+    use tandem_chart_sparse_analysis, only: analysis_type
+    use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
+    use tandem_kinds, only: wp
+    use tandem_model, only: model_type
+    use tandem_model_counts, only: counts_type
+    use tandem_model_evaluator, only: evaluator_type
+    use tandem_model_stiffness, only: stiffness_type
+    use tandem_model_terms, only: need_mass
+    implicit none (type, external)
+    private
+
+    public :: cost_type, estimate_cost, stiffness_of
+
+    !> Microseconds of a step on the machine of the fit; zero where no choice was to be made. The ratio of both is meaningful.
+    type :: cost_type
+        real(wp) :: dense = 0.0_wp, sparse = 0.0_wp
+    end type cost_type
+
+contains
+
+    !> The cost of a step by either chart, for a model with a pattern.
+    subroutine estimate_cost(model, implicit, cost)
+        class(model_type), intent(in) :: model
+        !> True for implicit steps; the model then lists the bodies that share forces.
+        logical, intent(in) :: implicit
+        type(cost_type), intent(out) :: cost
+        type(analysis_type) :: analysis
+        type(newton_analysis_type) :: newton
+        type(stiffness_type) :: stiffness
+        real(wp) :: n, m, free
+        integer :: i
+
+        n = real(model%n, wp)
+        m = real(min(model%n_constraints(), model%n), wp)
+        free = n - m
+        call analysis%analyse(model%pattern, [(i, i=1, model%n_constraints())])
+        associate (bodies => real(analysis%n_bodies, wp), nodes => real(analysis%n_nodes, wp), &
+            entries => real(analysis%n_entries, wp), neighbours => real(size(analysis%behind, 2), wp))
+            if (implicit) then
+                call stiffness%build(model%pattern%first, model%pattern%coupled)
+                call newton%analyse_newton(analysis, stiffness)
+                cost%dense = 5.3_wp + 1.97_wp*n + 0.066_wp*n*m + 1.42e-3_wp*m**2*n + 1.25e-3_wp*free*n**2
+                cost%sparse = 5.9_wp + 1.26_wp*bodies + 3.66_wp*nodes + 0.218_wp*entries + 0.029_wp*real(newton%n_factor, wp)
+            else
+                cost%dense = 2.7_wp + 1.11_wp*n + 0.007_wp*n*m + 1.15e-3_wp*m**2*n + 1.11e-3_wp*free*n**2
+                cost%sparse = 6.5_wp + 1.24_wp*bodies + 0.193_wp*entries + 0.257_wp*neighbours
+            end if
+        end associate
+    end subroutine estimate_cost
+
+    !> The rate of the fastest oscillation or decay that the forces on one body alone cause at (t, q, qd), times the time scale of
+    !> the model: the root of the largest entry of the diagonals of K over M. Zero where it cannot be evaluated.
+    subroutine stiffness_of(model, t, q, qd, ratio)
+        class(model_type), intent(inout), target :: model
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: ratio
+        !> Coordinates with less than this part of their body's largest entry of M move with others.
+        real(wp), parameter :: least_mass = 1.0e-3_wp
+        type(stiffness_type) :: stiffness
+        type(evaluator_type) :: evaluator
+        type(counts_type) :: counts
+        real(wp), allocatable :: zero(:), lambda(:)
+        real(wp) :: heaviest
+        integer :: b, i, k, stat, width
+
+        ratio = 0.0_wp
+        allocate (zero(model%n), lambda(model%n_constraints()), source=0.0_wp)
+        call stiffness%build(model%pattern%first, model%pattern%coupled)
+        call model%evaluate_stiffness(t, q, qd, zero, lambda, stiffness, stat)
+        if (stat /= 0) return
+        call evaluator%initialize(model, wants_jacobian=.false.)
+        call evaluator%evaluate(need_mass, t, q, qd, counts, stat)
+        if (stat /= 0) return
+        associate (mass => evaluator%terms%mass, first => stiffness%first)
+            do b = 1, size(first) - 1
+                width = first(b + 1) - first(b)
+                heaviest = 0.0_wp
+                do i = first(b), first(b + 1) - 1
+                    heaviest = max(heaviest, mass(i, i))
+                end do
+                do k = stiffness%start(b), stiffness%start(b + 1) - 1
+                    if (stiffness%partner(k) /= b) cycle
+                    do i = 1, width
+                        associate (m => mass(first(b) + i - 1, first(b) + i - 1))
+                            if (.not. m > least_mass*heaviest) cycle
+                            ratio = max(ratio, abs(stiffness%by_q(stiffness%offset(k) + (i - 1)*width + i))/m)
+                        end associate
+                    end do
+                end do
+            end do
+        end associate
+        ratio = sqrt(ratio)*model%time_scale
+    end subroutine stiffness_of
+end module tandem_chart_cost
