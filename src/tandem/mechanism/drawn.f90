@@ -134,7 +134,7 @@ module tandem_mechanism_drawn
         !> True if the pieces that are held have values between two times that a step does not see.
         module function pieces_hide(self, from, to, between)
             implicit none (type, external)
-            class(drawn_type), intent(in) :: self
+            class(drawn_type), intent(inout) :: self
             real(wp), intent(in) :: from, to
             !> True if the step evaluates at times between its ends.
             logical, intent(in) :: between

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> Bounds of expressions while one of their variables, such as the time, goes through an interval.
 submodule(tandem_mechanism_expression) tandem_mechanism_enclosure
-    use tandem_mechanism_interval, only: add, branches_between, common_part, enclose_slopes, enclose_value, exact, multiply, &
-        nothing, subtract
+    use tandem_mechanism_interval, only: add, branches_between, common_part, enclose_curvatures, enclose_slopes, enclose_value, &
+        exact, multiply, nothing, subtract
     use tandem_mechanism_operations, only: op_multiply, op_power_constant
     implicit none (type, external)
 
@@ -36,7 +36,7 @@ contains
     !> Bounds of the values and derivatives of all slots while one variable goes through an interval: those of interval
     !> arithmetic, and of the mean value theorem, which are closer in short intervals. Slots that depend on other variables are
     !> empty. Where a value may jump within the interval, its derivative is unbounded.
-    pure subroutine enclose(self, variable, from, to, w, w1, at_middle, sides)
+    pure subroutine enclose(self, variable, from, to, w, w1, at_middle, sides, w2)
         class(expression_type), intent(in) :: self
         !> Its place in the list of names.
         integer, intent(in) :: variable
@@ -46,6 +46,8 @@ contains
         type(interval_type), intent(inout) :: w(:), w1(:), at_middle(:)
         !> As in the evaluations.
         integer, intent(in), optional :: sides(:)
+        !> Second derivatives, unbounded where the branch of a kink is not certain.
+        type(interval_type), intent(inout), optional :: w2(:)
         type(interval_type) :: a, b, b_at_middle, by_a, by_b, offset
         integer :: branches(2), operation, k, n, i, j
 
@@ -87,11 +89,29 @@ contains
                 w(n + k) = enclose_value(operation, a, b, branches)
                 call enclose_slopes(operation, a, b, w(n + k), branches, by_a, by_b)
                 w1(n + k) = add(multiply(by_a, w1(i)), multiply(by_b, w1(j)))
+                if (present(w2)) w2(n + k) = curvature(w2(i), w2(j))
                 w(n + k) = common_part(w(n + k), add(at_middle(n + k), multiply(w1(n + k), offset)))
             end do
         end associate
 
     contains
+
+        !> The second derivative of the current operation.
+        pure type(interval_type) function curvature(a2, b2) result(f2)
+            !> Those of the operands.
+            type(interval_type), intent(in) :: a2, b2
+            type(interval_type) :: by_aa, by_ab, by_bb
+
+            call enclose_curvatures(operation, a, b, w(n + k), [by_a, by_b], branches(1) == 1, by_aa, by_ab, by_bb)
+            if (branches(1) /= branches(2)) then
+                by_aa = interval_type(-huge(1.0_wp), huge(1.0_wp))
+                by_ab = by_aa
+                by_bb = by_aa
+            end if
+            by_aa = add(multiply(by_aa, w1(i)), multiply(by_ab, w1(j)))
+            by_ab = add(multiply(by_ab, w1(i)), multiply(by_bb, w1(j)))
+            f2 = add(add(multiply(by_a, a2), multiply(by_b, b2)), add(multiply(by_aa, w1(i)), multiply(by_ab, w1(j))))
+        end function curvature
 
         !> The branches of the current operation in the middle.
         pure function middle_branches(a, b) result(branches)
@@ -132,9 +152,15 @@ contains
     end procedure enclose_kinks
 
     module procedure enclose_parts
-        type(interval_type) :: w(max_slots), w1(max_slots), at_middle(max_slots)
+        type(interval_type) :: w(max_slots), w1(max_slots), w2(max_slots), at_middle(max_slots)
 
-        call enclose(self, variable, from, to, w, w1, at_middle, sides)
+        if (present(curvatures)) then
+            w2(:self%code%n_slots - size(self%code%operations)) = exact(0.0_wp)
+            call enclose(self, variable, from, to, w, w1, at_middle, sides, w2)
+            curvatures = w2(parts)
+        else
+            call enclose(self, variable, from, to, w, w1, at_middle, sides)
+        end if
         values = w(parts)
         rates = w1(parts)
     end procedure enclose_parts

@@ -62,7 +62,7 @@ module tandem_mechanism_expression
         end subroutine enclose_kinks
 
         !> Bounds of the values of parts and of their derivatives while the variable that they depend on goes through an interval.
-        pure module subroutine enclose_parts(self, variable, parts, from, to, values, rates, sides)
+        pure module subroutine enclose_parts(self, variable, parts, from, to, values, rates, sides, curvatures)
             implicit none (type, external)
             class(expression_type), intent(in) :: self
             integer, intent(in) :: variable
@@ -72,6 +72,8 @@ module tandem_mechanism_expression
             type(interval_type), intent(out) :: values(:), rates(:)
             !> The side of each kink: 1 or -1. Without it, the variables decide.
             integer, intent(in), optional :: sides(:)
+            !> Bounds of the second derivatives.
+            type(interval_type), intent(out), optional :: curvatures(:)
         end subroutine enclose_parts
 
         !> The values of parts and their derivatives by the variable.

@@ -99,7 +99,7 @@ contains
 
     !> Whether values between two times are far from those that a step from one to the other sees: they are not.
     logical function hides_nothing(self, from, to, between, rates) result(hides)
-        class(function_type), intent(in) :: self
+        class(function_type), intent(inout) :: self
         !> Two times within the piece that is held (s).
         real(wp), intent(in) :: from, to
         !> True if the step evaluates at times between its ends; true if the rate counts too.
@@ -154,7 +154,7 @@ contains
     end subroutine hold_expression
 
     logical function expression_hides(self, from, to, between, rates) result(hides)
-        class(expression_function_type), intent(in) :: self
+        class(expression_function_type), intent(inout) :: self
         real(wp), intent(in) :: from, to
         logical, intent(in) :: between, rates
 

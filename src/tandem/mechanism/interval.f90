@@ -1,7 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> Interval arithmetic for the operations of expressions: bounds of values and of first partial derivatives, where operands vary
-!> within bounds. Results are widened by more than their rounding errors, so that the bounds hold for exact arithmetic and for
-!> values as they are computed. An empty interval, whose bounds are not numbers, stands for a result that does not exist.
+!> Interval arithmetic for the operations of expressions: bounds of values and of first and second partial derivatives, where
+!> operands vary within bounds. Results are widened by more than their rounding errors, so that the bounds hold for exact
+!> arithmetic and for values as they are computed. An empty interval, whose bounds are not numbers, stands for a result that
+!> does not exist.
 module tandem_mechanism_interval
     use tandem_kinds, only: long, wp
     use tandem_mechanism_operations, only: branch_of, op_abs, op_acos, op_add, op_asin, op_atan, op_atan2, op_cos, op_cosh, &
@@ -10,7 +11,8 @@ module tandem_mechanism_interval
     implicit none (type, external)
     private
 
-    public :: interval_type, nothing, exact, add, subtract, multiply, common_part, enclose_value, enclose_slopes, branches_between
+    public :: interval_type, nothing, exact, add, subtract, multiply, common_part, enclose_value, enclose_slopes, &
+        enclose_curvatures, branches_between
 
     !> All numbers between two bounds.
     type :: interval_type
@@ -244,7 +246,7 @@ contains
                 if (.not. a%low > 0.0_wp) f = whole
             end if
         case (op_negate)
-            f = interval_type(-a%high, -a%low)
+            f = negative(a)
         case (op_sin)
             f = sine(a)
         case (op_cos)
@@ -299,7 +301,7 @@ contains
             case (op_min, op_max)
                 piece = merge(a, b, (operation == op_max) .eqv. (branch == 1))
             case (op_abs)
-                piece = merge(a, interval_type(-a%high, -a%low), branch == 1)
+                piece = merge(a, negative(a), branch == 1)
             case (op_ramp)
                 piece = merge(a, exact(0.0_wp), branch == 1)
             case (op_smooth_step)
@@ -360,7 +362,7 @@ contains
             by_b = a
         case (op_divide)
             by_a = inverse(b)
-            by_b = multiply(interval_type(-f%high, -f%low), by_a)
+            by_b = multiply(negative(f), by_a)
         case (op_power_constant)
             by_a = multiply(b, power(a, b%low - 1.0_wp))
         case (op_power)
@@ -376,7 +378,7 @@ contains
             by_a = cosine(a)
         case (op_cos)
             s = sine(a)
-            by_a = interval_type(-s%high, -s%low)
+            by_a = negative(s)
         case (op_tan)
             by_a = add(square(f), exact(1.0_wp))
             if (f%low <= -huge(1.0_wp)) by_a = whole
@@ -385,7 +387,7 @@ contains
             by_a = power(inverse(interval_type(max(s%low, 0.0_wp), max(s%high, 0.0_wp))), 0.5_wp)
             by_a%high = max(by_a%high, by_a%low)
             if (.not. s%low > 0.0_wp) by_a%high = huge(1.0_wp)
-            if (operation == op_acos) by_a = interval_type(-by_a%high, -by_a%low)
+            if (operation == op_acos) by_a = negative(by_a)
         case (op_atan)
             by_a = inverse(add(square(a), exact(1.0_wp)))
         case (op_atan2)
@@ -394,7 +396,7 @@ contains
             if (b%low > 0.0_wp .or. smallest_size(a) > 0.0_wp) then
                 s = inverse(add(square(a), square(b)))
                 by_a = multiply(b, s)
-                by_b = multiply(interval_type(-a%high, -a%low), s)
+                by_b = multiply(negative(a), s)
             end if
         case (op_sinh)
             by_a = widened(cosh(smallest_size(a)), cosh(max(abs(a%low), abs(a%high))))
@@ -431,4 +433,70 @@ contains
             end if
         end select
     end subroutine enclose_slopes
+
+    !> Bounds of the second partial derivatives of an operation on one branch.
+    pure subroutine enclose_curvatures(operation, a, b, f, slopes, is_inner, by_aa, by_ab, by_bb)
+        integer, intent(in) :: operation
+        !> The operands, the value and the first derivatives.
+        type(interval_type), intent(in) :: a, b, f, slopes(2)
+        !> True for the middle branch of `smooth_step`.
+        logical, intent(in) :: is_inner
+        type(interval_type), intent(out) :: by_aa, by_ab, by_bb
+        type(interval_type) :: s
+
+        by_aa = exact(0.0_wp)
+        by_ab = by_aa
+        by_bb = by_aa
+        select case (operation)
+        case (op_multiply)
+            by_ab = exact(1.0_wp)
+        case (op_divide)
+            s = square(slopes(1))
+            by_ab = negative(s)
+            by_bb = multiply(exact(2.0_wp), multiply(f, s))
+        case (op_power_constant)
+            by_aa = multiply(multiply(b, subtract(b, exact(1.0_wp))), power(a, b%low - 2.0_wp))
+        case (op_power)
+            by_aa = whole
+            by_ab = whole
+            by_bb = whole
+            if (a%low > 0.0_wp) then
+                s = inverse(a)
+                by_aa = multiply(multiply(slopes(1), subtract(b, exact(1.0_wp))), s)
+                by_ab = multiply(add(multiply(slopes(2), b), f), s)
+                by_bb = multiply(slopes(2), logarithm(a))
+            end if
+        case (op_sin, op_cos)
+            by_aa = negative(f)
+        case (op_tan, op_tanh)
+            by_aa = multiply(multiply(exact(merge(2.0_wp, -2.0_wp, operation == op_tan)), f), slopes(1))
+        case (op_asin, op_acos)
+            by_aa = multiply(a, power(slopes(1), 3.0_wp))
+        case (op_atan)
+            by_aa = multiply(multiply(exact(-2.0_wp), a), square(slopes(1)))
+        case (op_atan2)
+            by_ab = subtract(square(slopes(2)), square(slopes(1)))
+            by_bb = multiply(multiply(exact(-2.0_wp), slopes(1)), slopes(2))
+            by_aa = negative(by_bb)
+        case (op_sinh, op_cosh, op_exp)
+            by_aa = f
+        case (op_log)
+            by_aa = negative(square(slopes(1)))
+        case (op_sqrt)
+            by_aa = multiply(multiply(exact(-0.5_wp), slopes(1)), inverse(a))
+        case (op_smooth_step)
+            ! 60 a (1 - a) (1 - 2 a).
+            if (is_inner) by_aa = multiply(multiply(multiply(exact(60.0_wp), a), subtract(exact(1.0_wp), a)), &
+                subtract(exact(1.0_wp), multiply(exact(2.0_wp), a)))
+        case default ! The others are linear on each branch.
+            continue
+        end select
+    end subroutine enclose_curvatures
+
+    !> -a.
+    elemental type(interval_type) function negative(a) result(f)
+        type(interval_type), intent(in) :: a
+
+        f = interval_type(-a%high, -a%low)
+    end function negative
 end module tandem_mechanism_interval

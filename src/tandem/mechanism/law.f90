@@ -103,7 +103,7 @@ contains
 
     !> Whether values between two times are far from those that a step from one to the other sees: they are not.
     logical function hides_nothing(self, from, to, between) result(hides)
-        class(law_type), intent(in) :: self
+        class(law_type), intent(inout) :: self
         !> Two times within the piece that is held (s).
         real(wp), intent(in) :: from, to
         !> True if the step evaluates at times between its ends.
@@ -186,7 +186,7 @@ contains
     end subroutine hold_expression
 
     logical function expression_hides(self, from, to, between) result(hides)
-        class(expression_law_type), intent(in) :: self
+        class(expression_law_type), intent(inout) :: self
         real(wp), intent(in) :: from, to
         logical, intent(in) :: between
 

@@ -26,6 +26,10 @@ module tandem_mechanism_piecewise
         integer, allocatable :: parts(:)
         !> Whether sides are held, and whether all of them are.
         logical :: holds = .false., holds_all = .false.
+        !> Times between which the parts are monotonic, so that no step hides a value; how long a time is examined next, and how
+        !> many steps pass before that.
+        real(wp), private :: clear(2) = [huge(1.0_wp), -huge(1.0_wp)], examined = 0.0_wp
+        integer, private :: n_waits = 0, n_left = 0
     contains
         procedure :: initialize, find_kinks, hides, hold, evaluate_value
         procedure :: evaluate_gradient, evaluate_along, evaluate_gradient_along
@@ -187,9 +191,10 @@ contains
 
     !> Whether the parts that depend on time alone take values between two times that are far from those at times that a step
     !> looks at, such as a pulse that is narrower than the step. What a step meets by chance is not seen at other times: each
-    !> of two groups of times has to show what bounds from interval arithmetic allow.
+    !> of two groups of times has to show what bounds from interval arithmetic allow. Nothing is hidden while the parts are
+    !> monotonic, which is examined for many steps at once.
     logical function hides(self, from, to, between, rates)
-        class(piecewise_type), intent(in) :: self
+        class(piecewise_type), intent(inout) :: self
         !> Two times within a smooth piece, which is held.
         real(wp), intent(in) :: from, to
         !> True if the step evaluates at times between its ends; true if derivatives count too.
@@ -205,6 +210,9 @@ contains
         hides = .false.
         m = size(self%parts)
         if (m == 0) return
+        if (is_clear(self, from, to)) return
+        call examine(self, from, to - from, rates)
+        if (is_clear(self, from, to)) return
         n = merge(2*m, m, rates)
         call take_values(self, from, at_ends)
         call take_values(self, to, now)
@@ -230,7 +238,7 @@ contains
         real(wp) function violation(left, right)
             real(wp), intent(in) :: left, right
 
-            call take_bounds(self, left, right, now)
+            call take_bounds(self, left, right, now(:m), now(m + 1:2*m))
             violation = largest_excess()
         end function violation
 
@@ -277,6 +285,56 @@ contains
         end subroutine search
     end function hides
 
+    !> True if the parts are known to be monotonic between two times.
+    pure logical function is_clear(self, from, to)
+        class(piecewise_type), intent(in) :: self
+        real(wp), intent(in) :: from, to
+
+        is_clear = from >= self%clear(1) .and. to <= self%clear(2)
+    end function is_clear
+
+    !> Examine the parts from a time on, twice as long a time after success and a quarter of it after failure. In vain, steps pass
+    !> until the next look, so that the work stays small where functions are never monotonic within a step.
+    subroutine examine(self, from, step, rates)
+        class(piecewise_type), intent(inout) :: self
+        real(wp), intent(in) :: from, step
+        !> True if the derivatives must be monotonic too.
+        logical, intent(in) :: rates
+        integer, parameter :: most_waits = 15
+        real(wp), parameter :: most_steps = 1000.0_wp
+        !> Of fixed size, since nothing is allocated in a step.
+        type(interval_type), dimension(max_slots) :: values, slopes, curvatures
+        logical :: is_monotonic
+        integer :: m
+
+        m = size(self%parts)
+        if (self%n_left > 0) then
+            self%n_left = self%n_left - 1
+            return
+        end if
+        self%examined = min(max(self%examined, step), most_steps*step)
+        do
+            if (rates) then
+                call take_bounds(self, from, from + self%examined, values(:m), slopes(:m), curvatures(:m))
+            else
+                call take_bounds(self, from, from + self%examined, values(:m), slopes(:m))
+            end if
+            is_monotonic = all(slopes(:m)%low >= 0.0_wp .or. slopes(:m)%high <= 0.0_wp)
+            if (rates) is_monotonic = is_monotonic .and. &
+                all(curvatures(:m)%low >= 0.0_wp .or. curvatures(:m)%high <= 0.0_wp)
+            if (is_monotonic) then
+                self%clear = [from, from + self%examined]
+                self%examined = 2*self%examined
+                self%n_waits = 0
+                return
+            end if
+            if (.not. self%examined > step) exit
+            self%examined = max(self%examined/4, step)
+        end do
+        self%n_waits = min(2*self%n_waits + 1, most_waits)
+        self%n_left = self%n_waits
+    end subroutine examine
+
     !> The values of the parts that depend on time alone at one time, then their derivatives.
     pure subroutine take_values(self, t, values)
         class(piecewise_type), intent(in) :: self
@@ -295,18 +353,17 @@ contains
         values(:2*m)%high = now(:2*m)
     end subroutine take_values
 
-    !> Their bounds between two times.
-    pure subroutine take_bounds(self, left, right, bounds)
+    !> Bounds of values and derivatives of the parts between two times.
+    pure subroutine take_bounds(self, left, right, values, rates, curvatures)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: left, right
-        type(interval_type), intent(inout) :: bounds(:)
-        integer :: m
+        type(interval_type), intent(out) :: values(:), rates(:)
+        type(interval_type), intent(out), optional :: curvatures(:)
 
-        m = size(self%parts)
         if (self%holds) then
-            call self%expression%enclose_parts(self%time, self%parts, left, right, bounds(:m), bounds(m + 1:2*m), self%sides)
+            call self%expression%enclose_parts(self%time, self%parts, left, right, values, rates, self%sides, curvatures)
         else
-            call self%expression%enclose_parts(self%time, self%parts, left, right, bounds(:m), bounds(m + 1:2*m))
+            call self%expression%enclose_parts(self%time, self%parts, left, right, values, rates, curvatures=curvatures)
         end if
     end subroutine take_bounds
 
@@ -390,6 +447,7 @@ contains
         where (self%is_timed) self%sides = sides
         self%holds = .true.
         self%holds_all = all(self%is_timed)
+        self%clear = [huge(t), -huge(t)]
     end subroutine hold
 
     !> The sides of all kinks: those of the state, and those that are held.

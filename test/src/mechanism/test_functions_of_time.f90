@@ -7,6 +7,7 @@ module test_functions_of_time
     use tandem, only: expression_function, expression_type, failure_type => error_type, mechanism_type, options_type, &
         parse_expression, simulation_type, statistics_type, to_text, wp
     use tandem_linalg_random, only: random_vector
+    use tandem_mechanism_interval, only: interval_type
     use tandem_mechanism_piecewise, only: piecewise_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
@@ -28,7 +29,9 @@ contains
             new_unittest('arguments-that-touch-zero-have-no-kink', test_touching), &
             new_unittest('kinks-without-end-are-refused', test_endless), &
             new_unittest('a-force-switched-a-thousand-times-a-second', test_switching), &
+            new_unittest('bounds-of-second-derivatives', test_curvatures), &
             new_unittest('a-pulse-narrower-than-steps', test_pulse), &
+            new_unittest('a-look-ahead-changes-no-step', test_look_ahead), &
             new_unittest('a-motion-with-a-narrow-bump', test_bump), &
             new_unittest('a-fixed-step-that-passes-over-a-pulse-warns', test_fixed_steps), &
             new_unittest('smooth-functions-do-not-shorten-steps', test_smooth)]
@@ -247,6 +250,75 @@ contains
         call check_close(error, simulation%state%qd(:1), [t/2], 1.0e-12_wp, 'velocity')
         call check_close(error, simulation%state%q(:1), [t**2/4 + t/8000], 1.0e-12_wp, 'place')
     end subroutine test_switching
+
+    !> Second derivatives of every operation lie within their bounds, which in short intervals are close.
+    subroutine test_curvatures(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=26), parameter :: texts(*) = [character(len=26) :: 'sin(t)*cos(2*t)', 'exp(t)/(1 + t^2)', '(1 + t)^t', &
+            '(1 + t)^2.5', 't^3 - t', 'tan(0.5*t)', 'asin(0.4*t)', 'acos(0.4*t)', 'atan(2*t)', 'atan2(sin(t), 2 + t)', &
+            'sinh(t)', 'cosh(t)', 'tanh(t)', 'log(1 + t)', 'sqrt(1 + t)', 'abs(t - 5)*t', 'min(t, 5)^2', 'smooth_step(t/3)', &
+            '-exp(-((t - 1)/0.3)^2)', '2^t', '1/(t + 0.5)', 'ramp(t)*t', 'sign(t)*t^2 + step(t)*t^3']
+        type(expression_type) :: expression
+        type(failure_type), allocatable :: failure
+        type(interval_type) :: values(1), rates(1), bounds(1)
+        real(wp) :: ends(2), f(3), t
+        integer :: i, j, k, seed
+
+        seed = 5
+        do i = 1, size(texts)
+            call parse_expression(expression, trim(texts(i)), ['t'], failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            do j = 1, 20
+                ends = 0.1_wp + abs(random_vector(seed, 2))
+                ends(2) = ends(1) + merge(ends(2), 1.0e-6_wp, j > 10)
+                call expression%enclose_parts(1, expression%list_parts(1), ends(1), ends(2), values, rates, curvatures=bounds)
+                do k = 0, 10
+                    t = ends(1) + real(k, wp)/10*(ends(2) - ends(1))
+                    call expression%evaluate_along([t], [1.0_wp], f(1), f(2), f(3))
+                    call check_true(error, f(3) >= bounds(1)%low - 1.0e-13_wp .and. f(3) <= bounds(1)%high + 1.0e-13_wp, &
+                        trim(texts(i))//' at t = '//to_text(t)//': '//to_text(f(3))//' is not between '// &
+                        to_text(bounds(1)%low)//' and '//to_text(bounds(1)%high))
+                    if (j <= 10) call check_below(error, bounds(1)%high - bounds(1)%low, 1.0e-3_wp, trim(texts(i)))
+                end do
+            end do
+        end do
+    end subroutine test_curvatures
+
+    !> Steps of many sizes through functions with pulses get the same answers from one object that looks ahead and from a new one
+    !> for each step.
+    subroutine test_look_ahead(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=56), parameter :: texts(*) = [character(len=56) :: 'sin(3*t) + t', '5*exp(-((t - 1)/0.003)^2) + t', &
+            'sin(t)^2 + cos(t)^2', 'exp(-((t - 0.4)/1e-4)^2) + sin(200*t)', 'tanh((t - 0.7)/1e-4) + t', &
+            '0.1*t + 1e-6*exp(-((t - 1)/0.001)^2)', 'smooth_step(t, 0.2, 0.3) - smooth_step(t, 0.4, 0.41)']
+        type(piecewise_type) :: pieces, fresh, held
+        real(wp) :: t, h, sizes(400)
+        logical :: rates, between
+        integer :: i, k, n_hidden, seed
+
+        seed = 3
+        n_hidden = 0
+        do i = 1, size(texts)
+            call parse(pieces, trim(texts(i)), error)
+            if (allocated(error)) return
+            rates = mod(i, 2) == 0
+            between = i > 2
+            fresh = pieces
+            sizes = abs(random_vector(seed, size(sizes)))
+            t = 0.0_wp
+            do k = 1, size(sizes)
+                h = 3.0e-2_wp*sizes(k)
+                held = fresh
+                if (held%hides(t, t + h, between, rates)) n_hidden = n_hidden + 1
+                held = fresh
+                call check_true(error, held%hides(t, t + h, between, rates) .eqv. pieces%hides(t, t + h, between, rates), &
+                    trim(texts(i))//' from '//to_text(t)//' to '//to_text(t + h))
+                t = t + h
+            end do
+        end do
+        call check_true(error, n_hidden > 2, 'pulses are hidden from some of the steps: '//to_text(n_hidden))
+    end subroutine test_look_ahead
 
     !> The momentum of a Gaussian pulse, with every stepper that has an error estimate; beside it another, which steps would meet at
     !> a time that is half of theirs.
