@@ -253,6 +253,7 @@ contains
         call pack%item(self%tries_of_look)
         call pack%item(self%n_collapsed)
         call pack%item(self%tries_from, self%creeps_from)
+        call self%slowing%pack_state(pack)
         call self%stepper%pack_state(pack)
         call self%control%pack_state(pack)
         call self%work%pack_state(pack)

@@ -120,6 +120,7 @@ contains
             ! The chart of the step that ends here is kept for its dense output until the next step.
             self%renewal = by_breakpoint
             self%n_collapsed = 0
+            call self%slowing%restart()
             call self%watch%forget_values()
             if (stat == status_ok) then
                 call self%measure_errors(error)

@@ -142,6 +142,7 @@ contains
         self%tries = 0
         self%tries_of_look = 0
         self%n_collapsed = 0
+        call self%slowing%restart()
         self%has_overlooked = .false.
         self%chart_is_current = .false.
         self%n_redundant = 0

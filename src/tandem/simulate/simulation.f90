@@ -21,6 +21,7 @@ module tandem_simulation
     use tandem_simulate_dense_output, only: dense_output_type
     use tandem_simulate_event_watch, only: event_watch_type
     use tandem_simulate_lost_rank, only: lost_rank_type
+    use tandem_simulate_slowing, only: slowing_type
     use tandem_simulate_stiffness, only: implicit_advice, stiffness_type
     use tandem_simulate_switching, only: cost_of_implicit, looks, switching_type
     use tandem_simulate_work_limit, only: work_limit_type
@@ -112,6 +113,7 @@ module tandem_simulation
         !> found that they do.
         integer, private :: tries = 0, tries_of_look = 0, n_collapsed = 0
         real(wp), private :: tries_from = 0.0_wp, creeps_from = 0.0_wp
+        type(slowing_type), private :: slowing
         type(statistics_type), private :: tally
         class(step_control_type), allocatable, private :: control
         type(work_limit_type), private :: work

@@ -35,7 +35,8 @@ contains
         class(simulation_type), intent(in) :: self
         character(len=200) :: advice
 
-        advice = 'see what makes errors large there: a singularity, a kink that depends on the state, or tolerances near rounding'
+        advice = 'see what makes errors large there: a singularity, such as a driven distance that goes to zero, a kink that '// &
+            'depends on the state, or tolerances near rounding'
         if (.not. self%model%is_ready_made) advice = trim(advice)//', or a procedure that is wrong (tandem check, verify_model)'
     end function causes
 
@@ -64,7 +65,8 @@ contains
         integer, parameter :: enough = 5
         real(wp), parameter :: collapsed = 1.0e-7_wp, recovered = 10.0_wp, near = 100.0_wp
         !> A run is taken to be no longer than so many times what it has done: limits of single steps need not be meant.
-        real(wp), parameter :: foreseen = 10.0_wp
+        !> At its start this part of the time scale of the model stands for that.
+        real(wp), parameter :: foreseen = 10.0_wp, beginning = 0.01_wp
         !> Of a model that contradicts itself no more than so many looks are taken, if this part of its tries was in vain: steps
         !> fail for that reason then.
         real(wp), parameter :: most_looks = 10.0_wp, in_vain = 0.3_wp
@@ -72,6 +74,8 @@ contains
         logical :: is_wrong
 
         if (.not. self%control%h < 0.5_wp*(stop_at - self%state%t)) return
+        call check_slowing(self, stop_at, error)
+        if (allocated(error)) return
         self%tries_of_look = self%tries_of_look + 1
         if (self%tries_of_look < few) return
         way = self%state%t - self%creeps_from
@@ -83,7 +87,8 @@ contains
             if (allocated(error)) return
         end if
         associate (rest => t_limit - self%state%t, &
-            limit => collapsed*min(t_limit - self%t_start, foreseen*(self%state%t - self%t_start)))
+            limit => collapsed*min(t_limit - self%t_start, max(foreseen*(self%state%t - self%t_start), &
+            beginning*self%model%time_scale)))
             is_wrong = self%tally%contradiction /= '' .and. most_looks*way < rest .and. &
                 real(self%tally%rejected + self%tally%failed, wp) > in_vain*tries
             if (is_wrong .or. (way <= limit .and. near*way <= rest)) then
@@ -99,6 +104,26 @@ contains
             to_text(few)//' tries got only '//to_text(way)//' further, to t = '//to_text(self%state%t), &
             trim(causes(self))//trim(for_stiffness(self)))
     end subroutine check_creeping
+
+    !> Do steps shrink towards a time before the next stop? What changes at that stop they do not see.
+    subroutine check_slowing(self, stop_at, error)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: stop_at
+        type(error_type), allocatable, intent(out) :: error
+        !> The stop must be further by so much of the time that is left by the estimate.
+        real(wp), parameter :: margin = 1.0_wp
+        real(wp) :: t_end
+        logical :: converges
+
+        call self%slowing%observe(self%state%t)
+        call self%slowing%find_end(self%state%t, t_end, converges)
+        if (.not. (converges .and. t_end + margin*(t_end - self%state%t) < stop_at)) return
+        call self%slowing%restart()
+        call name_near_loss(self, error)
+        if (.not. allocated(error)) call set_error(error, status_step_underflow, 'steps shrink from t = '// &
+            to_text(self%state%t)//' towards t = '//to_text(t_end)//', which no number of them reaches', &
+            trim(causes(self))//trim(for_stiffness(self)))
+    end subroutine check_slowing
 
     !> Steps have become hopelessly short: a loss of rank may be why.
     subroutine name_near_loss(self, error)

@@ -188,6 +188,7 @@ contains
         call self%look_for_events(self%next%t >= t_limit, is_cut, error)
         if (is_cut) then
             self%n_collapsed = 0
+            call self%slowing%restart()
             ends_at_breakpoint = ends_at_breakpoint .and. self%state%t >= self%next%t
             ! The next step ends on the grid of fixed steps where this one would have, unless too little is left of it.
             if (.not. self%options%is_adaptive() .and. &

@@ -5,6 +5,7 @@ module test_collapse
     use asserts, only: check_below, check_no_failure, check_true
     use tandem, only: expression_function, expression_type, failure_type => error_type, mechanism_type, model_type, options_type, &
         parse_expression, simulation_type, statistics_type, to_text, wp
+    use tandem_simulate_slowing, only: slowing_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -39,6 +40,8 @@ contains
             new_unittest('a-wrong-jacobian-is-named', test_wrong_jacobian), &
             new_unittest('a-kink-of-an-imposed-position', test_imposed_kink), &
             new_unittest('a-rope-that-is-reeled-in', test_rope), &
+            new_unittest('a-spinning-rope-that-is-reeled-in', test_spinning_rope), &
+            new_unittest('times-that-converge', test_slowing), &
             new_unittest('tiny-steps-of-a-stiff-start-go-on', test_stiff_start)]
     end subroutine collect_collapse
 
@@ -189,10 +192,11 @@ contains
     !> A bob that hangs on a rope whose length goes to zero: the row of the rope vanishes there.
     subroutine test_rope(error)
         type(error_type), allocatable, intent(out) :: error
+        character(len=9), parameter :: all_steppers(6) = [steppers, 'trapezoid']
         integer :: k
 
-        do k = 1, 2
-            call check(steppers(k))
+        do k = 1, size(all_steppers)
+            call check(all_steppers(k))
             if (allocated(error)) return
         end do
 
@@ -216,6 +220,122 @@ contains
             call stops(mechanism, trim(stepper), 1.0e-8_wp, 1.0_wp, 2.0_wp, error)
         end subroutine check
     end subroutine test_rope
+
+    !> A mass that turns on a rope whose length goes to zero turns ever faster: its angle grows as 1/(1 - t).
+    subroutine test_spinning_rope(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=9), parameter :: all_steppers(6) = [steppers, 'trapezoid']
+        real(wp), parameter :: rates(2) = [0.5_wp, 3.0_wp]
+        integer :: i, k
+
+        do k = 1, size(all_steppers)
+            do i = 1, size(rates)
+                call check(all_steppers(k), rates(i))
+                if (allocated(error)) return
+            end do
+        end do
+
+    contains
+
+        subroutine check(stepper, rate)
+            character(len=*), intent(in) :: stepper
+            real(wp), intent(in) :: rate
+            type(mechanism_type), target :: mechanism
+            type(simulation_type) :: simulation
+            type(statistics_type) :: statistics
+            type(expression_type) :: expression
+            type(failure_type), allocatable :: failure
+            type(options_type) :: options
+
+            mechanism%planar = .true.
+            mechanism%times = [0.0_wp, 2.0_wp]
+            call mechanism%add_body('bob', 1.0_wp, [0.0_wp, -1.0_wp], failure)
+            call check_no_failure(error, failure)
+            call parse_expression(expression, '1 - t', ['t'], failure)
+            call check_no_failure(error, failure)
+            call mechanism%add_distance('rope', 'ground', 'bob', failure, motion=expression_function(expression))
+            call check_no_failure(error, failure)
+            call mechanism%define(failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            options%stepper = stepper
+            options%rtol = 1.0e-6_wp
+            call simulation%initialize(mechanism, options, 0.0_wp, [0.0_wp, -1.0_wp], [rate, 1.0_wp], failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call simulation%integrate(2.0_wp, failure)
+            statistics = simulation%statistics()
+            call check_true(error, allocated(failure), trim(stepper)//' does not stop')
+            if (allocated(error)) return
+            call check_true(error, simulation%state%t > 0.9_wp .and. simulation%state%t < 1.0_wp, trim(stepper)//' stops at '// &
+                to_text(simulation%state%t))
+            call check_true(error, statistics%steps + statistics%rejected + statistics%failed < some_thousands, trim(stepper)// &
+                ' takes '//to_text(int(statistics%steps))//' steps: '//failure%message)
+        end subroutine check
+    end subroutine test_spinning_rope
+
+    !> Times of tries in closed form: those that converge as powers of 1/n are found with their limit, those that do not are not.
+    subroutine test_slowing(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: most = 50000
+
+        call check('1 - 3/n', .true.)
+        call check('1 - 1/n^2 from the try 3000 on', .true.)
+        call check('equal steps', .false.)
+        call check('rates that grow exponentially', .false.)
+        call check('rates that grow as a power', .false.)
+        call check('steps that are short from one time on', .false.)
+        call check('steps that become short twice', .false.)
+
+    contains
+
+        subroutine check(kind, expected)
+            character(len=*), intent(in) :: kind
+            logical, intent(in) :: expected
+            type(slowing_type) :: slowing
+            real(wp) :: t, t_end
+            logical :: converges
+            integer :: n
+
+            if (allocated(error)) return
+            converges = .false.
+            do n = 1, most
+                t = time_of(kind, n)
+                call slowing%observe(t)
+                call slowing%find_end(t, t_end, converges)
+                if (converges) exit
+            end do
+            call check_true(error, converges .eqv. expected, kind)
+            if (.not. expected .or. allocated(error)) return
+            call check_below(error, abs(t_end - 1.0_wp), 0.3_wp*(1.0_wp - t), 'the limit of '//kind)
+            call check_true(error, n < 20000, kind//' is found after '//to_text(n))
+        end subroutine check
+
+        pure real(wp) function time_of(kind, n) result(t)
+            character(len=*), intent(in) :: kind
+            integer, intent(in) :: n
+            real(wp) :: x
+
+            x = real(n, wp)
+            select case (kind)
+            case ('1 - 3/n')
+                t = 1 - 3/x
+            case ('1 - 1/n^2 from the try 3000 on')
+                t = 0.25_wp*x/3000
+                if (n > 3000) t = 1 - 0.75_wp/(1 + (x - 3000)/600)**2
+            case ('rates that grow exponentially')
+                t = log(x)
+            case ('rates that grow as a power')
+                t = x**0.25_wp
+            case ('steps that are short from one time on')
+                t = min(x, 700 + (x - 700)*1.0e-6_wp)
+            case ('steps that become short twice')
+                t = min(x, 700 + (x - 700)*1.0e-3_wp, 702.3_wp + (x - 3000)*1.0e-6_wp)
+            case default
+                t = x
+            end select
+        end function time_of
+    end subroutine test_slowing
 
     !> Expect a run to stop close to a time, with a status, after some thousand steps.
     subroutine stops(mechanism, stepper, rtol, t, t_end, error)
