@@ -6,7 +6,8 @@
 !> vanishes on all directions of (q, t) that dPhi allows; rows are integrable together where every dw_i vanishes on the directions
 !> that all of them allow. A form that vanishes on some random directions vanishes on all with probability one. So there are
 !> differences along a few directions, for all rows at once, and neither their work nor their memory grows with the square of the
-!> number of rows. Differences are central ones; an accident of one point is told from integrability by a look at others.
+!> number of rows. Differences are central ones; an accident of one point is told from integrability by a look at others, which are
+!> elsewhere in time too: a wheel that is steered by 1 - cos(t) has at t = 0 the rows of one that is not steered.
 !> Source: R. M. Murray, Z. Li, S. S. Sastry, A Mathematical Introduction to Robotic Manipulation, CRC Press 1994, section 6.2 and
 !> chapter 7.
 module tandem_model_integrability
@@ -25,8 +26,8 @@ module tandem_model_integrability
 
     !> What is known of the forms at one point.
     type :: forms_type
-        !> The place, and the scales of the coordinates there (n).
-        real(wp) :: t = 0.0_wp
+        !> The place, and the scales of time and of the coordinates there (n).
+        real(wp) :: t = 0.0_wp, time_scale = 1.0_wp
         real(wp), allocatable :: q(:), scale(:)
         !> Rows of [C, -nu] in scaled (q, t), of unit length, and their lengths (m, n + 1), (m).
         real(wp), allocatable :: rows(:, :), length(:)
@@ -62,10 +63,11 @@ contains
         is_alone = .true.
         together = model%n_nonholonomic > 1
         call evaluator%initialize(model, wants_mass=.false.)
-        forms%t = t
+        forms%time_scale = model%time_scale
         forms%scale = scale
         seed = 12345
         do i = 1, n_points
+            forms%t = t + (i - 1)*distance*forms%time_scale
             forms%q = q + (i - 1)*distance*scale*[(sin(real(i + 3*j, wp)), j=1, size(q))]
             call load(evaluator, forms, counts, stat)
             if (stat == status_ok .and. any(is_alone)) then
@@ -101,7 +103,7 @@ contains
         end do
     end subroutine load
 
-    !> The rows of [C diag(s), -nu].
+    !> The rows of [C diag(s), -nu] in the scaled time.
     subroutine evaluate(evaluator, forms, time, place, counts, rows, stat)
         type(evaluator_type), intent(inout) :: evaluator
         type(forms_type), intent(in) :: forms
@@ -117,7 +119,7 @@ contains
             do k = 1, n
                 rows(:, k) = terms%jacobian(:, k)*forms%scale(k)
             end do
-            rows(:, n + 1) = -terms%nu
+            rows(:, n + 1) = -terms%nu*forms%time_scale
         end associate
         if (.not. sum(abs(rows)) <= huge(1.0_wp)) stat = -1
     end subroutine evaluate
@@ -248,6 +250,7 @@ contains
         !> Displacement of central differences, eps**(1/3).
         real(wp), parameter :: delta = epsilon(1.0_wp)**(1.0_wp/3)
         real(wp), allocatable :: ahead(:, :), behind(:, :)
+        real(wp) :: later, step(size(forms%q))
         integer :: a, i, k, n
 
         n = size(forms%q)
@@ -256,12 +259,12 @@ contains
         if (allocated(forms%slope)) deallocate (forms%slope, forms%magnitude)
         allocate (forms%slope(size(ahead, 1) - nh, k, k), forms%magnitude(size(ahead, 1) - nh, k, k))
         do a = 1, k
-            associate (step => delta*forms%directions(:, a))
-                call evaluate(evaluator, forms, forms%t + step(n + 1), forms%q + step(:n)*forms%scale, counts, ahead, stat)
-                if (stat /= status_ok) return
-                call evaluate(evaluator, forms, forms%t - step(n + 1), forms%q - step(:n)*forms%scale, counts, behind, stat)
-                if (stat /= status_ok) return
-            end associate
+            later = delta*forms%directions(n + 1, a)*forms%time_scale
+            step = delta*forms%directions(:n, a)*forms%scale
+            call evaluate(evaluator, forms, forms%t + later, forms%q + step, counts, ahead, stat)
+            if (stat /= status_ok) return
+            call evaluate(evaluator, forms, forms%t - later, forms%q - step, counts, behind, stat)
+            if (stat /= status_ok) return
             do i = 1, n + 1
                 ahead(:, i) = (ahead(:, i) - behind(:, i))/(2*delta*forms%length)
             end do

@@ -8,8 +8,8 @@ module test_rank
     use model_turning_rows, only: turning_rows_type
     use rank_checks, only: all_warnings, check_multipliers, check_same_motion, n_warnings
     use runs, only: choose, get_start, new_scene, run
-    use tandem, only: change_stepper, basis_methods, chart_policies, failure_type => error_type, model_type, options_type, &
-        refresh_modes, simulation_type, terms_type, wp
+    use tandem, only: change_stepper, basis_methods, chart_policies, failure_type => error_type, mechanism_type, model_type, &
+        options_type, polynomial_type, refresh_modes, simulation_type, terms_type, wp
     use terms_at, only: get_terms
     use testdrive, only: error_type, new_unittest, unittest_type
     use watch, only: error_watch_type, natural_errors
@@ -45,7 +45,8 @@ contains
             new_unittest('a-copy-that-goes-astray-stops-the-run', test_growth), &
             new_unittest('a-motion-may-need-other-rows', test_turning_rows), &
             new_unittest('integrable-rows-are-named', test_integrable), &
-            new_unittest('truly-nonholonomic-rows-are-not', test_nonholonomic)]
+            new_unittest('truly-nonholonomic-rows-are-not', test_nonholonomic), &
+            new_unittest('nor-are-wheels-that-are-straight-at-first', test_straight_at_first)]
     end subroutine collect_rank
 
     !> Options for a short run by a stepper.
@@ -509,4 +510,41 @@ contains
             call check_count(error, n_warnings(simulation), 0, trim(names(i))//': '//all_warnings(simulation))
         end do
     end subroutine test_nonholonomic
+
+    !> Two wheels of a car, of which one is steered by an angle t^2: with the time held, and at t = 0, they are integrable together.
+    !> If it is held straight they are, in any unit of time.
+    subroutine test_straight_at_first(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: across(2) = [0.0_wp, 1.0_wp], units(3) = [1.0_wp, 1.0e3_wp, 1.0e-3_wp]
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(3), qd(3)
+        integer :: i, j
+
+        do i = 1, size(units)
+            do j = 0, 1
+                mechanism = mechanism_type(planar=.true.)
+                call mechanism%add_body('car', 1.0_wp, [0.0_wp, 0.0_wp], failure, inertia=[0.5_wp], &
+                    velocity=[2.0_wp, 0.0_wp]/units(i))
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                call mechanism%add_point('car', 'front', [1.0_wp, 0.0_wp], failure)
+                call mechanism%add_point('car', 'rear', [-1.0_wp, 0.0_wp], failure)
+                call mechanism%add_knife_edge('first', 'car.front', across, failure, &
+                    steer=polynomial_type([0.0_wp, 0.0_wp, j*0.4_wp/units(i)**2]))
+                call mechanism%add_knife_edge('second', 'car.rear', across, failure)
+                call mechanism%define(failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                call mechanism%start(q, qd)
+                call simulation%initialize(mechanism, options_type(), 0.0_wp, q, qd, failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                call check_count(error, n_warnings(simulation), 1 - j, all_warnings(simulation))
+                if (j == 0) call check_text(error, all_warnings(simulation), 'integrable together')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_straight_at_first
 end module test_rank
