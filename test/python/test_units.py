@@ -48,6 +48,25 @@ def chain(seed, length, mass, time):
     return "\n".join(lines) + "\n", scales
 
 
+def clutch(length, mass, time):
+    """A wheel on a spring and a rack, which a clutch couples for a while; a clock of constant speed works the clutch."""
+    inertia = mass*length**2
+    return "\n".join([
+        "[scene]", 'model = "mechanism"', "planar = true",
+        "[body.clock]", f"mass = {mass}", f"inertia = {inertia}", f"position = {numbers([-3*length, 0])}", f"omega = {2/time}",
+        "[joint.axle]", 'type = "revolute"', 'bodies = ["ground", "clock"]', f"at = {numbers([-3*length, 0])}",
+        "[body.wheel]", f"mass = {5*mass}", f"inertia = {0.9*inertia}", f"position = {numbers([0.4*length, 0.3*length])}",
+        f"omega = {2.5/time}", "[joint.pin]", 'type = "revolute"', 'bodies = ["ground", "wheel"]', "at = [0, 0]",
+        "[body.rack]", f"mass = {2*mass}", f"inertia = {inertia}", f"position = {numbers([0, 2*length])}",
+        "[joint.guide]", 'type = "prismatic"', 'bodies = ["ground", "rack"]', f"at = {numbers([0, 2*length])}", "axis = [1, 0]",
+        "[constraint.clutch]", 'type = "coupling"', 'joints = ["pin", "guide"]', f"factors = {numbers([length, 1])}", "locked = false",
+        "[force.spring]", 'type = "spring"', f'between = ["ground:{numbers([1.2*length, -2.4*length])}", "wheel"]',
+        f"stiffness = {27*mass/time**2}", f"damping = {3*mass/time}", f"length = {2.9*length}",
+        "[initial]", "assemble = true", "[time]", f"end = {time}", "[results]", 'joints = ["axle"]',
+        *[line for name, angle, change in (("one", 0.4, "lock"), ("two", 0.9, "free"), ("three", 1.4, "lock")) for line in
+          ("[[event]]", f'name = "{name}"', 'watch = "/joints/axle/angle"', f"value = {angle}", f'change = "{change} clutch"')]]) + "\n"
+
+
 class Units(Case):
     def one(self, *arguments):
         done = self.tandem(*arguments, "--json")
@@ -73,6 +92,23 @@ class Units(Case):
                     self.assertEqual((status, warnings), reports[0][:2])
                     self.assertLessEqual(abs(steps - reports[0][2]), 2 + reports[0][2]//50)
                     self.assertLess(max(abs(a - b) for a, b in zip(q, reports[0][3])), 1e-5)
+
+    def test_latches(self):
+        """What an event locks and frees has a coordinate without effect, whose mass must not be one kilogram."""
+        lengths = [(1, 1, 1), (1e-3, 1e-3, 1/3600), (1e3, 1e-3, 1e3), (1e-6, 1e-15, 1e-3)]
+        for stepper in ("sdirk54", "radau5", "dop853"):
+            found = []
+            for length, mass, time in lengths:
+                report = self.ran(clutch(length, mass, time), stepper, 1e-6)
+                found.append((report["status"], report["figures"]["steps"], [event["t"]/time for event in report["events"]],
+                              report["q"][5], report["q"][8]/length))
+            self.assertEqual(len(found[0][2]), 3)
+            for other in found[1:]:
+                with self.subTest(stepper=stepper):
+                    self.assertEqual(other[0], "ok")
+                    self.assertLessEqual(abs(other[1] - found[0][1]), 2)
+                    for a, b in zip([*other[2], *other[3:]], [*found[0][2], *found[0][3:]], strict=True):
+                        self.assertAlmostEqual(a, b, delta=1e-8)
 
     def test_equilibria(self):
         for seed in range(8):

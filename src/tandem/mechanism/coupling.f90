@@ -4,8 +4,9 @@
 !> that has turned a million times meets as exactly as one that has not.
 !>
 !> A row that events lock and free is there all the time, since a model does not change its size. While it is free it holds a
-!> coordinate of its own, the slack s = 0 of unit mass, and the joints are free; while it is locked it holds the joints, and the
-!> slack rests for itself. At the moment of locking `at` becomes what the sum is there.
+!> coordinate of its own, the slack s = 0, and the joints are free; while it is locked it holds the joints, and the slack rests
+!> for itself. The mass of a slack has no effect but on rounding, and is that of a body. At the moment of locking `at` becomes
+!> what the sum is there.
 !>
 !> The row of an imposed angle in space is one of them, Phi = phi - f(t) between -pi and pi: its only root is phi = f(t) but for
 !> whole turns, which have no meaning in the orientations of bodies.
@@ -33,9 +34,11 @@ module tandem_mechanism_coupling
         !> The number of f, 0 for none; whether whole turns do not count in Phi.
         integer :: motion = 0
         logical :: drops_turns = .false.
-        !> Of a row that can be freed: the column of its slack, 0 for one that cannot; whether it is locked, and where.
+        !> Of a row that can be freed: the column of its slack, 0 for one that cannot, and the mass of that; whether it is locked,
+        !> and where.
         logical :: can_be_freed = .false., is_locked = .true.
         integer :: slack = 0
+        real(wp) :: slack_mass = 1.0_wp
         real(wp) :: at = 0.0_wp
     end type coupling_type
 

@@ -514,7 +514,7 @@ contains
             end do
             do i = 1, size(self%couplings)
                 k = self%couplings(i)%slack
-                if (k > 0) terms%mass(k, k) = 1.0_wp
+                if (k > 0) terms%mass(k, k) = self%couplings(i)%slack_mass
             end do
         end if
         if (iand(need, need_force) == 0) return

@@ -2,6 +2,7 @@
 !> The scales of a mechanism, taken from its own lengths, so that the same mechanism takes the same steps in any units.
 submodule(tandem_mechanism) tandem_mechanism_scales
     use tandem_mechanism_coordinate, only: is_angle, is_tilt, pi
+    use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_span, only: span_type
     implicit none (type, external)
 
@@ -14,6 +15,7 @@ submodule(tandem_mechanism) tandem_mechanism_scales
 contains
 
     module procedure set_scales
+        real(wp) :: unit, mass
         integer :: i
 
         self%size_of_bodies = typical_length(self)
@@ -26,6 +28,16 @@ contains
                 else
                     scale(:merge(2, 3, self%planar)) = self%size_of_bodies
                 end if
+            end associate
+        end do
+        do i = 1, size(self%couplings)
+            associate (it => self%couplings(i))
+                if (it%slack == 0) cycle
+                unit = size_of_sum(self, it)
+                mass = sum(self%bodies%mass)/size(self%bodies)*(self%size_of_bodies/unit)**2
+                if (.not. (mass > 0.0_wp .and. mass <= huge(1.0_wp))) cycle
+                self%coordinate_scale(it%slack) = unit
+                it%slack_mass = mass
             end associate
         end do
         if (.not. (self%planar .and. any(self%bodies%turns))) return
@@ -61,11 +73,23 @@ contains
         rate = maxval([0.0_wp, abs(qd)/self%coordinate_scale])
     end function rate_of_start
 
+    !> What a coupling holds where its angles are 1 and its ways a length.
+    pure real(wp) function size_of_sum(self, it) result(unit)
+        class(mechanism_type), intent(in) :: self
+        type(coupling_type), intent(in) :: it
+        integer :: k
+
+        unit = 0.0_wp
+        do k = 1, it%n
+            unit = unit + abs(it%factors(k))*merge(1.0_wp, self%size_of_bodies, any(it%coordinates(k)%kind == [is_angle, is_tilt]))
+        end do
+    end function size_of_sum
+
     !> How fast functions of time that drive joints and distances change at a time.
     real(wp) function rate_of_motions(self, t) result(rate)
         class(mechanism_type), intent(in) :: self
         real(wp), intent(in) :: t
-        integer :: i, k
+        integer :: i
 
         rate = 0.0_wp
         do i = 1, size(self%dots)
@@ -78,10 +102,7 @@ contains
             call add(self%angles(i)%motion, 1.0_wp)
         end do
         do i = 1, size(self%couplings)
-            associate (it => self%couplings(i))
-                call add(it%motion, sum([(abs(it%factors(k))*merge(1.0_wp, self%size_of_bodies, &
-                    any(it%coordinates(k)%kind == [is_angle, is_tilt])), k=1, it%n)]))
-            end associate
+            call add(self%couplings(i)%motion, size_of_sum(self, self%couplings(i)))
         end do
 
     contains
