@@ -174,6 +174,8 @@ contains
         ! A place like that of a joint, none of whose rows come.
         joint%kind = find_kind('fixed', self%planar)
         call self%place_joint(label, joint, first, second, error, at, axis, across, .false.)
+        if (.not. allocated(error) .and. joint%first > 0) call self%need_turning_body(label, joint%first, error)
+        if (.not. allocated(error) .and. joint%second > 0) call self%need_turning_body(label, joint%second, error)
         if (.not. allocated(error) .and. present(stiffness)) call take_matrix('stiffness', stiffness, bushing%stiffness)
         if (.not. allocated(error) .and. present(damping)) call take_matrix('damping', damping, bushing%damping)
         if (allocated(error)) return

@@ -174,6 +174,18 @@ contains
         call check_true(error, allocated(failure), 'one entry is too few')
         if (allocated(failure)) call check_true(error, index(failure%message, 'bushing rubber: stiffness has 1 entries') > 0, &
             failure%message)
+        ! What has no orientation has no angles that a bushing could hold.
+        do i = 1, 2
+            call mechanism%clear()
+            call draw(mechanism, i == 1)
+            call mechanism%add_body('point', 1.0_wp, at(:merge(2, 3, i == 1)), failure)
+            call check_no_failure(error, failure)
+            call mechanism%add_bushing('rubber', 'ground', 'point', failure, stiffness=[(1.0_wp, j=1, merge(3, 6, i == 1))], &
+                at=at(:merge(2, 3, i == 1)))
+            call check_true(error, allocated(failure), 'a bushing holds a point mass')
+            if (allocated(failure)) call check_true(error, index(failure%message, 'bushing rubber') > 0 .and. &
+                index(failure%message, 'point') > 0, failure%message)
+        end do
     end subroutine test_bushings
 
     !> Where they are: straight arguments meet them exactly, curved ones to rounding, and a pair within one part is found.
