@@ -291,6 +291,20 @@ class Verify(Damaged):
             self.assertIn(resumed.returncode, (0, 2))
         self.assertGreaterEqual(min(told), 18)
 
+    def test_files_that_are_of_no_run(self):
+        """Nothing is wrong with them, and nothing in them can be verified."""
+        (self.folder / "sweep.toml").write_text('[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.01"]\n[[vary]]\n'
+                                                'key = "initial.tilt"\nvalues = [0.0, 0.1]\n[[keep]]\nquantity = "rz"\n')
+        self.tandem("sweep", "sweep.toml", "--quiet", "--output", "sweep.h5")
+        self.tandem("linearise", "rolling_disk", "--output", "linearised.h5")
+        self.tandem("study", "precision", "rolling_disk", "--set", "time.end=0.02", "--steppers", "rk4", "--samples", "1",
+                    "--repeats", "1", "--budget", "0.01", "--output", "study")
+        for name in ("sweep.h5", "linearised.h5", "study/precision_rolling_disk.h5"):
+            with self.subTest(name):
+                says = self.tandem("verify", name, code=2).stderr
+                self.assertIn(f"cannot verify {name}: it has no rows of a run", says)
+                self.assertNotIn("damaged", says)
+
     def test_a_damaged_checkpoint(self):
         """One place is enough to go on from, but the file is not as it was written."""
         self.tandem("run", "rolling_disk", *LIMITED, "--set", "output.flush=0", "--output", "run.h5", code=1)

@@ -1,7 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> Whether a result file holds what was written.
 module tandem_io_output_verification
-    use tandem, only: error_type
+    use tandem, only: error_type, set_error
+    use tandem_status, only: status_invalid_checkpoint
     use tandem_io_output_checkpoint, only: check_places
     use tandem_io_output_checksums, only: examine, finding_type
     use tandem_io_output_hdf5, only: hdf5_type
@@ -24,11 +25,21 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(hdf5_type) :: file
         character(len=:), allocatable :: problem
+        logical :: is_of_a_run
 
         status = ''
         call check_source(path, error, 'verify')
         if (allocated(error)) return
         call file%open_to_read(path)
+        ! Where either of them cannot be read, the file is damaged.
+        is_of_a_run = file%has('/trajectory')
+        if (.not. is_of_a_run) is_of_a_run = file%has('/checksums')
+        if (.not. (is_of_a_run .or. allocated(file%problem))) then
+            call file%close()
+            call set_error(error, status_invalid_checkpoint, 'cannot verify '//path//': it has no rows of a run', &
+                'give the result of a run; files of studies, sweeps and linearisations have no checksums')
+            return
+        end if
         call file%get_text('/', 'status', status)
         call examine(file, finding)
         call check_places(file, problem)
