@@ -34,6 +34,7 @@ contains
             new_unittest('more-rows-than-coordinates', test_more_rows), &
             new_unittest('the-norm-of-a-hub-may-be-redundant', test_norm), &
             new_unittest('stiff-springs-cost-no-steps', test_stiff), &
+            new_unittest('matrices-made-amid-stages-cost-no-steps', test_matrices), &
             new_unittest('auto-exchanges-and-resumes-bitwise', test_auto), &
             new_unittest('radau-changes-its-order-and-resumes-bitwise', test_radau), &
             new_unittest('choice', test_choice), &
@@ -286,6 +287,40 @@ contains
         end do
         call check_below(error, real(maxval(steps), wp), 2.0_wp*steps(1) + 20.0_wp, 'steps of the stiffest')
     end subroutine test_stiff
+
+    !> Where a matrix is made amid the stages, the next stage starts from the correction of a stage, and from no point of another
+    !> branch: no step fails, nor is any shorter than on the dense chart.
+    subroutine test_matrices(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(statistics_type) :: dense, sparse
+        integer :: k
+
+        mechanism = mechanism_type(planar=.true., gravity=[1.0_wp, -9.81_wp, 0.0_wp])
+        call mechanism%add_body('slider', 0.7_wp, [-0.22_wp, 0.04_wp], failure, inertia=[0.03_wp])
+        call mechanism%add_joint('guide', 'prismatic', 'ground', 'slider', failure, at=[0.0_wp, 0.2_wp], axis=[0.91_wp, 0.41_wp])
+        call mechanism%add_body('first', 2.0_wp, [-0.53_wp, 0.23_wp], failure, inertia=[0.03_wp])
+        call mechanism%add_joint('pin', 'revolute', 'slider', 'first', failure, at=[0.0_wp, -0.13_wp])
+        call mechanism%add_body('second', 2.4_wp, [-0.13_wp, -0.6_wp], failure, inertia=[0.2_wp])
+        call mechanism%add_joint('hinge', 'revolute', 'first', 'second', failure, at=[-0.21_wp, 0.35_wp])
+        call mechanism%add_bushing('rubber', 'ground', 'second', failure, at=[-0.19_wp, -0.86_wp], &
+            stiffness=[390.0_wp, 140.0_wp, 140.0_wp], damping=[12.0_wp, 4.3_wp, 4.4_wp])
+        call mechanism%define(failure)
+        call check_no_failure(error, failure)
+        do k = 1, 2
+            if (allocated(error)) return
+            call start(mechanism, controlled(merge(5.0e-8_wp, 1.0e-8_wp, k == 1), 'dense', 'sdirk54'), simulation, error)
+            call go_on(simulation, 0.35_wp, error)
+            dense = simulation%statistics()
+            call start(mechanism, controlled(merge(5.0e-8_wp, 1.0e-8_wp, k == 1), 'sparse', 'sdirk54'), simulation, error)
+            call go_on(simulation, 0.35_wp, error)
+            sparse = simulation%statistics()
+            call check_count(error, int(sparse%failed), 0, 'steps that fail')
+            call check_below(error, 0.9_wp*dense%smallest_step, sparse%smallest_step, 'the smallest step')
+        end do
+    end subroutine test_matrices
 
     !> The stepper `auto` takes radau5 where springs are stiff, and a run that is taken up across the exchange goes on bitwise.
     subroutine test_auto(error)

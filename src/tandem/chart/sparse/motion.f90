@@ -380,8 +380,10 @@ contains
             call self%recall(self%system, self%system%nh, self%iterate_defect, is_near, self%defect_of_delta, self%has_curve, &
                 self%is_curve_old, self%delta, self%curve)
             if (self%has_curve .and. is_near) self%delta(:) = self%iterate_defect*self%curve
-        else if (self%defect < huge(1.0_wp) .and. self%has_curve) then
-            self%delta(:) = self%defect*self%curve
+        else
+            ! A point of no stage, such as one where a matrix is made amid the stages, has another correction.
+            if (.not. self%is_iterate) self%defect_of_delta = 0.0_wp
+            if (self%defect < huge(1.0_wp) .and. self%has_curve) self%delta(:) = self%defect*self%curve
         end if
         wanted = merge(self%stage_tolerance, self%end_tolerance, self%is_stage)
         first_error = 0.0_wp

@@ -42,6 +42,8 @@ contains
                 self%is_bend_old, self%delta_rate, self%bend)
             if (self%has_bend .and. is_near) self%delta_rate(:) = self%iterate_defect*self%bend
             self%has_delta_rate = self%has_delta_rate .or. (self%has_bend .and. is_near)
+        else if (.not. self%is_iterate) then
+            self%defect_of_rate = 0.0_wp
         end if
         first_error = 0.0_wp
         error_before = 0.0_wp
