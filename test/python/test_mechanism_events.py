@@ -131,6 +131,27 @@ class Changing(Mechanism):
                 after = file["trajectory/time"][:] > file["events/time"][0]
                 self.near(file["joints/hand/angle"][:][after], value, 1e-11)
 
+    def test_a_latch_catches_once_whatever_else_happens(self):
+        """The elbow of a double pendulum is locked at the angle that is watched. Events of its shoulder end steps all along."""
+        text = PLANE.replace("[0,", "[1,") + '[initial]\nassemble = true\n\n[time]\nend = 4\n\n[results]\njoints = "all"\n\n' \
+            '[body.upper]\nmass = 1\ninertia = 0.1\nposition = [0.1, -0.5]\nomega = 1\n\n[joint.shoulder]\ntype = "revolute"\n' \
+            'bodies = ["ground", "upper"]\nat = [0, 0]\n\n[body.lower]\nmass = 0.7\ninertia = 0.05\nposition = [0.3, -1.4]\n' \
+            'omega = 3\n\n[joint.elbow]\ntype = "revolute"\nbodies = ["upper", "lower"]\nat = [0.2, -1]\n\n' \
+            '[constraint.latch]\ntype = "coupling"\njoints = ["elbow"]\nfactors = [1]\nlocked = false\n\n' \
+            '[force.twist]\ntype = "torsion"\njoint = "shoulder"\nstiffness = 2\n' \
+            + event("caught", "/joints/elbow/angle", 0.1, change="lock latch")
+        for k, angle in enumerate((-0.02, -0.05, -0.1, -0.12, -0.15, -0.2)):
+            text += event(f"at{k}", "/joints/shoulder/angle", angle, change="force.twist.stiffness = 2")
+        scene = self.scene(text)
+        for stepper in ("sdirk54", "radau5", "dop853", "dopri5", "auto"):
+            for rtol in (1e-5, 1e-6, 1e-8):
+                settings = [f"solver.stepper={stepper}", f"solver.rtol={rtol}"]
+                with self.subTest(settings), self.went(scene, *settings) as file:
+                    names = file["events/name"][:].tolist()
+                    self.assertEqual(names.count(b"caught"), 1)
+                    self.assertGreater(len(names), 20)
+                    self.near(file["joints/elbow/angle"][-1], 0.1, 1e-11)
+
     def test_a_spring_that_changes(self):
         """k = 1 until the mass passes the middle, k = 4 from there."""
         text = SPRING + event("middle", "/sensors/way/way", -1.0, change="force.coil.stiffness = 4", direction="falling")

@@ -220,8 +220,16 @@ contains
         self%n_at_once = merge(0, self%n_at_once + 1, has_advanced)
         is_endless = self%n_at_once > most_at_once
         if (is_endless) return
-        self%watched%rests = .false.
-        self%watched%noise = 0.0_wp
+        do i = 1, self%n
+            associate (watched => self%watched(i))
+                ! What has stayed at its zero until there goes on to rest, such as a joint that was locked where it is watched.
+                do k = 1, n_samples
+                    if (place(k) > x) exit
+                    if (sign_of(self%samples(i, k), max(zero*watched%largest, watched%noise)) /= 0) watched%rests = .false.
+                end do
+                if (.not. watched%rests) watched%noise = 0.0_wp
+            end associate
+        end do
         do k = 1, self%found%n
             if (self%found%place(k) > x) exit
             if (self%found%place(k) < x - at_once) cycle
@@ -239,7 +247,7 @@ contains
             ! The sign before the cut, for those that do not happen there.
             do k = 1, n_samples
                 if (place(k) > x) exit
-                associate (s => sign_of(self%samples(i, k), zero*self%watched(i)%largest))
+                associate (s => sign_of(self%samples(i, k), max(zero*self%watched(i)%largest, self%watched(i)%noise)))
                     if (s /= 0) self%watched(i)%sign_before = s
                 end associate
             end do
