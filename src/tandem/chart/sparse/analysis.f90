@@ -177,6 +177,9 @@ contains
         integer, allocatable :: next(:)
         integer :: b, k, l, n
 
+        ! gfortran looks at the shape of what an assignment allocates before it does.
+        if (allocated(self%node)) deallocate (self%node, self%behind, self%link)
+        allocate (self%node(4, self%n_nodes), self%behind(3, size(self%later) + 1), self%link(6, size(self%link_node) + 1))
         self%node = reshape([(self%place(n), self%height(n), self%diagonal_offset(n), self%origin(n), n=1, self%n_nodes)], &
             [4, self%n_nodes])
         self%behind = reshape([(self%place(self%later(k)), self%height(self%later(k)), self%later_offset(k), &
