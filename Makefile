@@ -30,7 +30,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # A git hook exports these; fpm's calls of git would follow them into another repository.
 unexport GIT_DIR GIT_WORK_TREE GIT_INDEX_FILE GIT_PREFIX GIT_COMMON_DIR GIT_OBJECT_DIRECTORY
 
-.PHONY: help setup build optimised mpi run test test-all sanitize coverage docs python plots bench bench-count install uninstall clean
+.PHONY: help setup build optimised mpi run test test-all sanitize coverage docs python plots bench bench-count install uninstall wheel dist clean
 .DEFAULT_GOAL := help
 
 run: build ## run a scene anew, e.g. make run SCENE=articulated_vehicle ARGS='--set time.end=5'
@@ -87,6 +87,16 @@ install: $(INSTALL_NEEDS) ## program with scenes, and libraries, below PREFIX (/
 
 uninstall: ## remove what `make install` put below PREFIX (PARTS for some of it)
 	@python3 tools/library.py uninstall --prefix "$(PREFIX)" --destdir "$(DESTDIR)" --parts $(REMOVED)
+
+wheel: setup ## dist/*.whl: the package for Python with library and program, for any Linux on x86-64 (doc/installation.md)
+	@tools/setup.sh wheel
+	@rm -rf build/wheel python/build
+	@TANDEM_PORTABLE=1 .venv/bin/python -m pip wheel --quiet --no-deps --no-build-isolation -w build/wheel ./python
+	@PATH=$(CURDIR)/.venv/bin:$(PATH) auditwheel repair -w dist build/wheel/*.whl
+
+dist: setup ## dist/tandem-VERSION-linux-x86_64.tar.xz: program, libraries, scenes and documents, to unpack anywhere
+	@tools/setup.sh wheel
+	@python3 tools/library.py archive
 
 python: build ## the package for Python in an environment of its own, build/python; also for tandem plot and view
 	@tools/python.sh

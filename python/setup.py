@@ -1,96 +1,76 @@
 # SPDX-License-Identifier: MIT
-"""What pyproject.toml cannot say: the version is that of the checkout, and the package holds the shared library, three.js for the
-pages of `tandem view`, and the program where `make build` has left it.
+"""What pyproject.toml cannot say: the version is that of the checkout, and the package holds the shared library, the program with
+its scenes, and three.js for the pages of `tandem view`.
 
-The library is compiled by gfortran for any machine of this kind, or for the machine at hand with ARCH=-march=native; its objects are
-those of `make install` with the same flags. three.js comes
-through npm's client, in the version and with the checksum that are pinned here.
+With TANDEM_PORTABLE set, library and program run on any Linux of this kind (`make wheel`). Otherwise the library is compiled for any
+machine of this kind, or for the machine at hand with ARCH=-march=native, from the objects of `make install` with the same flags;
+the program is the one that `make build` has left. three.js comes out of a package on PyPI that ships it, and has to have the
+checksums that are pinned here.
 """
 
-import base64
 import hashlib
 import importlib.util
 import os
 import re
 import shutil
-import subprocess
 import sys
-import tarfile
 from pathlib import Path
 
 from setuptools import Distribution, setup
+from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_py import build_py
-
-try:
-    from setuptools.command.bdist_wheel import bdist_wheel
-except ImportError:
-    from wheel.bdist_wheel import bdist_wheel
 
 ROOT = Path(__file__).resolve().parent.parent
 THREE = "0.180.0"
-THREE_SHA512 = "o+qycAMZrh+TsE01GqWUxUIKR1AL0S8pq7zDkYOQw8GqfX8b8VoCKYUoHbhiX5j+7hr8XsuHDVU6+gkQJQKg9w=="
-THREE_FILES = {"package/build/three.core.min.js": "three.core.min.js", "package/build/three.module.min.js": "three.module.min.js",
-               "package/examples/jsm/controls/OrbitControls.js": "OrbitControls.js", "package/LICENSE": "LICENSE"}
-
-
-def say(text):
-    print(f"tandem: {text}", file=sys.stderr, flush=True)
+# The package that ships it, pinned in pyproject.toml. It names the file beside OrbitControls.js, where pages name a module.
+THREE_CARRIER = "ifc_console_viewer"
+THREE_IMPORT = b"from './three.module.min.js'", b"from 'three'"
+# Of the files as npm has them.
+THREE_SHA256 = {
+    "three.core.min.js": "61ba0df005b05991361d040d8ff670e1aadfd0ce7aeebd1fdb0725957a8957de",
+    "three.module.min.js": "e2b5ee6bccd38fd6d8a2428546b83c5f2426d84b152ef82be8055556e3b40eb6",
+    "OrbitControls.js": "b97879c748170baadeb3fb84cea1ffdf4674e283dc06042f34e2acb95a76042c",
+    "LICENSE.three.txt": "bfe119ea4fd413f5f7ca3fcd63adb0c4a073ed39daa2fe7d3e6b769e21272601",
+}
 
 
 def version():
     return re.search(r'^version = "([^"]+)"', (ROOT / "fpm.toml").read_text(), re.M)[1]
 
 
-def build_library(target):
-    """libtandem.so by tools/library.py of the checkout; TANDEM_LIBRARY names one that is built already."""
-    target.mkdir(parents=True, exist_ok=True)
-    if "TANDEM_LIBRARY" in os.environ:
-        built = Path(os.environ["TANDEM_LIBRARY"])
+def add_files(target):
+    """The shared library and the program, as below a prefix."""
+    spec = importlib.util.spec_from_file_location("library", ROOT / "tools" / "library.py")
+    library = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(library)
+    portable = bool(os.environ.get("TANDEM_PORTABLE"))
+    if portable:
+        built = library.build_portable()
+        program = built / "tandem"
     else:
-        spec = importlib.util.spec_from_file_location("library", ROOT / "tools" / "library.py")
-        library = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(library)
-        say("building the library")
         flags = ["-O3", "-funroll-loops", *os.environ.get("ARCH", "").split()]
-        built = library.build_libraries(ROOT / "build" / "library", flags) / "libtandem.so"
-    shutil.copyfile(built, target / "libtandem.so")
+        built = library.build_libraries(ROOT / "build" / "library", flags)
+        program = ROOT / "build" / "tandem"
+        if not program.exists():
+            print("tandem: there is no build/tandem (make build), so the package takes the program on the PATH", file=sys.stderr)
+    for name, source in library.package_files(built / "libtandem.so", program, portable).items():
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source, target / name)
+        (target / name).chmod(0o755 if name.startswith("bin/") else 0o644)
 
 
-def fetch_three(target):
-    """The files of three.js, with its licence. Without npm there is a package that cannot make pages, and says so."""
-    kept = ROOT / "build" / f"three-{THREE}.tgz"
-    if not kept.exists():
-        if shutil.which("npm") is None:
-            say("there is no npm, so three.js is left out: `tandem view` will write no page (apt-get install npm)")
-            return
-        say(f"fetching three {THREE} (npm)")
-        kept.parent.mkdir(exist_ok=True)
-        done = subprocess.run(["npm", "pack", f"three@{THREE}", "--silent"], cwd=kept.parent, capture_output=True, text=True)
-        if done.returncode or not kept.exists():
-            say(f"npm could not fetch three.js, so it is left out: `tandem view` will write no page\n{done.stderr}")
-            return
-    if base64.b64encode(hashlib.sha512(kept.read_bytes()).digest()).decode() != THREE_SHA512:
-        kept.unlink()
-        raise SystemExit(f"tandem: three {THREE} has another checksum than the one in python/setup.py")
+def add_three(target):
+    """The files of three.js, with its licence."""
+    carrier = importlib.util.find_spec(THREE_CARRIER)
+    if carrier is None:
+        raise SystemExit(f"tandem: the package that ships three.js is missing: pip install {THREE_CARRIER}==0.1.4")
     target.mkdir(parents=True, exist_ok=True)
-    with tarfile.open(kept) as archive:
-        for name, to in THREE_FILES.items():
-            (target / to).write_bytes(archive.extractfile(name).read())
+    for name, checksum in THREE_SHA256.items():
+        content = (Path(carrier.origin).parent / "static" / "vendor" / name).read_bytes().replace(*THREE_IMPORT)
+        if hashlib.sha256(content).hexdigest() != checksum:
+            raise SystemExit(f"tandem: {name} of three {THREE} has another checksum than the one in python/setup.py")
+        (target / name.replace("LICENSE.three.txt", "LICENSE")).write_bytes(content)
     (target / "VERSION").write_text(THREE + "\n")
-
-
-def add_program(target):
-    """The program with its scenes and the licence of what it holds, where it was built."""
-    program = ROOT / "build" / "tandem"
-    licence = ROOT / "build" / "dependencies" / "toml-f" / "LICENSE-MIT"
-    if not (program.exists() and licence.exists()):
-        say("there is no build/tandem (make build), so the package takes the program on the PATH")
-        return
-    for source, to in [(program, "bin/tandem"), (licence, "share/tandem/licences/program-toml-f.txt"),
-                       *((scene, f"share/tandem/scenes/{scene.name}") for scene in (ROOT / "scenes").glob("*.toml"))]:
-        (target / to).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(source, target / to)
-    (target / "bin/tandem").chmod(0o755)
 
 
 class BuildPython(build_py):
@@ -103,9 +83,8 @@ class BuildPython(build_py):
             shutil.rmtree(package / folder, ignore_errors=True)
         if not (ROOT / "tools" / "library.py").exists():
             raise SystemExit("tandem: the package is built in a checkout: pip install ./python, or make python")
-        build_library(package / "lib")
-        fetch_three(package / "viewer" / "three")
-        add_program(package / "program")
+        add_files(package / "program")
+        add_three(package / "viewer" / "three")
         shutil.copyfile(ROOT / "LICENSE", package / "LICENSE")
 
 

@@ -4,6 +4,8 @@
 
 Usage: tools/library.py build     [--build DIR] [--flags FLAGS]
        tools/library.py install   [--build DIR] [--flags FLAGS] [--prefix DIR] [--destdir DIR] [--program FILE] [--parts PART...]
+                                  [--portable]
+       tools/library.py archive
        tools/library.py uninstall [--prefix DIR] [--destdir DIR] [--parts PART...]
 
 The parts, all of them but the last unless --parts names some:
@@ -14,6 +16,10 @@ The parts, all of them but the last unless --parts names some:
 
 `build` builds the solver. Sources are compiled in the order of their modules, those that have changed since the last time. FC
 names another gfortran, CC another C compiler.
+
+--portable makes parts `library` and `program` that run on any Linux of this kind and from any folder: the shared library holds
+OpenBLAS, which chooses its kernels where it runs; the program holds HDF5 and is linked with the shared library; the run-time library
+of gfortran stands beside them. `make wheel` ships them, and so does `archive`, with the documents: dist/tandem-VERSION-linux-x86_64.tar.xz.
 """
 
 import argparse
@@ -22,6 +28,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from pathlib import Path
 
@@ -32,6 +39,16 @@ PARTS = ["library", "program", "command-line"]
 OPTIONAL = ["mpi"]
 TOML_F = ROOT / "build" / "dependencies" / "toml-f"
 HDF5 = ROOT / "io" / "include" / "hdf5"
+# Portable files: any x86-64 processor of the last fifteen years.
+PORTABLE = ROOT / "build" / "portable"
+PORTABLE_FLAGS = [*(ROOT / "tools" / "flags" / "optimised").read_text().split(), "-march=x86-64-v2"]
+# Static libraries of Debian that they hold, and the packages with their licences.
+HELD_BY_LIBRARY = ["openblas-serial/libopenblas.a"]
+HELD_BY_PROGRAM = ["libhdf5_serial_hl.a", "libhdf5_serial_fortran.a", "libhdf5_serial.a", "libsz.a", "libaec.a", "libz.a"]
+# The run-time library of gfortran stands in a folder of its own, where no other program looks: one that brings its own takes that.
+RUN_TIME = {"libgfortran.so": "libgfortran.so.5", "libquadmath.so": "libquadmath.so.0"}
+LICENCES = {"openblas": "libopenblas-dev", "hdf5": "libhdf5-dev", "libaec": "libaec-dev", "zlib": "zlib1g-dev",
+            "gfortran": "libgfortran5"}
 # Procedures are inlined although others could replace them in a shared library; local arrays stay off static memory, so that
 # threads never meet; no pointer to an internal procedure may be made.
 ALWAYS = ["-std=f2018", "-fPIC", "-fno-semantic-interposition", "-frecursive", "-Wtrampolines", "-Werror=trampolines",
@@ -127,24 +144,48 @@ def archive(file, objects):
     subprocess.run(["ar", "rcs", str(file), *map(str, objects)], check=True)
 
 
-def build_libraries(build, flags):
+def found_by_linker(name):
+    """The path of a library."""
+    path = subprocess.run([FC, f"-print-file-name={name}"], capture_output=True, text=True).stdout.strip()
+    if not os.path.isabs(path):
+        raise SystemExit(f"library: there is no {name}: tools/setup.sh wheel brings it")
+    return os.path.realpath(path)
+
+
+def portable_link(names, *folders):
+    """Arguments of the linker for static libraries whose symbols nobody else sees. Shared ones are searched in folders beside the
+    file, also those that they need in turn (an RPATH, no RUNPATH)."""
+    where = ":".join(f"$ORIGIN/{folder}" for folder in folders)
+    stand_ins = []
+    for source in (ROOT / "tools" / "portable").glob("*.c"):
+        stand_ins.append(str(PORTABLE / f"{source.stem}.stand-in"))
+        subprocess.run([CC, "-O2", "-fPIC", "-fvisibility=hidden", "-c", str(source), "-o", stand_ins[-1]], check=True)
+    return [*stand_ins, *map(found_by_linker, names), "-Wl,--wrap=hypot", "-Wl,--exclude-libs,ALL", "-Wl,-s",
+            "-Wl,--disable-new-dtags", f"-Wl,-rpath,{where}"]
+
+
+def build_libraries(build, flags, link=("-llapack", "-lblas")):
     """libtandem.a and libtandem.so in the build folder."""
     for tool, brings in ((FC, "gfortran"), ("ar", "binutils")):
         if shutil.which(tool) is None:
             raise SystemExit(f"library: there is no {tool}; the Debian package {brings} brings it, FC names another compiler")
     build = Path(build).resolve()
     build.mkdir(parents=True, exist_ok=True)
-    objects = [str(file) for file in compile_all(build, flags, [ROOT / "src"])]
+    objects = compile_all(build, flags, [ROOT / "src"])
     _, major, _ = versions()
     shared = build / "libtandem.so"
+    newest = max(file.stat().st_mtime for file in [*objects, Path(__file__)])
+    if shared.exists() and shared.stat().st_mtime > newest:
+        return build
     archive(build / "libtandem.a", objects)
     # Symbols that nobody defines are an error here, not in the user's program; a sanitizer's come with the program.
     strict = [] if any("-fsanitize" in flag for flag in flags) else ["-Wl,-z,defs"]
+    made = build / "linked.so"
     subprocess.run(
-        [FC, "-shared", *flags, *strict, f"-Wl,-soname,libtandem.so.{major}"]
-        + ["-o", str(shared), *objects, "-llapack", "-lblas"],
+        [FC, "-shared", *flags, *strict, f"-Wl,-soname,libtandem.so.{major}", "-o", str(made), *map(str, objects), *link],
         check=True,
     )
+    made.rename(shared)
     return build
 
 
@@ -158,6 +199,22 @@ def build_command_line(build, flags):
     roots = [TOML_F / "src", ROOT / "io" / "src", ROOT / "cli" / "src"]
     archive(below_it / "libtandem-command-line.a", compile_all(below_it, flags, roots, [build / "modules", HDF5]))
     return below_it
+
+
+def build_portable():
+    """The folder with libtandem.a, libtandem.so and the program tandem, which run on any Linux of this kind. What the program adds to
+    the library is compiled without link-time optimisation: its time is that of files and lines."""
+    PORTABLE.mkdir(parents=True, exist_ok=True)
+    build = build_libraries(PORTABLE, PORTABLE_FLAGS, portable_link(HELD_BY_LIBRARY, "tandem"))
+    flags = [flag for flag in PORTABLE_FLAGS if "lto" not in flag]
+    commands = build_command_line(build, flags)
+    subprocess.run(
+        [FC, *flags, f"-I{commands / 'modules'}", "app/main.f90", "-o", str(build / "tandem")]
+        + [str(commands / "libtandem-command-line.a"), str(build / "libtandem.so")]
+        + portable_link(HELD_BY_PROGRAM, "../lib", "../lib/tandem"),
+        cwd=ROOT, check=True,
+    )
+    return build
 
 
 def run_path(prefix):
@@ -291,13 +348,32 @@ Cflags: -I${{includedir}}/tandem/command_line
     return files, {"lib/pkgconfig/tandem-command-line.pc": pkgconfig}, {}
 
 
-def install(build, flags, prefix, destdir, parts, program):
+def held():
+    """What else portable files need: the run-time library, and the licences of all that they hold."""
+    common = Path("/usr/share/common-licenses")
+    files = {f"lib/tandem/{name}": Path(found_by_linker(linked)) for linked, name in RUN_TIME.items()}
+    files |= {f"share/tandem/licences/{name}.txt": Path("/usr/share/doc", package, "copyright") for name, package in LICENCES.items()}
+    return files | {f"share/tandem/licences/{name}.txt": common / name for name in ("GPL-3", "LGPL-2.1")}
+
+
+def package_files(shared, program, portable):
+    """What the package for Python holds, as below a prefix: the shared library by the name that the program asks for, and the
+    program with its scenes."""
+    files = {f"lib/libtandem.so.{versions()[1]}": shared, "share/tandem/licences/tandem.txt": ROOT / "LICENSE"}
+    return files | (program_part(program)[0] if program.exists() else {}) | (held() if portable else {})
+
+
+def install(build, flags, prefix, destdir, parts, program, portable=False):
     """Put the parts below the prefix, and a list of each, for `uninstall`."""
     found = {}
-    if "library" in parts or "command-line" in parts:
+    if portable:
+        build = build_portable()
+        program = build / "tandem"
+    elif "library" in parts or "command-line" in parts:
         build = build_libraries(build, flags)
     if "library" in parts:
-        found["library"] = library_part(build, prefix)
+        found["library"] = library_part(build, "${pcfiledir}/../.." if portable else prefix)
+        found["library"][0].update(held() if portable else {})
     if "program" in parts:
         found["program"] = program_part(program)
     if "mpi" in parts:
@@ -322,6 +398,33 @@ def install(build, flags, prefix, destdir, parts, program):
     except OSError as error:
         raise SystemExit(f"library: {error}\nlibrary: install below another PREFIX, or as root") from error
     print(f"installed below {target}: {', '.join(found)}")
+
+
+def make_archive():
+    """The portable parts and the documents, as one folder in an archive that anybody may unpack."""
+    name = f"tandem-{versions()[0]}-linux-x86_64"
+    folder = ROOT / "build" / name
+    shutil.rmtree(folder, ignore_errors=True)
+    install(None, None, str(folder), "", ["library", "program"], None, portable=True)
+    # What link-time optimisation needs of the static library is larger than the library, and for this gfortran alone.
+    lto = ["-R", ".gnu.lto_*", "-R", ".gnu.debuglto_*"]
+    subprocess.run(["strip", "-g", *lto, str(folder / "lib" / "libtandem.a")], check=True)
+    kept = ["README.md", "CHANGELOG.md", "LICENSE", "doc", "example"]
+    listed = subprocess.run(["git", "ls-files", "-z", *kept], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for file in listed.split("\0")[:-1]:
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / file, folder / file)
+
+    def nobody(entry):
+        entry.uid = entry.gid = 0
+        entry.uname = entry.gname = "root"
+        return entry
+
+    file = ROOT / "dist" / f"{name}.tar.xz"
+    file.parent.mkdir(exist_ok=True)
+    with tarfile.open(file, "w:xz") as packed:
+        packed.add(folder, name, filter=nobody)
+    print(file.relative_to(ROOT))
 
 
 def manifest(part):
@@ -349,21 +452,24 @@ def remove(prefix, destdir, parts):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("action", choices=["build", "install", "uninstall"])
+    parser.add_argument("action", choices=["build", "install", "uninstall", "archive"])
     parser.add_argument("--build", default=str(ROOT / "build" / "library"))
     parser.add_argument("--flags", default="-O3 -funroll-loops " + os.environ.get("ARCH", ""))
     parser.add_argument("--prefix", default="/usr/local")
     parser.add_argument("--destdir", default="")
     parser.add_argument("--program", type=Path, default=ROOT / "build" / "optimised" / "tandem")
+    parser.add_argument("--portable", action="store_true")
     parser.add_argument("--parts", nargs="+", choices=PARTS + OPTIONAL)
     given = parser.parse_args()
     prefix = os.path.abspath(given.prefix)
     if given.parts is None:
-        given.parts = PARTS + OPTIONAL * (given.action == "uninstall")
+        given.parts = ["library", "program"] if given.portable else PARTS + OPTIONAL * (given.action == "uninstall")
     if given.action == "build":
         build_libraries(given.build, given.flags.split())
+    elif given.action == "archive":
+        make_archive()
     elif given.action == "install":
-        install(given.build, given.flags.split(), prefix, given.destdir, given.parts, given.program)
+        install(given.build, given.flags.split(), prefix, given.destdir, given.parts, given.program, given.portable)
     elif not remove(prefix, given.destdir, given.parts):
         raise SystemExit(f"library: no installation below {below(prefix, given.destdir)}")
 

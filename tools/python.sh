@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 # Installs the package for Python, with the library, the program and three.js, into an environment of its own: build/python, where
 # `tandem plot` and `tandem view` look for it. `make python` calls it after the build of the program. What is missing is brought:
-# packages of the system by tools/setup.sh, others from PyPI, three.js through npm.
+# packages of the system by tools/setup.sh, others from PyPI.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export PIP_USER=0 PIP_DISABLE_PIP_VERSION_CHECK=1 LC_ALL=C.UTF-8

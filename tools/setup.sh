@@ -10,9 +10,11 @@
 #        tools/setup.sh bench   and what bench/ needs
 #        tools/setup.sh mpi     and what mpi/ needs
 #        tools/setup.sh python  and what tools/python.sh needs
+#        tools/setup.sh wheel   and what `make wheel` and `make dist` need
 #
 # 1. packages of the system  gfortran, LAPACK and BLAS, the serial HDF5, git, Python's venv (for the tests also g++, CMake,
-#                            pkg-config; for bench/ SUNDIALS, valgrind; for mpi/ OpenMPI): through apt-get
+#                            pkg-config; for bench/ SUNDIALS, valgrind; for mpi/ OpenMPI; for wheels the OpenBLAS without
+#                            threads): through apt-get
 # 2. .venv/                  fpm and, for the tests, some Python packages: from PyPI
 # 3. .deps/                  the sources of the git dependencies: by git, or else out of a source package on PyPI;
 #    build/dependencies/     copies of them where fpm looks: it fetches nothing that is there already
@@ -72,8 +74,7 @@ missing_packages() { # prints the Debian packages that bring what is not there
     [ "$purpose" != bench ] || command -v valgrind >/dev/null || echo valgrind
     [ "$purpose" != mpi ] || { mpi_modules >/dev/null && linker_finds libmpi_usempif08.so; } || echo libopenmpi-dev
     [ "$purpose" != mpi ] || command -v mpirun >/dev/null || echo openmpi-bin
-    # three.js comes through it, once.
-    [ "$purpose" != python ] || ls build/three-*.tgz >/dev/null 2>&1 || command -v npm >/dev/null || echo npm
+    [ "$purpose" != wheel ] || linker_finds openblas-serial/libopenblas.a || echo libopenblas-serial-dev
     [ "$purpose" = test ] || return 0
     # The examples are built as users of C, C++ and CMake would.
     command -v c++ >/dev/null || echo g++

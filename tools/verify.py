@@ -161,7 +161,7 @@ def compiler(lines):
 
 
 def unittest_text(lines):
-    """The output of Python's unittest: 'FAIL: NAME' with its traceback, 'Ran N tests', 'FAILED (errors=1)'."""
+    """The output of Python's unittest, of one run or several: 'FAIL: NAME' with its traceback, 'Ran N tests', 'FAILED (errors=1)'."""
     count = Count()
     ran = 0
     telling = False
@@ -171,11 +171,11 @@ def unittest_text(lines):
             count.notes.append(line)
         total = re.match(r"Ran (\d+) test", line)
         if total:
-            ran = int(total[1])
+            ran += int(total[1])
         elif re.match(r"(OK|FAILED)\b", line):
             number = {key: int(value) for key, value in re.findall(r"(\w[\w ]*)=(\d+)", line)}
-            count.failed = sum(number.get(key, 0) for key in ("failures", "errors", "unexpected successes"))
-            count.skipped = number.get("skipped", 0)
+            count.failed += sum(number.get(key, 0) for key in ("failures", "errors", "unexpected successes"))
+            count.skipped += number.get("skipped", 0)
     count.passed = max(0, ran - count.failed - count.skipped)
     return count
 
@@ -275,6 +275,8 @@ PARTS = [
     Part("page", ["tools/check_package.sh", "page"], unittest_text, needs="build", long=True, expected=5),
     Part("examples", ["tools/check_examples.sh"], ok_lines, expected=3),
     Part("install", ["tools/check_install.sh"], ok_lines, needs="build", expected=6),
+    Part("wheel", ["tools/check_wheel.sh"], unittest_text, long=True, expected=14),
+    Part("dist", ["tools/check_dist.sh"], ok_lines, long=True, expected=2),
     Part("docs", ["python3", "tools/docs.py"], ok_lines, expected=0.3),
 ]
 

@@ -2,9 +2,13 @@
 """What is installed: the library, the program, three.js with its licence, and no place of the machine on which it was built."""
 
 import ctypes
+import os
+import re
 import subprocess
 import sys
+import tempfile
 import unittest
+import zipfile
 from pathlib import Path
 
 import tandem
@@ -12,6 +16,10 @@ from models import ROOT
 from tandem.library import INTERFACE, library, library_path
 
 PACKAGE = Path(tandem.__file__).parent
+#: The checkout that the package was built in.
+CHECKOUT = Path(os.environ.get("TANDEM_CHECKOUT", ROOT))
+#: The wheel that was installed, if it was one: tools/check_wheel.sh.
+WHEEL = os.environ.get("TANDEM_WHEEL")
 
 
 class Installed(unittest.TestCase):
@@ -20,7 +28,7 @@ class Installed(unittest.TestCase):
             self.skipTest("the package is run out of the checkout")
 
     def test_what_is_in_it(self):
-        self.assertEqual(Path(library_path()), PACKAGE / "lib" / "libtandem.so")
+        self.assertEqual(Path(library_path()), PACKAGE / "program" / "lib" / f"libtandem.so.{INTERFACE // 1000}")
         self.assertGreaterEqual(library().tandem_interface_version(), INTERFACE)
         self.assertEqual(Path(tandem.program_path()), PACKAGE / "program" / "bin" / "tandem")
         self.assertIn("MIT", (PACKAGE / "viewer" / "three" / "LICENSE").read_text())
@@ -29,16 +37,59 @@ class Installed(unittest.TestCase):
             self.assertTrue((PACKAGE / name).exists(), name)
 
     def test_no_path_of_the_machine(self):
-        place = str(ROOT).encode()
+        place = str(CHECKOUT).encode()
         found = [path for path in PACKAGE.rglob("*") if path.is_file() and "__pycache__" not in path.parts and place in path.read_bytes()]
         self.assertEqual(found, [])
-        told = subprocess.run(["readelf", "-d", PACKAGE / "lib" / "libtandem.so"], capture_output=True, text=True).stdout
+        told = subprocess.run(["readelf", "-d", library_path()], capture_output=True, text=True).stdout
         self.assertNotRegex(told, "RPATH|RUNPATH")
+
+    def test_the_command(self):
+        """pip puts the program beside the interpreter; its pages are drawn by this Python, whichever comes first on the PATH."""
+        with tempfile.TemporaryDirectory() as folder:
+            command = Path(sys.executable).parent / "tandem"
+            environment = {name: value for name, value in os.environ.items() if name != "TANDEM_PYTHON"}
+            for words in (["run", "slider_crank", "--set", "time.end=0.2", "--quiet"], ["plot", "slider_crank.h5"], ["view", "slider_crank.h5"]):
+                done = subprocess.run([command, *words], cwd=folder, env=environment, capture_output=True, text=True)
+                self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertEqual(subprocess.run([command, "run", "nothing"], cwd=folder, capture_output=True).returncode, 2)
+            self.assertGreater((Path(folder) / "slider_crank.html").stat().st_size, 100_000)
+
+    def test_another_package_of_that_name(self):
+        """The remedy is stated by `import tandem`, and by what the program draws, also where files of ours are overwritten."""
+        with tempfile.TemporaryDirectory() as folder:
+            other = Path(folder) / "tandem-0.4.3.dist-info" / "METADATA"
+            other.parent.mkdir()
+            other.write_text("Metadata-Version: 2.1\nName: tandem\nVersion: 0.4.3\n")
+            environment = {**os.environ, "PYTHONPATH": folder, "TANDEM_PYTHON": sys.executable}
+            for overwritten in (False, True):
+                if overwritten:
+                    (Path(folder) / "tandem").mkdir()
+                    (Path(folder) / "tandem" / "__init__.py").write_text("data = None\n")
+                else:
+                    done = subprocess.run([sys.executable, "-c", "import tandem"], env=environment, capture_output=True, text=True)
+                    self.assertIn("ImportError", done.stderr)
+                    self.assertIn("pip uninstall tandem", done.stderr)
+                done = subprocess.run([tandem.program_path(), "view", "a.h5"], cwd=folder, env=environment, capture_output=True, text=True)
+                self.assertEqual(done.returncode, 2)
+                self.assertIn("pip uninstall tandem", done.stderr)
+
+    @unittest.skipUnless(WHEEL, "what is installed did not come in a wheel of its own")
+    def test_the_wheel(self):
+        """Small, for any Linux since 2021, with nothing but the C library to be found on the machine, and the licences of all that it holds."""
+        self.assertLess(Path(WHEEL).stat().st_size, 20e6)
+        platforms = Path(WHEEL).stem.split("-")[4].split(".")
+        self.assertTrue(all(int(re.fullmatch(r"manylinux_2_(\d+)_x86_64", name)[1]) <= 34 for name in platforms), platforms)
+        names = zipfile.ZipFile(WHEEL).namelist()
+        for part in ("tandem", "program-toml-f", "openblas", "hdf5", "libaec", "zlib", "gfortran", "GPL-3", "LGPL-2.1"):
+            self.assertIn(f"tandem/program/share/tandem/licences/{part}.txt", names)
+        for file in (library_path(), tandem.program_path()):
+            told = subprocess.run(["readelf", "-d", file], capture_output=True, text=True).stdout
+            needed = set(re.findall(r"NEEDED.*\[(.*)\]", told)) - {"ld-linux-x86-64.so.2"}
+            self.assertLessEqual(needed, {"libc.so.6", "libm.so.6", "libmvec.so.1", "libgcc_s.so.1", "libgfortran.so.5", Path(library_path()).name}, file)
+        self.assertLessEqual({f"tandem/program/lib/tandem/{name}" for name in ("libgfortran.so.5", "libquadmath.so.0")}, set(names))
 
     def test_the_header_has_all_that_is_called(self):
         """Functions, and how many arguments each has, are those of include/tandem.h."""
-        import re
-
         from tandem.library import FUNCTIONS
 
         text = re.sub(r"/\*.*?\*/", " ", (ROOT / "include" / "tandem.h").read_text(), flags=re.S)

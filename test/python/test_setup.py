@@ -202,6 +202,15 @@ class SetUp(unittest.TestCase):
         install = next(call for call in self.calls() if call.startswith("apt-get install -y"))
         self.assertIn("libsundials-dev", install.split())
 
+    def test_openblas_without_threads_comes_only_for_wheels(self):
+        self.state(absent="openblas-serial/libopenblas.a\n")
+        self.run_setup()
+        self.run_setup("python")
+        self.assertFalse(any("libopenblas-serial-dev" in call for call in self.calls()))
+        self.run_setup("wheel")
+        install = next(call for call in self.calls() if call.startswith("apt-get install -y"))
+        self.assertEqual(install.split()[-1], "libopenblas-serial-dev")
+
     def test_packages_of_the_reference_come_only_for_it(self):
         self.run_setup("test")
         for name in ("docs", "site"):

@@ -76,6 +76,7 @@ class Readers(unittest.TestCase):
         text = ["=" * 70, "FAIL: x", "Ran 5 tests in 0.1s", "", "FAILED (failures=1, errors=1, skipped=1)"]
         self.assert_counts(verify.unittest_text(text), 2, 2, 1)
         self.assert_counts(verify.unittest_text(["Ran 2 tests in 0s", "", "FAILED (unexpected successes=1)"]), 1, 1)
+        self.assert_counts(verify.unittest_text([*text, "Ran 3 tests in 0.1s", "", "OK (skipped=1)"]), 4, 2, 2)
 
     def test_ok_lines(self):
         count = verify.ok_lines(["ok one", "building", "not ok two", "expected 3, got 4"])

@@ -10,20 +10,19 @@ module tandem_cli_pictures
 
     character(len=*), parameter :: line_end = new_line('a')
     !> How the package is installed.
-    character(len=*), parameter :: advice = 'in a checkout of tandem, "make python" installs it into an environment of its '// &
-        'own, and "pip install ./python" into yours; TANDEM_PYTHON names the python3 that has it'
+    character(len=*), parameter :: advice = '"pip install" with the wheel brings it; in a checkout of tandem, "make python" '// &
+        'installs it into an environment of its own; TANDEM_PYTHON names the python3 that has it'
     !> What Python is asked to do: the folder in which it stands is no place for packages.
-    character(len=*), parameter :: code = 'import importlib.util, runpy, sys'//line_end// &
+    character(len=*), parameter :: code = 'import sys'//line_end// &
         'sys.path[:] = [path for path in sys.path if path]'//line_end// &
         'try:'//line_end// &
-        '    found = importlib.util.find_spec("tandem.__main__")'//line_end// &
-        'except ModuleNotFoundError:'//line_end// &
-        '    found = None'//line_end// &
-        'if found is None:'//line_end// &
-        '    print("tandem: " + sys.argv[1] + " needs the package tandem for Python, which " + sys.executable + " has not;", '''// &
+        '    import tandem_command'//line_end// &
+        '    tandem_command.draw()'//line_end// &
+        'except ModuleNotFoundError as error:'//line_end// &
+        '    print("tandem: " + sys.argv[1] + " needs the package tandem for Python, which " + sys.executable '// &
+        '+ " has not (" + str(error) + ");", '''// &
         advice//''', sep="\n", file=sys.stderr)'//line_end// &
-        '    sys.exit(2)'//line_end// &
-        'runpy.run_module("tandem", run_name="__main__", alter_sys=True)'//line_end
+        '    sys.exit(2)'//line_end
 
     interface
         !> Become Python (python.c); the length of a text that says why not.

@@ -14,8 +14,8 @@ module tandem_io_version
 
 contains
 
-    !> Description of this build for `tandem version`: optimised (link-time optimisation), fast or debug, with the flags that decide
-    !> about speed, and the compiler.
+    !> Description of this build for `tandem version`: optimised (-O3 or link-time optimisation), fast or debug, with the flags that
+    !> decide about speed, and the compiler.
     pure function build_text() result(text)
         character(len=120) :: text
         character(len=:), allocatable :: flags, rest, word, kind
@@ -30,7 +30,7 @@ contains
             rest = rest(blank + 1:)
             if (index(word, '-O') == 1 .and. word /= '-O0' .and. kind == 'debug') kind = 'fast'
             if (word == '-O0') kind = 'debug'
-            if (index(word, '-flto') == 1) kind = 'optimised'
+            if (index(word, '-flto') == 1 .or. word == '-O3') kind = 'optimised'
             if (any([index(word, '-O'), index(word, '-march='), index(word, '-flto')] == 1)) flags = flags//' '//word
         end do
         text = kind//' build,'//flags//', '//compiler_version()

@@ -10,6 +10,12 @@
 
 from importlib import metadata as _metadata
 
+from tandem_command import CLASH as _CLASH
+from tandem_command import other_package as _other_package
+
+if _other_package():
+    raise ImportError(_CLASH)
+
 from .errors import InvalidInput, NotEvaluable, ProgramError, RunFailed, TandemError
 from .mechanism import Mechanism
 from .model import FORCE, GAMMA, JACOBIAN, MASS, NU, PHI, Model, numba_signature
@@ -21,7 +27,7 @@ from .solve import Solution, solve
 from .table import Table, read_table
 
 try:
-    __version__ = _metadata.version("tandem")
+    __version__ = _metadata.version("tandem-multibody")
 except _metadata.PackageNotFoundError:
     __version__ = "unknown"
 

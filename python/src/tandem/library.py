@@ -69,8 +69,9 @@ def library_path() -> str:
     named = os.environ.get("TANDEM_LIBRARY")
     if named:
         return named
-    own = Path(__file__).parent / "lib" / "libtandem.so"
-    return str(own) if own.exists() else f"libtandem.so.{INTERFACE // 1000}"
+    name = f"libtandem.so.{INTERFACE // 1000}"
+    own = Path(__file__).parent / "program" / "lib" / name
+    return str(own) if own.exists() else name
 
 
 @functools.cache

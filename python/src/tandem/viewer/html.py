@@ -20,8 +20,7 @@ SPEEDS = (0.02, 0.1, 0.25, 0.5, 1, 2, 5, 20)
 def three(name: str) -> str:
     path = HERE / "three" / name
     if not path.exists():
-        raise FileNotFoundError("this package was built without three.js: install it again where npm is (apt-get install npm; "
-                                "make python, or pip install ./python)")
+        raise FileNotFoundError("three.js is not beside this package: it comes with the wheel, and with make python in a checkout")
     return path.read_text(encoding="utf-8")
 
 
