@@ -91,8 +91,9 @@ def compile_all(build, flags, roots, includes=()):
     modules = build / "modules"
     modules.mkdir(parents=True, exist_ok=True)
     stamp = build / "flags"
-    where = [f"-I{folder}" for folder in includes]
-    command = [FC, *ALWAYS, *flags, *where, "-J", str(modules), "-c"]
+    # Relative paths: programs hold the options of their compilation.
+    where = [f"-I{os.path.relpath(folder, ROOT)}" for folder in includes]
+    command = [FC, *ALWAYS, *flags, *where, "-J", os.path.relpath(modules, ROOT), "-c"]
     commands = {".f90": command, ".c": [CC, "-fPIC", *flags, *where, "-c"]}
     if not stamp.exists() or stamp.read_text() != " ".join(command):
         for file in [*build.glob("*.o"), *modules.glob("*")]:
