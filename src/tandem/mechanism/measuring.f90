@@ -83,12 +83,14 @@ contains
         class is (mechanism_type)
             call set_poses(self, t, q, qd, stat)
             if (stat /= 0) return
-            do i = 1, size(self%bodies)
-                call set_curve(self%pose(i), qdd)
-            end do
-            call set_slides(self%massless_wheels, 2, qdd, self%pose)
+            if (.not. allocated(self%asked)) then
+                do i = 1, size(self%bodies)
+                    call set_curve(self%pose(i), qdd)
+                end do
+                call set_slides(self%massless_wheels, 2, qdd, self%pose)
+            end if
             with_reactions = present(lambda) .and. any(self%sensors%kind == sensed_reaction)
-            if (self%only_quantity > 0) with_reactions = with_reactions .and. self%quantities(self%only_quantity)%of_multipliers
+            if (with_reactions .and. allocated(self%asked)) with_reactions = any(self%asked .and. self%quantities%of_multipliers)
             if (with_reactions) then
                 call self%evaluate(iand(self%provides, need_jacobian + need_nu), t, q, qd, self%at_row, stat)
                 if (stat /= 0) return
@@ -123,8 +125,8 @@ contains
         type(mechanism_type), intent(in) :: self
         type(sensor_type), intent(in) :: sensor
 
-        is_asked_for = self%only_quantity == 0 .or. (self%only_quantity >= sensor%first .and. &
-            self%only_quantity < sensor%first + sensor%n_quantities)
+        is_asked_for = .not. allocated(self%asked)
+        if (.not. is_asked_for) is_asked_for = any(self%asked(sensor%first:sensor%first + sensor%n_quantities - 1))
     end function is_asked_for
 
     !> The poses with their rates, and the functions of time.

@@ -83,9 +83,12 @@ module tandem_model
         !> What `measure` gives, in its order; nothing where it is not allocated. Whether it looks at every step to count turns.
         type(quantity_type), allocatable :: quantities(:)
         logical :: measures_every_step = .false.
-        !> Whether `measure` is told the multipliers; and the only quantity that it is asked for at the moment, 0 for all.
+        !> Whether `measure` is told the multipliers.
         logical :: measures_multipliers = .false.
-        integer :: only_quantity = 0
+        !> The quantities that `measure` is asked for at the moment; all where this is not allocated.
+        logical, allocatable :: asked(:)
+        !> Values of `measure` for the events that are evaluated at the moment; only allocated while they are those of the point.
+        real(wp), allocatable :: shown(:)
         !> Integrals over time that `measure` looks at, zero at the start: whoever calls it adds up `integrands`, and sets them
         !> before. None where it is not allocated.
         real(wp), allocatable :: integrals(:)
@@ -262,7 +265,7 @@ module tandem_model
             class(model_type), intent(inout) :: self
             !> Time, coordinates, velocities, accelerations (n). Times ascend.
             real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
-            !> All quantities; where `only_quantity` is not 0, the others are left alone.
+            !> All quantities; where `asked` is allocated, others may be left alone, and accelerations are of no account.
             real(wp), intent(inout) :: values(:)
             integer, intent(out) :: stat
             !> Multipliers (nh + nd): what is made of them is NaN without.

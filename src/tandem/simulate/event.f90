@@ -71,8 +71,9 @@ module tandem_simulate_event
         !> The model, which `add_event` sets; room for what it measures.
         class(model_type), pointer :: told_by => null()
         real(wp), allocatable, private :: shown(:), still(:)
+        logical, allocatable, private :: asked(:)
     contains
-        procedure :: evaluate => evaluate_threshold, act => change_model
+        procedure :: evaluate => evaluate_threshold, act => change_model, measured_quantity
     end type threshold_event_type
 
 contains
@@ -126,28 +127,49 @@ contains
         real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
         real(wp), intent(out) :: value
         integer, intent(out) :: stat
-        integer :: i, n
+        integer :: i
 
         stat = 1
         value = 0.0_wp
         if (.not. associated(self%told_by)) return
-        if (.not. associated(self%told_by%measure)) return
         associate (model => self%told_by)
-            n = 0
-            do i = 1, size(model%quantities)
-                n = n + max(1, model%quantities(i)%width)
-                if (n >= self%index) exit
-            end do
-            if (i > size(model%quantities)) return
+            if (allocated(model%shown) .and. .not. self%needs_multipliers) then
+                if (self%index > size(model%shown)) return
+                value = model%shown(self%index)
+                stat = 0
+                return
+            end if
+            i = self%measured_quantity()
+            if (i == 0) return
             if (.not. allocated(self%shown)) then
                 allocate (self%shown(sum(max(1, model%quantities%width))), self%still(size(q)), source=0.0_wp)
+                allocate (self%asked(size(model%quantities)), source=.false.)
+                self%asked(i) = .true.
             end if
-            model%only_quantity = i
+            call move_alloc(self%asked, model%asked)
             call model%measure(t, q, qd, self%still, self%shown, stat, lambda)
-            model%only_quantity = 0
+            call move_alloc(model%asked, self%asked)
         end associate
         value = self%shown(self%index)
     end subroutine look
+
+    !> Which of the quantities that the model measures is watched; 0 for none.
+    pure integer function measured_quantity(self)
+        class(threshold_event_type), intent(in) :: self
+        integer :: i, n
+
+        measured_quantity = 0
+        if (self%quantity /= 'shown' .or. .not. associated(self%told_by)) return
+        if (.not. associated(self%told_by%measure)) return
+        associate (quantities => self%told_by%quantities)
+            n = 0
+            do i = 1, size(quantities)
+                n = n + max(1, quantities(i)%width)
+                if (n >= self%index) exit
+            end do
+            if (i <= size(quantities)) measured_quantity = i
+        end associate
+    end function measured_quantity
 
     !> Change the model.
     subroutine change_model(self, model, t, q, qd, error)

@@ -19,6 +19,8 @@ module tandem_simulate_event_watch
     !> Places of the samples within the step. Those beside the ends tell an extremum at an end from one before or behind it.
     integer, parameter :: n_samples = 7
     real(wp), parameter :: aside = 1.0_wp/256
+    !> Quarters of the step, and its ends.
+    integer, parameter :: n_rough = 5
     real(wp), parameter :: place(n_samples) = [0.0_wp, aside, 0.25_wp, 0.5_wp, 0.75_wp, 1.0_wp - aside, 1.0_wp]
     !> Zeros are located to this part of the step; events closer than twice that are at once.
     real(wp), parameter :: resolution = 1.0e-13_wp
@@ -37,6 +39,7 @@ module tandem_simulate_event_watch
         type(state_type), pointer :: state => null()
     contains
         procedure(go_to_interface), deferred :: go_to
+        procedure(pass_through_interface), deferred :: pass_through
         procedure(multipliers_interface), deferred :: multipliers
     end type curve_type
 
@@ -73,15 +76,21 @@ module tandem_simulate_event_watch
         !> The model, for the scales of its coordinates.
         class(model_type), pointer, private :: model => null()
         real(wp), allocatable, private :: lambda(:)
-        !> g of each event at the samples of a step, and soon after an event.
-        real(wp), allocatable, private :: samples(:, :)
+        !> g of each event at the samples of a step, and soon after an event; at quarters of it without restored constraints.
+        real(wp), allocatable, private :: samples(:, :), rough(:, :)
+        !> Coordinates and velocities (n) of the latter.
+        real(wp), allocatable, private :: near_q(:), near_qd(:)
+        !> The quantities of the model that events watch without multipliers, and room for their values; whether there are any.
+        logical, allocatable, private :: asked(:)
+        real(wp), allocatable, private :: shown(:)
+        logical, private :: measures = .false.
         logical, private :: lambda_is_current = .false., values_are_stale = .true.
         !> Events one after the other without an advance of time.
         integer, private :: n_at_once = 0
     contains
-        procedure :: add, name, forget_values, search, find_cut, pass, settle, renew, prepare_actions, act, judge_actions
+        procedure :: add, name, forget_values, rule_out, search, find_cut, pass, settle, renew, prepare_actions, act, judge_actions
         procedure :: pack_state
-        procedure, private :: evaluate
+        procedure, private :: evaluate, evaluate_point, measure_all, end_measuring
     end type event_watch_type
 
     abstract interface
@@ -95,6 +104,18 @@ module tandem_simulate_event_watch
             type(error_type), allocatable, intent(out) :: error
         end subroutine go_to_interface
 
+        !> Coordinates and velocities near those of a place of the step, beside the constraints; `state` stays as it is.
+        subroutine pass_through_interface(self, x, t, q, qd)
+            import :: curve_type, wp
+            implicit none (type, external)
+            class(curve_type), intent(in) :: self
+            !> 0 at the start of the step, 1 at its end: there they are the states.
+            real(wp), intent(in) :: x
+            !> (n) each.
+            real(wp), intent(out) :: t
+            real(wp), intent(out), contiguous :: q(:), qd(:)
+        end subroutine pass_through_interface
+
         !> The multipliers (nh + nd) at `state`.
         subroutine multipliers_interface(self, lambda)
             import :: curve_type, wp
@@ -105,6 +126,15 @@ module tandem_simulate_event_watch
     end interface
 
     interface
+        !> Whether one of the events may happen in the step that was just accepted. Where none can, all of them pass on to the next
+        !> step.
+        module subroutine rule_out(self, curve, may_happen)
+            implicit none (type, external)
+            class(event_watch_type), intent(inout) :: self
+            class(curve_type), intent(in) :: curve
+            logical, intent(out) :: may_happen
+        end subroutine rule_out
+
         !> Find the zeros of all events in the step that was just accepted.
         module subroutine search(self, curve, is_last, error)
             implicit none (type, external)
@@ -131,17 +161,35 @@ contains
         self%model => model
         longer(self%n)%event => event
         call move_alloc(longer, self%watched)
+        if (.not. allocated(self%near_q)) allocate (self%near_q(model%n), self%near_qd(model%n), source=0.0_wp)
         select type (event)
         class is (threshold_event_type)
             if (event%quantity == 'lambda') event%needs_multipliers = .true.
             event%told_by => model
+            if (event%measured_quantity() > 0 .and. .not. event%needs_multipliers) call ask_for(self, event%measured_quantity())
         end select
         if (.not. allocated(self%lambda)) allocate (self%lambda(model%n_constraints()), source=0.0_wp)
-        if (allocated(self%samples)) deallocate (self%samples)
-        allocate (self%samples(self%n, n_samples + 1), source=0.0_wp)
+        if (allocated(self%samples)) deallocate (self%samples, self%rough)
+        allocate (self%samples(self%n, n_samples + 1), self%rough(n_rough, self%n), source=0.0_wp)
         call self%found%allocate(most_zeros*self%n)
         self%values_are_stale = .true.
     end subroutine add
+
+    !> Let all events that watch the model's quantities take their values from one measurement of a point.
+    subroutine ask_for(self, number)
+        class(event_watch_type), intent(inout) :: self
+        !> Of a quantity.
+        integer, intent(in) :: number
+
+        associate (quantities => self%model%quantities)
+            if (.not. self%measures) then
+                allocate (self%asked(size(quantities)), source=.false.)
+                allocate (self%shown(sum(max(1, quantities%width))), source=0.0_wp)
+            end if
+        end associate
+        self%asked(number) = .true.
+        self%measures = .true.
+    end subroutine ask_for
 
     !> The name of an event.
     pure function name(self, number)
@@ -288,8 +336,7 @@ contains
                 call curve%multipliers(self%lambda)
                 self%lambda_is_current = .true.
             end if
-            call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
-            self%evaluations = self%evaluations + 1
+            call self%evaluate_point(number, state%t, state%q, state%qd, value, stat)
             if (stat == 0 .and. ieee_is_finite(value)) return
             if (stat == 0) then
                 call set_error(error, status_not_finite, 'the function of the event "'//trim(event%name)// &
@@ -300,6 +347,45 @@ contains
             end if
         end associate
     end subroutine evaluate
+
+    !> g of one event at a point, with the multipliers that were found last.
+    subroutine evaluate_point(self, number, t, q, qd, value, stat)
+        class(event_watch_type), intent(inout) :: self
+        integer, intent(in) :: number
+        !> Time, coordinates and velocities (n).
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(out) :: value
+        !> That of the event's function.
+        integer, intent(out) :: stat
+
+        call self%watched(number)%event%evaluate(t, q, qd, self%lambda, value, stat)
+        self%evaluations = self%evaluations + 1
+    end subroutine evaluate_point
+
+    !> Before all events are evaluated at a point: measure what they watch, in one call of the model for all of them. Where that
+    !> fails, each asks for its own quantity.
+    subroutine measure_all(self, t, q, qd)
+        class(event_watch_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        integer :: stat
+
+        if (.not. self%measures) return
+        call move_alloc(self%asked, self%model%asked)
+        ! Accelerations are of no account.
+        call self%model%measure(t, q, qd, qd, self%shown, stat)
+        call move_alloc(self%model%asked, self%asked)
+        if (stat == 0) call move_alloc(self%shown, self%model%shown)
+    end subroutine measure_all
+
+    !> What was measured is not that of other points.
+    subroutine end_measuring(self)
+        class(event_watch_type), intent(inout) :: self
+
+        if (.not. self%measures) return
+        if (allocated(self%model%shown)) call move_alloc(self%model%shown, self%shown)
+    end subroutine end_measuring
 
     !> How far rounding of time, state and multipliers may move g. Corrections round on the scale of a coordinate where that exceeds
     !> its modulus. One pattern of signs may cancel in g, as a common factor of Euler parameters does in angles; two hardly do.

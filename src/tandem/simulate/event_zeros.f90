@@ -71,10 +71,13 @@ contains
         value = 0.0_wp
         call curve%go_to(x, error)
         self%lambda_is_current = .false.
+        if (allocated(error)) return
+        call self%measure_all(curve%state%t, curve%state%q, curve%state%qd)
         do i = 1, size(self%watched)
-            if (allocated(error)) return
             call self%evaluate(curve, i, value(i), error)
+            if (allocated(error)) exit
         end do
+        call self%end_measuring()
     end subroutine sample
 
     !> g of one event at a place of the step.

@@ -5,13 +5,14 @@
 submodule(tandem_simulation) tandem_simulate_events
     use tandem_simulate_event_watch, only: curve_type
     use tandem_status, only: status_event_limit
+    use tandem_stepper_state, only: go_between
     implicit none (type, external)
 
     !> The last step of a run, by its dense output.
     type, extends(curve_type) :: step_curve_type
         class(simulation_type), pointer :: run => null()
     contains
-        procedure :: go_to, multipliers => multipliers_there
+        procedure :: go_to, pass_through, multipliers => multipliers_there
     end type step_curve_type
 
 contains
@@ -27,9 +28,12 @@ contains
         type(step_curve_type) :: curve
         real(wp) :: cut_at, at_once
         integer :: k
+        logical :: may_happen
 
         is_cut = .false.
         call follow(self, curve)
+        call self%watch%rule_out(curve, may_happen)
+        if (.not. may_happen) return
         call self%watch%search(curve, is_last, error)
         if (allocated(error)) then
             call self%look_back()
@@ -78,6 +82,28 @@ contains
             call self%run%look_at(self%t_from + x*(self%t_to - self%t_from), error)
         end if
     end subroutine go_to
+
+    subroutine pass_through(self, x, t, q, qd)
+        class(step_curve_type), intent(in) :: self
+        real(wp), intent(in) :: x
+        real(wp), intent(out) :: t
+        real(wp), intent(out), contiguous :: q(:), qd(:)
+
+        associate (run => self%run)
+            if (x >= 1.0_wp) then
+                t = self%t_to
+                q = run%state%q
+                qd = run%state%qd
+            else if (.not. x > 0.0_wp) then
+                t = self%t_from
+                q = run%start%q
+                qd = run%start%qd
+            else
+                t = self%t_from + x*(self%t_to - self%t_from)
+                call go_between(run%start, run%state, t, q, qd)
+            end if
+        end associate
+    end subroutine pass_through
 
     subroutine multipliers_there(self, lambda)
         class(step_curve_type), intent(inout) :: self

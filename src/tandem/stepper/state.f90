@@ -7,7 +7,7 @@ module tandem_stepper_state
     implicit none (type, external)
     private
 
-    public :: go_along, state_type
+    public :: go_along, go_between, quintic, state_type
 
     type :: state_type
         !> Time.
@@ -103,4 +103,54 @@ contains
             qd(i) = qd(i) + h*rate_qd(i)
         end do
     end subroutine go_along
+
+    !> Coordinates and velocities at a time between two states: the polynomial of degree 5 through coordinates, velocities and
+    !> accelerations at both (Hermite). It is beside the constraints by no more than its own error.
+    pure subroutine go_between(a, b, t, q, qd)
+        type(state_type), intent(in) :: a, b
+        real(wp), intent(in) :: t
+        !> (n) each.
+        real(wp), intent(out), contiguous :: q(:), qd(:)
+        real(wp) :: shape(6), slope(6)
+        integer :: i
+
+        call quintic(b%t - a%t, (t - a%t)/(b%t - a%t), shape, slope)
+        do i = 1, size(q)
+            q(i) = shape(1)*a%q(i) + shape(2)*a%qd(i) + shape(3)*a%qdd(i) + &
+                shape(4)*b%q(i) + shape(5)*b%qd(i) + shape(6)*b%qdd(i)
+            qd(i) = slope(1)*(a%q(i) - b%q(i)) + slope(2)*a%qd(i) + slope(3)*a%qdd(i) + slope(5)*b%qd(i) + slope(6)*b%qdd(i)
+        end do
+    end subroutine go_between
+
+    !> Weights of values, first and second derivatives at the start of an interval, and of those at its end, in the polynomial of
+    !> degree 5 through them (Hermite), and in its derivatives.
+    pure subroutine quintic(h, x, shape, slope, bend)
+        !> Length of the interval, and the place in it, 0 to 1.
+        real(wp), intent(in) :: h, x
+        !> For the value, its first and, where wanted, second derivative.
+        real(wp), intent(out) :: shape(6), slope(6)
+        real(wp), intent(out), optional :: bend(6)
+        real(wp) :: y
+
+        y = 1.0_wp - x
+        shape(1) = y**3*(1 + x*(3 + 6*x))
+        shape(2) = h*x*y**3*(1 + 3*x)
+        shape(3) = h**2*0.5_wp*x**2*y**3
+        shape(4) = x**3*(1 + y*(3 + 6*y))
+        shape(5) = -h*y*x**3*(1 + 3*y)
+        shape(6) = h**2*0.5_wp*y**2*x**3
+        slope(1) = -30*x**2*y**2/h
+        slope(2) = y**2*(1 - 3*x)*(1 + 5*x)
+        slope(3) = h*0.5_wp*x*y**2*(2 - 5*x)
+        slope(4) = -slope(1)
+        slope(5) = x**2*(1 - 3*y)*(1 + 5*y)
+        slope(6) = -h*0.5_wp*y*x**2*(2 - 5*y)
+        if (.not. present(bend)) return
+        bend(1) = 60*x*y*(x - y)/h**2
+        bend(2) = -12*x*y*(3 - 5*x)/h
+        bend(3) = y*(1 - 8*x + 10*x**2)
+        bend(4) = -bend(1)
+        bend(5) = 12*x*y*(3 - 5*y)/h
+        bend(6) = x*(1 - 8*y + 10*y**2)
+    end subroutine quintic
 end module tandem_stepper_state

@@ -4,7 +4,7 @@ module tandem_stepper
     use tandem_chart, only: chart_type
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
-    use tandem_stepper_state, only: state_type
+    use tandem_stepper_state, only: quintic, state_type
     implicit none (type, external)
     private
 
@@ -135,31 +135,11 @@ contains
         real(wp), intent(out), contiguous :: dq(:), dqd(:), slope_q(:), slope_qd(:)
         !> A status code.
         integer, intent(out) :: stat
-        real(wp) :: h, x, y, shape(6), slope(6), bend(6)
+        real(wp) :: h, shape(6), slope(6), bend(6)
 
         stat = 0
         h = arrived%t - start%t
-        x = (t - start%t)/h
-        y = 1.0_wp - x
-        ! Basis for the values, slopes and curvatures at 0 and at 1, and its derivatives.
-        shape(1) = y**3*(1 + x*(3 + 6*x))
-        shape(2) = h*x*y**3*(1 + 3*x)
-        shape(3) = h**2*0.5_wp*x**2*y**3
-        shape(4) = x**3*(1 + y*(3 + 6*y))
-        shape(5) = -h*y*x**3*(1 + 3*y)
-        shape(6) = h**2*0.5_wp*y**2*x**3
-        slope(1) = -30*x**2*y**2/h
-        slope(2) = y**2*(1 - 3*x)*(1 + 5*x)
-        slope(3) = h*0.5_wp*x*y**2*(2 - 5*x)
-        slope(4) = -slope(1)
-        slope(5) = x**2*(1 - 3*y)*(1 + 5*y)
-        slope(6) = -h*0.5_wp*y*x**2*(2 - 5*y)
-        bend(1) = 60*x*y*(x - y)/h**2
-        bend(2) = -12*x*y*(3 - 5*x)/h
-        bend(3) = y*(1 - 8*x + 10*x**2)
-        bend(4) = -bend(1)
-        bend(5) = 12*x*y*(3 - 5*y)/h
-        bend(6) = x*(1 - 8*y + 10*y**2)
+        call quintic(h, (t - start%t)/h, shape, slope, bend)
         dq = shape(1)*start%dq + shape(2)*start%qd + shape(3)*start%qdd + &
             shape(4)*arrived%dq + shape(5)*arrived%qd + shape(6)*arrived%qdd
         slope_q = slope(1)*start%dq + slope(2)*start%qd + slope(3)*start%qdd + &

@@ -1,0 +1,86 @@
+! SPDX-License-Identifier: MIT
+!> Steps in which no event can happen.
+!>
+!> Restoring the constraints at the samples of a step costs as much as several of its stages. So every g is evaluated first at
+!> quarters of the step on the polynomial of degree 5 through the coordinates, velocities and accelerations at its ends, which needs
+!> no term of the model. Between two samples a smooth g is off their chord by an eighth of its second difference; the error of the
+!> polynomial vanishes at both ends, with two derivatives, and so shows in the second differences in full. Where g stays away from
+!> zero by twice the largest of them and by a part of the range of its values, it has no zero in the step. All else is left to the
+!> search, which restores the constraints.
+submodule(tandem_simulate_event_watch) tandem_simulate_event_screen
+    implicit none (type, external)
+
+    !> The least |g|, over the largest second difference and over the range of the samples.
+    real(wp), parameter :: over_bend = 2.0_wp, over_range = 0.1_wp
+
+contains
+
+    module procedure rule_out
+        integer :: i, k
+
+        may_happen = .false.
+        do i = 1, self%n
+            associate (watched => self%watched(i))
+                may_happen = may_happen .or. watched%rests .or. watched%is_sent_back .or. watched%event%needs_multipliers
+            end associate
+        end do
+        if (may_happen) return
+        do k = 1, n_rough
+            if (k == 1 .and. .not. self%values_are_stale) then
+                self%rough(1, :) = self%watched%value
+            else
+                call sample_near(self, curve, k, may_happen)
+                if (may_happen) return
+            end if
+        end do
+        do i = 1, self%n
+            if (may_vanish(self%rough(:, i), self%watched(i)%sign_before)) may_happen = .true.
+        end do
+        if (may_happen) return
+        self%values_are_stale = .false.
+        do i = 1, self%n
+            associate (watched => self%watched(i), value => self%rough(:, i))
+                watched%value = value(n_rough)
+                watched%largest = maxval(abs(value))
+                watched%sign_before = sign_of(value(n_rough), 0.0_wp)
+                watched%is_open = .false.
+            end associate
+        end do
+    end procedure rule_out
+
+    !> All functions at a quarter of the step.
+    subroutine sample_near(self, curve, k, may_happen)
+        class(event_watch_type), intent(inout) :: self
+        class(curve_type), intent(in) :: curve
+        integer, intent(in) :: k
+        !> Whether one of them has no value, or another sign than at the start.
+        logical, intent(out) :: may_happen
+        real(wp) :: t
+        integer :: i, stat
+
+        may_happen = .false.
+        associate (q => self%near_q, qd => self%near_qd)
+            call curve%pass_through(real(k - 1, wp)/(n_rough - 1), t, q, qd)
+            call self%measure_all(t, q, qd)
+            do i = 1, self%n
+                call self%evaluate_point(i, t, q, qd, self%rough(k, i), stat)
+                may_happen = stat /= 0 .or. .not. self%rough(1, i)*self%rough(k, i) > 0.0_wp
+                if (may_happen) exit
+            end do
+            call self%end_measuring()
+        end associate
+    end subroutine sample_near
+
+    !> Whether a function with these values of one sign at quarters of the step may have a zero in it.
+    pure logical function may_vanish(value, sign_before)
+        real(wp), intent(in) :: value(n_rough)
+        !> Its sign before the step, 0 for none.
+        integer, intent(in) :: sign_before
+        real(wp) :: least, bend
+
+        least = minval(abs(value))
+        bend = maxval(abs(value(3:) - 2*value(2:n_rough - 1) + value(:n_rough - 2)))
+        may_vanish = sign_before*sign_of(value(1), 0.0_wp) < 0 .or. &
+            .not. least > max(over_bend*bend, over_range*(maxval(value) - minval(value)))
+    end function may_vanish
+end submodule tandem_simulate_event_screen
