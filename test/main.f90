@@ -66,9 +66,11 @@ program main
     use test_own_parts, only: collect_own_parts
     use test_profile, only: collect_profile
     use test_projection, only: collect_projection
+    use test_quiet_events, only: collect_quiet_events
     use test_radau, only: collect_radau
     use test_rank, only: collect_rank
     use test_rank_models, only: collect_rank_models
+    use test_reach, only: collect_reach
     use test_reference, only: collect_reference
     use test_rigid, only: collect_rigid
     use test_rk4, only: collect_rk4
@@ -158,6 +160,7 @@ program main
         new_testsuite('breakpoints', collect_breakpoints), &
         new_testsuite('profile', collect_profile), &
         new_testsuite('control', collect_control), &
+        new_testsuite('reach', collect_reach), &
         new_testsuite('own_parts', collect_own_parts), &
         new_testsuite('stability_limit', collect_stability_limit), &
         new_testsuite('tolerances', collect_tolerances), &
@@ -168,6 +171,7 @@ program main
         new_testsuite('root', collect_root), &
         new_testsuite('events', collect_events), &
         new_testsuite('event_actions', collect_event_actions), &
+        new_testsuite('quiet_events', collect_quiet_events), &
         new_testsuite('checkpoint', collect_checkpoint), &
         new_testsuite('pack', collect_pack), &
         new_testsuite('coordinate_scale', collect_coordinate_scale), &

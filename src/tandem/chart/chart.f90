@@ -15,7 +15,7 @@ module tandem_chart
     implicit none (type, external)
     private
 
-    public :: chart_type, health_type
+    public :: chart_type, health_type, least_bend
 
     !> How far a point is from the chart's origin, and how well the chart still serves there.
     type :: health_type
@@ -112,7 +112,7 @@ module tandem_chart
         procedure(change_interface), deferred :: relative_change
         procedure(health_interface), deferred :: measure_health
         procedure(energy_interface), deferred :: kinetic_energy
-        procedure :: inherit, is_firm, note_independence, wants_other_rows, leave_out_dependent, find_partners
+        procedure :: inherit, is_firm, note_independence, wants_other_rows, leave_out_dependent, find_partners, contraction
         procedure(pack_interface), deferred :: pack_state
         procedure :: pack_contract
     end type chart_type
@@ -120,6 +120,9 @@ module tandem_chart
     !> Other rows are wanted where the smallest singular value has fallen to this part of the largest that it was. What the rows in
     !> use leave of an acceleration grows with the third power of the inverse in the rows that were left out.
     real(wp), parameter :: near_rank_loss = 0.5_wp
+
+    !> Corrections below this part of the natural scale of every row are too small to tell how far a chart reaches.
+    real(wp), parameter :: least_bend = 2.0e-4_wp
 
     abstract interface
         !> Attach the model and allocate the work space, once.
@@ -492,6 +495,17 @@ module tandem_chart
     end interface
 
 contains
+
+    !> How far the way of a step turns away from the tangent space at its start: of the correction that brings it back, the part
+    !> that Newton's iteration with C of the start leaves at the point of `measure_rank`: 0 where C is the same there, 1 where the
+    !> iteration stands still. 0 for charts that do not know, and for small corrections.
+    real(wp) function contraction(self, way)
+        class(chart_type), intent(inout) :: self
+        !> From the start of the step, where the chart was made, to its end (n).
+        real(wp), intent(in), contiguous :: way(:)
+
+        contraction = 0.0_wp
+    end function contraction
 
     !> Take over what another chart of the same run has seen of how firm the constraints were, by which losses of it are judged.
     subroutine inherit(self, other)

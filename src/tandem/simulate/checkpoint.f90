@@ -246,6 +246,7 @@ contains
         call pack%item(self%chart_is_current)
         call pack%item(self%renewal)
         call self%lost_rank%pack_state(pack)
+        call self%reach%pack_state(pack)
         call pack%item(self%hindrance)
         call pack%item(self%is_interrupted, self%try_has_failed)
         call pack%item(self%has_overlooked)

@@ -139,6 +139,7 @@ contains
         self%hindrance = status_ok
         self%is_interrupted = .false.
         self%lost_rank = lost_rank_type()
+        call self%reach%begin()
         self%tries = 0
         self%tries_of_look = 0
         self%n_collapsed = 0

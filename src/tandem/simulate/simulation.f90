@@ -21,6 +21,7 @@ module tandem_simulation
     use tandem_simulate_dense_output, only: dense_output_type
     use tandem_simulate_event_watch, only: event_watch_type
     use tandem_simulate_lost_rank, only: lost_rank_type
+    use tandem_simulate_reach, only: reach_type
     use tandem_simulate_slowing, only: slowing_type
     use tandem_simulate_stiffness, only: implicit_advice, stiffness_type
     use tandem_simulate_switching, only: cost_of_implicit, looks, switching_type
@@ -103,6 +104,7 @@ module tandem_simulation
         integer, private :: renewal = 0
         type(event_watch_type), private :: watch
         type(lost_rank_type), private :: lost_rank
+        type(reach_type), private :: reach
         !> Why the last step had to be smaller, ok where no try of it has failed.
         integer, private :: hindrance = status_ok
         !> Whether a limit on the work has ended the tries of a controlled step, and whether one of those had failed.

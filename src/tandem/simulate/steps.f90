@@ -320,8 +320,7 @@ contains
         call note_local_error(self, h, estimate)
         ! In a sliver all differences are rounding.
         if (.not. is_sliver) then
-            call self%control%accept(h, is_short, norm, self%stepper%stiffness(h, self%next), &
-                self%stepper%longest_next())
+            call self%control%accept(h, is_short, norm, self%stepper%stiffness(h, self%next), longest_next(self))
         else if (is_first) then
             call self%control%begin()
         end if
@@ -329,6 +328,17 @@ contains
         self%on_grid = .true.
         self%grid_steps = self%grid_steps + 1
     end subroutine try_controlled_steps
+
+    !> The longest step after the one to self%next, as the work on its stages and the reach of its chart tell.
+    real(wp) function longest_next(self)
+        class(simulation_type), intent(inout) :: self
+        real(wp) :: within_reach
+
+        longest_next = self%stepper%longest_next()
+        if (self%method%implicit .or. self%options%chart /= 'every_step') return
+        call self%reach%find_longest(self%chart, self%state, self%next, within_reach)
+        longest_next = min(longest_next, within_reach)
+    end function longest_next
 
     !> How far the next try goes: its size, and its end in self%next.
     subroutine propose_step(self, stop_at, h, is_cut, is_short)
@@ -374,7 +384,7 @@ contains
         outcome = fails
         call self%stepper%advance(self%chart, self%state, h, self%next, stat)
         if (stat /= status_ok) then
-            call self%lost_rank%find_behind(self%chart, self%state, self%next, stat)
+            call self%lost_rank%find_later(self%chart, self%state, self%next, stat)
             return
         end if
         call self%control%set_weights(self%state%q, self%next%q, self%state%qd, self%next%qd)
@@ -420,6 +430,7 @@ contains
         if (outcome == fails) then
             self%tally%failed = self%tally%failed + 1
             call self%lost_rank%remember(self%state%t, self%next%t, stat)
+            call self%reach%note_failure(h)
         else
             self%tally%rejected = self%tally%rejected + 1
         end if

@@ -26,7 +26,7 @@ module tandem_chart_dense
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_invalid_model, status_not_finite, status_ok, &
         status_position_diverged, status_rank_deficient, status_singular_mass
-    use tandem_chart, only: chart_type, health_type
+    use tandem_chart, only: chart_type, health_type, least_bend
     use tandem_chart_dense_dynamics, only: dynamics_type
     use tandem_model_natural_scale, only: find_errors => constraint_errors
     use tandem_chart_dense_position, only: position_type
@@ -118,7 +118,7 @@ module tandem_chart_dense
         procedure :: factor_stage, reuse_stage, matrix_cost, correct_stage, expect_pairs
         procedure :: find_residual, solve_real, solve_pair, move_rates, filter_error
         procedure :: multipliers, project_velocity, constraint_errors, inherit
-        procedure :: measure_rank, loss_ahead, relative_change, measure_health, kinetic_energy, pack_state
+        procedure :: measure_rank, loss_ahead, relative_change, contraction, measure_health, kinetic_energy, pack_state
         procedure, private, non_overridable :: place_bases, visit, move_to, refuse_infinite, find_velocity_basis
         procedure, private, non_overridable :: complete_velocity_basis, measure_split, move_with, blame, blame_dependent
         procedure, private, non_overridable :: fail_term, judge_blocks, name_infinite
@@ -293,6 +293,13 @@ module tandem_chart_dense
             real(wp), intent(in) :: t, h
             real(wp), intent(in), contiguous :: q(:), qd(:)
         end function loss_ahead
+
+        !> See `chart_type`.
+        module real(wp) function contraction(self, way)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in), contiguous :: way(:)
+        end function contraction
 
         !> How far C has changed from the start of the step to the current point: rows of unit length, Frobenius norm.
         module real(wp) function relative_change(self)

@@ -77,7 +77,7 @@ module tandem_chart_dense_position
     contains
         procedure :: allocate => allocate_position, start, start_without_basis
         procedure :: start_step, retry_step, follow, refresh, refine, restore
-        procedure :: find_remainder, judge, is_restored, get_b_phi
+        procedure :: find_remainder, judge, is_restored, get_b_phi, contraction
         procedure :: hold, release, pack_state
         procedure, private :: forget_motion, factor
     end type position_type
@@ -277,6 +277,50 @@ contains
         self%b_time = t
         self%b_rest = rest
     end subroutine follow
+
+    !> Of the correction U u that brings a way into the tangent space of the origin, the part that B of the origin leaves at another
+    !> point, by the rows on their natural scales.
+    real(wp) function contraction(self, origin, there, way, least)
+        class(position_type), intent(inout) :: self
+        !> C of the origin and of the point (m, n).
+        real(wp), intent(in), contiguous :: origin(:, :), there(:, :)
+        !> The way (n); below this part of the natural scale of every row the correction is too small.
+        real(wp), intent(in), contiguous :: way(:)
+        real(wp), intent(in) :: least
+        real(wp) :: above, below, bend
+        integer :: i, j
+
+        contraction = 0.0_wp
+        if (self%nh == 0) return
+        associate (g => self%correction, u => self%z, weight => self%weight)
+            call multiply_rows(size(origin, 1), self%n, self%nh, self%width, origin, way, g)
+            below = 0.0_wp
+            do i = 1, self%nh
+                below = max(below, abs(g(i))*weight(i))
+            end do
+            if (.not. below > least) return
+            if (self%has_gram) then
+                call multiply_columns(self%nh, self%width, self%origin_gram, g, u)
+            else
+                u(:self%nh) = g(:self%nh)
+                call self%lu%solve(u(:self%nh))
+            end if
+            do j = 1, self%n
+                bend = 0.0_wp
+                do i = 1, self%nh
+                    bend = bend + self%u_basis(j, i)*u(i)
+                end do
+                do i = 1, self%nh
+                    g(i) = g(i) - there(i, j)*bend
+                end do
+            end do
+            above = 0.0_wp
+            do i = 1, self%nh
+                above = max(above, abs(g(i))*weight(i))
+            end do
+            contraction = above/below
+        end associate
+    end function contraction
 
     !> Go back to the B of the chart's origin: where that is nearer in time, or what B has learnt since does not serve.
     subroutine forget_motion(self)

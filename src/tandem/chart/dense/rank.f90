@@ -222,6 +222,10 @@ contains
         relative_change = change_from(self, self%step_jacobian)
     end procedure relative_change
 
+    module procedure contraction
+        contraction = self%position%contraction(self%step_jacobian, self%model%terms%jacobian, way, least_bend)
+    end procedure contraction
+
     !> How far C has changed from another to that of the current point: rows of unit length in the other, Frobenius norm.
     pure real(wp) function change_from(self, other)
         class(dense_chart_type), intent(in) :: self

@@ -2,7 +2,7 @@
 !> The sparse tangent-space chart at (t0, q0, qd0), for mechanisms of many bodies: every step costs in proportion to their number.
 !> What is asked of it at points and between steps; `tandem_chart_sparse_motion` has what the steps ask.
 module tandem_chart_sparse
-    use tandem_chart, only: health_type
+    use tandem_chart, only: health_type, least_bend
     use tandem_chart_sparse_factor, only: least_pivot
     use tandem_chart_sparse_coupled_stages, only: sparse_coupled_type
     use tandem_chart_sparse_motion, only: find_obstacle
@@ -20,10 +20,12 @@ module tandem_chart_sparse
 
     !> The chart by blocks of a factor.
     type, extends(sparse_coupled_type) :: sparse_chart_type
+        !> Work space of `contraction` (n).
+        real(wp), allocatable, private :: correction(:)
     contains
         procedure :: restore_near, keep_tangent
         procedure :: multipliers, project_velocity, constraint_errors
-        procedure :: measure_rank, loss_ahead, relative_change, measure_health, kinetic_energy, pack_state
+        procedure :: measure_rank, loss_ahead, relative_change, contraction, measure_health, kinetic_energy, pack_state
     end type sparse_chart_type
 
 contains
@@ -308,6 +310,28 @@ contains
         end associate
         relative_change = sqrt(sum(change/max(length, tiny(1.0_wp))))
     end function relative_change
+
+    !> See `chart_type`.
+    real(wp) function contraction(self, way)
+        class(sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: way(:)
+        real(wp) :: below
+
+        contraction = 0.0_wp
+        associate (s => self%system)
+            if (s%nh == 0) return
+            if (.not. allocated(self%correction)) allocate (self%correction(self%n))
+            s%g(:) = 0.0_wp
+            call s%factor(s%base)%multiply(s%analysis, way, s%g)
+            s%g(:) = -s%g
+            below = largest(s%nh, s%g, self%phi_weight)
+            if (.not. below > least_bend) return
+            s%g(s%nh + 1:) = 0.0_wp
+            call s%factor(s%base)%solve(s%analysis, .false., way, s%g, self%correction, s%z)
+            call s%factor(s%here)%multiply(s%analysis, self%correction, s%g)
+            contraction = largest(s%nh, s%g, self%phi_weight)/below
+        end associate
+    end function contraction
 
     !> Nothing is watched: charts are renewed at every step.
     subroutine measure_health(self, t, q, qd, health, stat)

@@ -1,0 +1,73 @@
+! SPDX-License-Identifier: MIT
+!> How far steps may go on one chart.
+!>
+!> The position on a chart is found by Newton's iteration with C of its origin, which converges ever more slowly with the distance
+!> and at last not at all: for a body that turns by theta, C of its Euler parameters leaves the part 1 - cos(theta/2) of a
+!> correction, so that no step turns it by half a turn. The part that the last step would have left is taken for the cosine of an
+!> angle, which grows with the length of steps. A step that fails, although the angle was foreseen to be small, shows that steps
+!> have to stay below that: the motion turns faster than before, or stages are far from the manifold.
+module tandem_simulate_reach
+    use tandem_chart, only: chart_type
+    use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
+    use tandem_stepper_state, only: state_type
+    implicit none (type, external)
+    private
+
+    public :: reach_type
+
+    !> The largest angle of a step before any has failed (rad), and the smallest limit that failures set.
+    real(wp), parameter :: farthest = 1.4_wp, nearest = 0.5_wp
+    !> The part of the angle of a failed step that the next ones stay below, and by what each of them raises that.
+    real(wp), parameter :: below = 0.8_wp, rise = 1.005_wp
+
+    type :: reach_type
+        !> The largest angle (rad), and that of the last step over its length (rad/s).
+        real(wp), private :: limit = farthest, rate = 0.0_wp
+        !> The way of the last step (n).
+        real(wp), allocatable, private :: way(:)
+    contains
+        procedure :: begin, find_longest, note_failure, pack_state
+    end type reach_type
+
+contains
+
+    !> A run begins.
+    subroutine begin(self)
+        class(reach_type), intent(out) :: self
+    end subroutine begin
+
+    !> The longest step after the one from `start`, where its chart was made, to `arrived`, where its rank was measured.
+    subroutine find_longest(self, chart, start, arrived, longest)
+        class(reach_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        type(state_type), intent(in) :: start, arrived
+        real(wp), intent(out) :: longest
+        integer :: i
+
+        if (.not. allocated(self%way)) allocate (self%way(size(start%q)))
+        do i = 1, size(start%q)
+            self%way(i) = arrived%q(i) - start%q(i)
+        end do
+        self%rate = acos(1.0_wp - min(chart%contraction(self%way), 2.0_wp))/(arrived%t - start%t)
+        self%limit = min(rise*self%limit, farthest)
+        longest = huge(1.0_wp)
+        if (self%rate > 0.0_wp) longest = self%limit/self%rate
+    end subroutine find_longest
+
+    !> A step of size h could not be completed.
+    pure subroutine note_failure(self, h)
+        class(reach_type), intent(inout) :: self
+        real(wp), intent(in) :: h
+
+        if (self%rate*h > nearest) self%limit = max(nearest, min(self%limit, below*self%rate*h))
+    end subroutine note_failure
+
+    !> What is known of the last steps.
+    subroutine pack_state(self, pack)
+        class(reach_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%limit, self%rate)
+    end subroutine pack_state
+end module tandem_simulate_reach
