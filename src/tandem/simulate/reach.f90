@@ -20,10 +20,15 @@ module tandem_simulate_reach
     real(wp), parameter :: farthest = 1.4_wp, nearest = 0.5_wp
     !> The part of the angle of a failed step that the next ones stay below, and by what each of them raises that.
     real(wp), parameter :: below = 0.8_wp, rise = 1.005_wp
+    !> Below this part of the limit no more than so many steps are left unmeasured, unless they grow by this factor.
+    real(wp), parameter :: small = 0.1_wp, grown = 2.0_wp
+    integer, parameter :: most_skipped = 10
 
     type :: reach_type
-        !> The largest angle (rad), and that of the last step over its length (rad/s).
-        real(wp), private :: limit = farthest, rate = 0.0_wp
+        !> The largest angle (rad); that of the step that was measured last, over its length (rad/s); that length; the number of
+        !> steps since then.
+        real(wp), private :: limit = farthest, rate = 0.0_wp, length = 0.0_wp
+        integer, private :: skipped = 0
         !> The way of the last step (n).
         real(wp), allocatable, private :: way(:)
     contains
@@ -43,14 +48,21 @@ contains
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: start, arrived
         real(wp), intent(out) :: longest
+        real(wp) :: h
         integer :: i
 
-        if (.not. allocated(self%way)) allocate (self%way(size(start%q)))
-        do i = 1, size(start%q)
-            self%way(i) = arrived%q(i) - start%q(i)
-        end do
-        self%rate = acos(1.0_wp - min(chart%contraction(self%way), 2.0_wp))/(arrived%t - start%t)
+        h = arrived%t - start%t
         self%limit = min(rise*self%limit, farthest)
+        self%skipped = self%skipped + 1
+        if (self%skipped > most_skipped .or. h > grown*self%length .or. self%rate*h > small*self%limit) then
+            if (.not. allocated(self%way)) allocate (self%way(size(start%q)))
+            do i = 1, size(start%q)
+                self%way(i) = arrived%q(i) - start%q(i)
+            end do
+            self%rate = acos(1.0_wp - min(chart%contraction(self%way), 2.0_wp))/h
+            self%length = h
+            self%skipped = 0
+        end if
         longest = huge(1.0_wp)
         if (self%rate > 0.0_wp) longest = self%limit/self%rate
     end subroutine find_longest
@@ -68,6 +80,7 @@ contains
         class(reach_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%limit, self%rate)
+        call pack%item(self%limit, self%rate, self%length)
+        call pack%item(self%skipped)
     end subroutine pack_state
 end module tandem_simulate_reach
