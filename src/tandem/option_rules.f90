@@ -137,9 +137,9 @@ contains
         if (any(explicit_steppers == options%stepper)) options%intol = default%intol
     end subroutine change_stepper
 
-    !> True if explicit steps meet the constraints at every stage. By default they do so with a fixed size, where stages belong to the
-    !> paper's method, and on charts that are kept or refined; under error control the end of a step is enough (Hairer, Wanner II,
-    !> section VII.2: the order stays).
+    !> True if explicit steps meet the constraints at every stage. By default they do so with a fixed size, as in the paper, and on
+    !> charts that are kept or refined; under error control the end of a step is enough (Hairer, Wanner II, section VII.2: the order
+    !> stays).
     pure logical function projects_stages(options)
         !> Complete.
         type(options_type), intent(in) :: options

@@ -114,7 +114,8 @@ contains
         end do
     end subroutine check_left_out
 
-    !> Bodies without mass and redundant rows among nonholonomic ones want the dense chart: take it where the choice is the program's.
+    !> Bodies without mass and redundant rows among nonholonomic ones want the dense chart: take it where the choice is the
+    !> program's.
     subroutine leave_sparse(self, stat, error)
         class(simulation_type), intent(inout) :: self
         !> Why there is no sparse chart at the start.

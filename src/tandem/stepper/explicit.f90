@@ -39,8 +39,8 @@ module tandem_stepper_explicit
         !> Zeros, and work space, ordered alike, where there are estimates.
         real(wp), allocatable :: zero(:), part(:), slope(:)
         !> The moduli of the way from the coordinates at the end of a step to their point on the manifold (n), where stages are not
-        !> projected: the error of the step across the manifold, which the rates of stages do not show if an imposed motion has a kink.
-        !> That of velocities is looked at wherever stages lie.
+        !> projected: the error of the step across the manifold, which the rates of stages do not show if an imposed motion has a
+        !> kink. That of velocities is looked at wherever stages lie.
         real(wp), allocatable, private :: shift(:)
         !> Its rows of zeros let no register hold both, so that sums for the next position need not wait for the last acceleration.
         integer :: n = 0, offset = 0

@@ -98,8 +98,8 @@ contains
     end subroutine test_crank_pairs
 
     !> A bead runs on the circle towards the line that crosses it. Short steps near the crossing find the line as well as the
-    !> circle: a run may find neither, but never go on along the line and say that all went well. Stages on the manifold meet the line
-    !> in long steps, and name the loss of rank in most runs; ends alone come so near that corrections diverge.
+    !> circle: a run may find neither, but never go on along the line and say that all went well. Stages on the manifold meet the
+    !> line in long steps, and name the loss of rank in most runs; ends alone come so near that corrections diverge.
     subroutine test_crossing(error)
         type(error_type), allocatable, intent(out) :: error
         type(crossing_type), target :: model

@@ -13,8 +13,8 @@ contains
         self%is_implicit = implicit
         self%follows_stiffness = implicit .and. self%damps .and. options%chart /= 'paper'
         self%uses_svd = options%basis == 'svd'
-        ! The reach of kept charts is measured for the paper's complement; ends whose stages are not restored do better by it; and fixed
-        ! steps, which have no error estimate, end by name where C has turned too far for it.
+        ! The reach of kept charts is measured for the paper's complement; ends whose stages are not restored do better by it; and
+        ! fixed steps, which have no error estimate, end by name where C has turned too far for it.
         self%keeps_momentum = options%is_adaptive() .and. projects_stages(options) .and. &
             options%chart == chart_policies(1)
         self%tolerance = options%constraint_tolerance

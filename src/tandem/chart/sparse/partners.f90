@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> The combinations of rows that rows left out repeat, and the multipliers of least norm, which share the load of a combination among
-!> all its rows. One solution gives many combinations: the rows of each hang together by bodies, so that those which touch no common
-!> body are told apart. Those that do are solved for again, in several lots.
+!> The combinations of rows that rows left out repeat, and the multipliers of least norm, which share the load of a combination
+!> among all its rows. One solution gives many combinations: the rows of each hang together by bodies, so that those which touch no
+!> common body are told apart. Those that do are solved for again, in several lots.
 module tandem_chart_sparse_partners
     use tandem_chart_sparse_system, only: system_type
     use tandem_kinds, only: wp
