@@ -3,8 +3,8 @@
 !> so that the choice of a chart does not depend on the machine or its load.
 !>
 !> A dense chart eliminates m rows of n columns and forms D'M D with the n - m columns of D; a sparse one works through the entries
-!> of C, body by body, and the blocks of its factor. The weights are fitted to runs of 46 mechanisms with 2 to 98 coordinates and rtol
-!> from 1e-4 to 1e-9, `dop853` for explicit steps, `radau5` and `sdirk54` for implicit ones (doc/sparse.md).
+!> of C, body by body, and the blocks of its factor. The weights are fitted to runs of 46 mechanisms with 2 to 98 coordinates and
+!> rtol from 1e-4 to 1e-9, `dop853` for explicit steps, `radau5` and `sdirk54` for implicit ones (doc/sparse.md).
 module tandem_chart_cost
     use tandem_chart_sparse_analysis, only: analysis_type
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
