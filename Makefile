@@ -90,12 +90,14 @@ uninstall: ## remove what `make install` put below PREFIX (PARTS for some of it)
 
 wheel: setup ## dist/*.whl: the package for Python with library and program, for any Linux on x86-64 (doc/installation.md)
 	@tools/setup.sh wheel
-	@rm -rf build/wheel python/build
+	@rm -rf build/wheel python/build dist/*.whl
 	@TANDEM_PORTABLE=1 .venv/bin/python -m pip wheel --quiet --no-deps --no-build-isolation -w build/wheel ./python
-	@PATH=$(CURDIR)/.venv/bin:$(PATH) auditwheel repair -w dist build/wheel/*.whl
+	@PATH=$(CURDIR)/.venv/bin:$(PATH) auditwheel repair -z 9 $(foreach name,libtandem.so.1 libtandem-blas.so.1 libgfortran.so.5 libquadmath.so.0,--exclude $(name)) \
+		-w dist build/wheel/*.whl
 
 dist: setup ## dist/tandem-VERSION-linux-x86_64.tar.xz: program, libraries, scenes and documents, to unpack anywhere
 	@tools/setup.sh wheel
+	@rm -f dist/*.tar.xz
 	@python3 tools/library.py archive
 
 python: build ## the package for Python in an environment of its own, build/python; also for tandem plot and view

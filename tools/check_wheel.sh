@@ -11,8 +11,8 @@ tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT
 mkdir "$tmp/copy"
 git ls-files -z | tar --null --files-from - -c | tar -x -C "$tmp/copy"
-# These test tools of the checkout.
-rm "$tmp"/copy/test/python/test_{setup,verify,mpi}.py
+# These test the checkout.
+rm "$tmp"/copy/test/python/test_{map,mpi,setup,verify}.py
 python3 -m venv "$tmp/env"
 export TANDEM_WHEEL=$PWD/dist/$(cd dist && ls tandem_multibody-*.whl) TANDEM_CHECKOUT=$PWD
 "$tmp/env/bin/python" -m pip install --quiet "$TANDEM_WHEEL" -r python/requirements.txt -r test/package/requirements.txt

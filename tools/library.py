@@ -17,9 +17,9 @@ The parts, all of them but the last unless --parts names some:
 `build` builds the solver. Sources are compiled in the order of their modules, those that have changed since the last time. FC
 names another gfortran, CC another C compiler.
 
---portable makes parts `library` and `program` that run on any Linux of this kind and from any folder: the shared library holds
-OpenBLAS, which chooses its kernels where it runs; the program holds HDF5 and is linked with the shared library; the run-time library
-of gfortran stands beside them. `make wheel` ships them, and so does `archive`, with the documents: dist/tandem-VERSION-linux-x86_64.tar.xz.
+--portable makes parts `library` and `program` that run on any Linux of this kind and from any folder: the program holds HDF5 and is
+linked with the shared library; OpenBLAS, which chooses its kernels where it runs, the run-time library of gfortran, and a shared
+library for newer processors stand beside them. `make wheel` ships them, and so does `archive`, with the documents: dist/tandem-VERSION-linux-x86_64.tar.xz.
 """
 
 import argparse
@@ -39,13 +39,15 @@ PARTS = ["library", "program", "command-line"]
 OPTIONAL = ["mpi"]
 TOML_F = ROOT / "build" / "dependencies" / "toml-f"
 HDF5 = ROOT / "io" / "include" / "hdf5"
-# Portable files: any x86-64 processor of the last fifteen years.
+# Portable files: any x86-64 processor of the last fifteen years, and a second shared library for those of the last ten, which the
+# dynamic linker takes there.
 PORTABLE = ROOT / "build" / "portable"
 PORTABLE_FLAGS = [*(ROOT / "tools" / "flags" / "optimised").read_text().split(), "-march=x86-64-v2"]
+FASTER = "x86-64-v3"
 # Static libraries of Debian that they hold, and the packages with their licences.
-HELD_BY_LIBRARY = ["openblas-serial/libopenblas.a"]
+OPENBLAS = "openblas-serial/libopenblas.a"
 HELD_BY_PROGRAM = ["libhdf5_serial_hl.a", "libhdf5_serial_fortran.a", "libhdf5_serial.a", "libsz.a", "libaec.a", "libz.a"]
-# The run-time library of gfortran stands in a folder of its own, where no other program looks: one that brings its own takes that.
+# What they need beside them stands in a folder of its own, where no other program looks: one that brings its own gfortran takes that.
 RUN_TIME = {"libgfortran.so": "libgfortran.so.5", "libquadmath.so": "libquadmath.so.0"}
 LICENCES = {"openblas": "libopenblas-dev", "hdf5": "libhdf5-dev", "libaec": "libaec-dev", "zlib": "zlib1g-dev",
             "gfortran": "libgfortran5"}
@@ -165,6 +167,25 @@ def portable_link(names, *folders):
             "-Wl,--disable-new-dtags", f"-Wl,-rpath,{where}"]
 
 
+def symbols(kind, file):
+    """The symbols that a library defines (T) or needs (U)."""
+    told = subprocess.run(["nm", "-P", "-A", str(file)], capture_output=True, text=True).stdout
+    return {words[1] for words in map(str.split, told.splitlines()) if len(words) > 2 and words[2] == kind}
+
+
+def build_blas(solver, shared):
+    """OpenBLAS as a shared library with nothing but what the solver calls."""
+    called = sorted(symbols("U", solver) & symbols("T", found_by_linker(OPENBLAS)))
+    script = shared.with_suffix(".map")
+    script.write_text("TANDEM_1 { global: " + "; ".join(called) + "; local: *; };\n")
+    subprocess.run(
+        [FC, "-shared", f"-Wl,-soname,{shared.name}", "-o", str(shared), *(f"-Wl,-u,{name}" for name in called)]
+        + [found_by_linker(OPENBLAS), f"-Wl,--version-script={script}", "-Wl,-s", "-Wl,-z,defs"],
+        check=True,
+    )
+    return shared
+
+
 def build_libraries(build, flags, link=("-llapack", "-lblas")):
     """libtandem.a and libtandem.so in the build folder."""
     for tool, brings in ((FC, "gfortran"), ("ar", "binutils")):
@@ -173,21 +194,24 @@ def build_libraries(build, flags, link=("-llapack", "-lblas")):
     build = Path(build).resolve()
     build.mkdir(parents=True, exist_ok=True)
     objects = compile_all(build, flags, [ROOT / "src"])
-    _, major, _ = versions()
-    shared = build / "libtandem.so"
+    archive(build / "libtandem.a", objects)
+    link_shared(build, objects, flags, link)
+    return build
+
+
+def link_shared(build, objects, flags, link):
+    """libtandem.so in the build folder, where it is older than an object."""
+    shared, made = build / "libtandem.so", build / "linked.so"
     newest = max(file.stat().st_mtime for file in [*objects, Path(__file__)])
     if shared.exists() and shared.stat().st_mtime > newest:
-        return build
-    archive(build / "libtandem.a", objects)
+        return
     # Symbols that nobody defines are an error here, not in the user's program; a sanitizer's come with the program.
     strict = [] if any("-fsanitize" in flag for flag in flags) else ["-Wl,-z,defs"]
-    made = build / "linked.so"
     subprocess.run(
-        [FC, "-shared", *flags, *strict, f"-Wl,-soname,libtandem.so.{major}", "-o", str(made), *map(str, objects), *link],
+        [FC, "-shared", *flags, *strict, f"-Wl,-soname,libtandem.so.{versions()[1]}", "-o", str(made), *map(str, objects), *link],
         check=True,
     )
     made.rename(shared)
-    return build
 
 
 def build_command_line(build, flags):
@@ -203,19 +227,31 @@ def build_command_line(build, flags):
 
 
 def build_portable():
-    """The folder with libtandem.a, libtandem.so and the program tandem, which run on any Linux of this kind. What the program adds to
-    the library is compiled without link-time optimisation: its time is that of files and lines."""
+    """The folder with libtandem.a, libtandem.so and the program tandem, which run on any Linux of this kind, and what they need
+    beside them. Without link-time optimisation, which takes minutes, are the library for newer processors and what the program adds:
+    the one is as fast as need be, the other one's time is that of files and lines."""
     PORTABLE.mkdir(parents=True, exist_ok=True)
-    build = build_libraries(PORTABLE, PORTABLE_FLAGS, portable_link(HELD_BY_LIBRARY, "tandem"))
-    flags = [flag for flag in PORTABLE_FLAGS if "lto" not in flag]
-    commands = build_command_line(build, flags)
+    archive(PORTABLE / "libtandem.a", compile_all(PORTABLE, PORTABLE_FLAGS, [ROOT / "src"]))
+    blas = str(build_blas(PORTABLE / "libtandem.a", PORTABLE / "libtandem-blas.so.1"))
+    build_libraries(PORTABLE, PORTABLE_FLAGS, [blas, *portable_link([], "tandem")])
+    plain = [flag for flag in PORTABLE_FLAGS if "lto" not in flag]
+    flags = [flag for flag in plain if "-march" not in flag] + [f"-march={FASTER}"]
+    faster = PORTABLE / FASTER
+    link_shared(faster, compile_all(faster, flags, [ROOT / "src"]), flags, [blas, *portable_link([], "../../tandem")])
+    # For who loads the library by a path, where the dynamic linker has no choice.
     subprocess.run(
-        [FC, *flags, f"-I{commands / 'modules'}", "app/main.f90", "-o", str(build / "tandem")]
-        + [str(commands / "libtandem-command-line.a"), str(build / "libtandem.so")]
+        [CC, "-shared", "-nostdlib", "-o", str(PORTABLE / "libtandem-chosen.so"), "-Wl,--no-as-needed"]
+        + [str(PORTABLE / "libtandem.so"), "-Wl,--allow-shlib-undefined", "-Wl,--disable-new-dtags", "-Wl,-rpath,$ORIGIN/.."],
+        check=True,
+    )
+    commands = build_command_line(PORTABLE, plain)
+    subprocess.run(
+        [FC, *plain, f"-I{commands / 'modules'}", "app/main.f90", "-o", str(PORTABLE / "tandem"), f"-Wl,-rpath-link,{PORTABLE}"]
+        + [str(commands / "libtandem-command-line.a"), str(PORTABLE / "libtandem.so")]
         + portable_link(HELD_BY_PROGRAM, "../lib", "../lib/tandem"),
         cwd=ROOT, check=True,
     )
-    return build
+    return PORTABLE
 
 
 def run_path(prefix):
@@ -350,9 +386,11 @@ Cflags: -I${{includedir}}/tandem/command_line
 
 
 def held():
-    """What else portable files need: the run-time library, and the licences of all that they hold."""
+    """What else portable files need beside them, the library for newer processors, and the licences of all that they hold."""
     common = Path("/usr/share/common-licenses")
     files = {f"lib/tandem/{name}": Path(found_by_linker(linked)) for linked, name in RUN_TIME.items()}
+    files |= {f"lib/tandem/{name}": PORTABLE / name for name in ("libtandem-blas.so.1", "libtandem-chosen.so")}
+    files[f"lib/glibc-hwcaps/{FASTER}/libtandem.so.{versions()[1]}"] = PORTABLE / FASTER / "libtandem.so"
     files |= {f"share/tandem/licences/{name}.txt": Path("/usr/share/doc", package, "copyright") for name, package in LICENCES.items()}
     return files | {f"share/tandem/licences/{name}.txt": common / name for name in ("GPL-3", "LGPL-2.1")}
 

@@ -65,13 +65,14 @@ FUNCTIONS = {
 
 
 def library_path() -> str:
-    """The file that is loaded: TANDEM_LIBRARY, the one in this package, or what the dynamic linker finds."""
+    """The file that is loaded: TANDEM_LIBRARY, the one in this package, or what the dynamic linker finds. A wheel holds one for newer
+    processors too, and a file that makes the dynamic linker choose."""
     named = os.environ.get("TANDEM_LIBRARY")
     if named:
         return named
     name = f"libtandem.so.{INTERFACE // 1000}"
-    own = Path(__file__).parent / "program" / "lib" / name
-    return str(own) if own.exists() else name
+    folder = Path(__file__).parent / "program" / "lib"
+    return next((str(file) for file in (folder / "tandem" / "libtandem-chosen.so", folder / name) if file.exists()), name)
 
 
 @functools.cache
