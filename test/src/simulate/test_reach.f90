@@ -40,7 +40,7 @@ contains
                 call check_no_failure(error, failure)
                 statistics = simulation%statistics()
                 associate (s => statistics)
-                    call check_below(error, real(s%failed, wp)/real(s%steps + s%failed + s%rejected, wp), 0.03_wp, &
+                    call check_below(error, real(s%failed, wp)/real(s%steps + s%failed + s%rejected, wp), 0.01_wp, &
                         trim(explicit(k))//': part of the tries that fail')
                 end associate
                 if (allocated(error)) return
