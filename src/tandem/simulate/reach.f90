@@ -21,8 +21,8 @@ module tandem_simulate_reach
     !> The part of the angle of a failed step that the next ones stay below, and by what each of them raises that.
     real(wp), parameter :: below = 0.8_wp, rise = 1.005_wp
     !> Below this part of the limit no more than so many steps are left unmeasured, unless they grow by this factor.
-    real(wp), parameter :: small = 0.1_wp, grown = 2.0_wp
-    integer, parameter :: most_skipped = 10
+    real(wp), parameter :: small = 0.25_wp, grown = 1.5_wp
+    integer, parameter :: most_skipped = 4
 
     type :: reach_type
         !> The largest angle (rad); that of the step that was measured last, over its length (rad/s); that length; the number of
