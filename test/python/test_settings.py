@@ -232,6 +232,8 @@ class Advice(Case):
 class Crash(Case):
     def test_a_crash_in_the_library_is_reported_as_damage(self):
         """A library that crashes while it reads: a file is damaged, and the exit code says so."""
+        if "hdf5" not in run("version", cwd=self.folder, env={"LD_TRACE_LOADED_OBJECTS": "1"}).stdout:
+            self.skipTest("the program holds HDF5, so that nothing takes the place of its functions")
         self.tandem("run", "rolling_disk", *SHORT, "--output", "run.h5", "--no-error")
         source = self.folder / "crash.c"
         source.write_text("#include <stdlib.h>\nint H5Dread(void) { abort(); }\n")
