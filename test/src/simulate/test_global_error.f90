@@ -128,7 +128,7 @@ contains
             call check_true(error, global_error%is_known .and. .not. global_error%is_bound .and. &
                 global_error%largest >= global_error%relative .and. global_error%right_hand_sides > 0, 'what else it knows')
             if (allocated(error)) return
-            if (i == 1) call check_below(error, 0.5_wp, global_error%relative, 'error of the disk at 1e-3')
+            if (i == 1) call check_below(error, 0.3_wp, global_error%relative, 'error of the disk at 1e-3')
             if (allocated(error)) return
         end do
     end subroutine test_amplified
