@@ -108,7 +108,7 @@ class Doubts(Case):
 
     def test_errors_between_steps_and_at_the_end(self):
         done = self.tandem("run", "motorcycle", "--output", "doubts.h5", "--set", "solver.stepper=dop853", "--set",
-                           "solver.rtol=1e-8", "--set", "output.interval=0.1")
+                           "solver.rtol=1e-8", "--set", 'solver.projection="stages"', "--set", "output.interval=0.1")
         told = re.sub(r"\s+", " ", done.stdout)
         with h5py.File(self.folder / "doubts.h5") as file:
             report = file["report"].attrs
@@ -550,8 +550,8 @@ class Outcome(Case):
         self.assertNotIn("projection of stages", report)
         ends = 'solver.projection="step_ends"'
         report = self.tandem("run", "articulated_vehicle", *SHORT, "--set", ends, "--force").stdout
-        self.assertIn("projection of stages (projection = step_ends: not the method of the paper)", report)
-        self.refused("run", "articulated_vehicle", "--set", ends, "--set", "solver.stepper=sdirk54", says="use projection = \"stages\"")
+        self.assertIn("projection of stages (steps meet the constraints at their ends)", report)
+        self.refused("run", "articulated_vehicle", "--set", ends, "--set", "solver.stepper=sdirk54", says="remove it, or use an explicit stepper")
 
     def test_progress_is_a_line_per_ten_percent(self):
         done = self.tandem("run", "rolling_disk", "--set", "time.end=2")
@@ -1194,7 +1194,7 @@ class CommandLine(Case):
         self.assertRegex(report, r"  local error +\S+ a step at most, \S+ summed over the run")
         with h5py.File(self.folder / "a.h5") as file:
             attributes = file["report"].attrs
-            self.assertGreater(attributes["global_error"], 0.5)
+            self.assertGreater(attributes["global_error"], 0.3)
             self.assertGreaterEqual(attributes["global_error_largest"], attributes["global_error"])
             self.assertIn(attributes["global_error_warning"], re.sub(r"\s+", " ", report))
             self.assertLess(attributes["local_error"], 1e-3)

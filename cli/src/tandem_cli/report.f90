@@ -355,7 +355,7 @@ contains
             call phrase%add('derivatives (the stepper is explicit)')
         end if
         if (.not. (properties%implicit .or. projects_stages(scene%options))) then
-            call phrase%add('projection of stages (explicit steps under error control meet the constraints at their ends)')
+            call phrase%add('projection of stages (steps meet the constraints at their ends)')
         end if
         text = 'nothing'
         if (allocated(phrase%text)) text = phrase%text

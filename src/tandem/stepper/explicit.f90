@@ -387,13 +387,14 @@ contains
 
     !> The error of the last step in a weighted norm. Of two estimates (orders 5 and 3 of dop853) the combination of Hairer,
     !> Norsett, Wanner I, (10.17): the first squared over the root of the sum of squares, the second at a tenth. Where stages are
-    !> not projected, it is at least the way to the manifold.
+    !> not projected, it is at least a tenth of the way to the manifold, which the projection removes.
     subroutine estimate(self, chart, h, weight_q, weight_qd, norm)
         class(explicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         real(wp), intent(in) :: h
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
         real(wp), intent(out) :: norm
+        real(wp), parameter :: of_shift = 0.1_wp
         real(wp) :: second
 
         norm = self%estimate_norm(1, h, weight_q, weight_qd)
@@ -401,7 +402,7 @@ contains
             second = 0.1_wp*self%estimate_norm(2, h, weight_q, weight_qd)
             norm = norm**2/sqrt(norm**2 + second**2)
         end if
-        if (.not. self%projects_stages) norm = max(norm, norm2(self%shift*weight_q)/sqrt(2*real(self%n, wp)))
+        if (.not. self%projects_stages) norm = max(norm, of_shift*norm2(self%shift*weight_q)/sqrt(2*real(self%n, wp)))
     end subroutine estimate
 
     !> h |lambda| from the last stage and the end of the step, both at the same time. The difference of their values leans towards
