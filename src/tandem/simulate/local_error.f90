@@ -45,7 +45,7 @@ module tandem_simulate_local_error
         integer, private :: in_vain = 0
     contains
         procedure :: initialize, set_weights, add, extend, restart, pack_state
-        procedure :: gap, largest_gap, allow_gap, begin_step, find_gap, is_missed, largest_part, size_of_window
+        procedure :: gap, allow_gap, begin_step, find_gap, is_missed, largest_part, size_of_window
         procedure :: count_imposed, add_imposed
         procedure, private :: largest_velocity, may_gap, scale_of, size_of_q
     end type local_error_type
@@ -176,15 +176,6 @@ contains
                 (self%rate*self%scale_of(i) + abs(arrived%qd(i))))
         end do
     end function gap
-
-    !> Twice the gap that a step may leave, or a given one where that is more.
-    pure real(wp) function largest_gap(self, least)
-        class(local_error_type), intent(in) :: self
-        real(wp), intent(in) :: least
-
-        largest_gap = least
-        if (self%allowed_gap < huge(1.0_wp)) largest_gap = max(least, 2*self%allowed_gap)
-    end function largest_gap
 
     !> Whether `gap` may be larger than what is allowed; mostly it is not, and that is told without a division an entry.
     pure logical function may_gap(self, start, arrived)
