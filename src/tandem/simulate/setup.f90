@@ -162,9 +162,8 @@ contains
     module procedure watch_constraints
         logical :: depend_on_time
 
-        ! Of an implicit step too: its error along the constraints' gradients is in no estimate. What Newton's iterations leave is
-        ! far below, and tries that do not make the gap smaller end.
-        call self%local_error%allow_gap(warning_limit(self%options))
+        ! The gap of implicit steps also holds what Newton's iterations leave, for which shorter steps are no cure.
+        call self%local_error%allow_gap(merge(huge(1.0_wp), warning_limit(self%options), self%method%implicit))
         associate (model => self%model)
             depend_on_time = iand(model%provides, need_nu) /= 0 .or. associated(model%holonomic_rate) .or. &
                 associated(model%nonholonomic_rhs)
