@@ -303,8 +303,10 @@ class Tables(Case):
         """A thousand million draws take no memory before they are made."""
         self.write('[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.002"]\ndraws = 1_000_000_000\n\n'
                    '[[vary]]\nkey = "initial.tilt"\nuniform = [0.1, 0.2]\n\n[[keep]]\nquantity = "energy"\n')
+        # What a shell starts in the background ignores interrupts, and so would the program.
         process = subprocess.Popen(self.command("--output", "large.h5", "--jobs", "1", "--quiet"), cwd=self.folder,
-                                   env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
+                                   env=ENVIRONMENT, stderr=subprocess.PIPE, text=True,
+                                   preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
         journal = self.folder / "large.h5.journal"
         end = time.monotonic() + 120
         while process.poll() is None and time.monotonic() < end and not (journal.exists() and journal.stat().st_size > 20_000):
