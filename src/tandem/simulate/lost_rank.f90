@@ -27,14 +27,12 @@ module tandem_simulate_lost_rank
         !> or close behind.
         integer, private :: reason = status_ok
         real(wp), private :: until = -huge(1.0_wp)
-        !> The start of a try that failed without a search for the reason, and its length, 0 for none.
-        real(wp), private :: skipped_from = 0.0_wp, skipped = 0.0_wp
     contains
         procedure :: forget_ahead, is_ahead, was_met, is_near, longest_step, look_ahead, look_within
         procedure, nopass :: find_near, find_close
         procedure :: check
         procedure, nopass :: find_behind
-        procedure :: find_later, remember, check_branch, pack_state
+        procedure :: remember, check_branch, pack_state
     end type lost_rank_type
 
 contains
@@ -176,51 +174,17 @@ contains
         type(state_type), intent(inout) :: next
         !> The reason, replaced where this is it.
         integer, intent(inout) :: stat
-
-        call search_around(chart, state, next%t - state%t, next, stat)
-    end subroutine find_behind
-
-    !> Search for a loss of rank around the way of a step that could not be completed.
-    subroutine search_around(chart, state, h, work, stat)
-        class(chart_type), intent(inout) :: chart
-        type(state_type), intent(in) :: state
-        !> The size of the step.
-        real(wp), intent(in) :: h
-        !> Its coordinates serve as work space.
-        type(state_type), intent(inout) :: work
-        !> The reason why it failed, replaced where a loss is it.
-        integer, intent(inout) :: stat
         integer :: loss
 
         if (all(stat /= disguises)) return
-        ! From a little behind, since the state may lie just beyond, and further, since the way bends and stages are the first to
-        ! notice; those that are solved together notice two steps before.
-        work%q = state%q - h*state%qd
-        loss = chart%loss_ahead(state%t - h, work%q, state%qd, 4.0_wp*h)
-        if (loss /= status_ok) stat = loss
-    end subroutine search_around
-
-    !> The same for a controlled step, after which shorter ones are tried. A search costs more than some of these, and most steps
-    !> fail for their length alone: the first one that fails waits with it until another fails where that one was.
-    subroutine find_later(self, chart, state, next, stat)
-        class(lost_rank_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
-        type(state_type), intent(in) :: state
-        type(state_type), intent(inout) :: next
-        integer, intent(inout) :: stat
-
-        if (all(stat /= disguises)) return
-        if (self%reason == status_ok .or. state%t > self%until) then
-            self%skipped_from = state%t
-            self%skipped = next%t - state%t
-            return
-        end if
-        if (self%skipped > 0.0_wp .and. .not. state%t > self%skipped_from) then
-            call search_around(chart, state, self%skipped, next, stat)
-        end if
-        self%skipped = 0.0_wp
-        call find_behind(chart, state, next, stat)
-    end subroutine find_later
+        associate (h => next%t - state%t)
+            ! From a little behind, since the state may lie just beyond, and further, since the way bends and stages are the first
+            ! to notice; those that are solved together notice two steps before.
+            next%q = state%q - h*state%qd
+            loss = chart%loss_ahead(state%t - h, next%q, state%qd, 4.0_wp*h)
+            if (loss /= status_ok) stat = loss
+        end associate
+    end subroutine find_behind
 
     !> Take note of a try that was given up, where it has met a loss or a reason that may hide one.
     pure subroutine remember(self, t, t_next, stat)
@@ -240,7 +204,7 @@ contains
     !> what the other measures see, need not come near dependence then, and the orientation may be kept. A step that is merely too
     !> long changes its velocity less when it is shorter, and a jump of nu leaves C as it is.
     subroutine check_branch(self, chart, local_error, state, next, stat)
-        class(lost_rank_type), intent(inout) :: self
+        class(lost_rank_type), intent(in) :: self
         class(chart_type), intent(inout) :: chart
         type(local_error_type), intent(in) :: local_error
         type(state_type), intent(in) :: state
@@ -257,10 +221,7 @@ contains
         if (state%t > self%until) return
         gap = local_error%gap(state, next)
         if (.not. gap > least_gap) return
-        if (.not. chart%relative_change() > gap) return
-        stat = self%reason
-        if (self%skipped > 0.0_wp) call search_around(chart, state, self%skipped, next, stat)
-        self%skipped = 0.0_wp
+        if (chart%relative_change() > gap) stat = self%reason
     end subroutine check_branch
 
     !> All of it.
@@ -270,6 +231,6 @@ contains
 
         call pack%item(self%room)
         call pack%item(self%reason)
-        call pack%item(self%until, self%skipped_from, self%skipped)
+        call pack%item(self%until)
     end subroutine pack_state
 end module tandem_simulate_lost_rank

@@ -335,7 +335,8 @@ contains
         real(wp) :: within_reach
 
         longest_next = self%stepper%longest_next()
-        if (self%method%implicit .or. self%options%chart /= 'every_step') return
+        ! Steps with stages on the manifold are to fail where branches cross: that makes turning off visible.
+        if (self%method%implicit .or. self%options%chart /= 'every_step' .or. self%stepper%projects_stages) return
         call self%reach%find_longest(self%chart, self%state, self%next, within_reach)
         longest_next = min(longest_next, within_reach)
     end function longest_next
@@ -384,7 +385,7 @@ contains
         outcome = fails
         call self%stepper%advance(self%chart, self%state, h, self%next, stat)
         if (stat /= status_ok) then
-            call self%lost_rank%find_later(self%chart, self%state, self%next, stat)
+            call self%lost_rank%find_behind(self%chart, self%state, self%next, stat)
             return
         end if
         call self%control%set_weights(self%state%q, self%next%q, self%state%qd, self%next%qd)
