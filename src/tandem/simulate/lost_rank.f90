@@ -212,8 +212,8 @@ contains
         type(state_type), intent(inout) :: next
         !> ok, or why the other step was given up.
         integer, intent(out) :: stat
-        !> Relative to the velocity; steps that meet usual tolerances leave far less. Loose ones may leave as much and are tried again,
-        !> since a step onto another branch leaves no more.
+        !> Relative to the velocity; steps that meet usual tolerances leave far less. Loose ones may leave as much and are tried
+        !> again, since a step onto another branch leaves no more.
         real(wp), parameter :: least_gap = 1.0e-3_wp
         real(wp) :: gap
 
