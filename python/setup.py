@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What pyproject.toml cannot say: the version is that of the checkout, and the package holds the shared library, the program with
+"""Settings that pyproject.toml cannot hold: the version is that of the checkout, and the package holds the shared library, the program with
 its scenes, and three.js for the pages of `tandem view`.
 
 With TANDEM_PORTABLE set, library and program run on any Linux of this kind (`make wheel`). Otherwise the library is compiled for any

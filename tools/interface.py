@@ -163,7 +163,7 @@ def disagreements(root, modules):
             problems.append(f"{name} is {lengths[name]} in tandem.inc, {length} in {file}.f90")
     if sorted(f77_constants.values()) != sorted(expected.values()):
         problems.append("tandem.inc has other statuses or terms than the Fortran sources")
-    # What the figures are of is none of them.
+    # The kind of model decides on their wording; it is no figure itself.
     told = {"has_ready_made_model"} | set(re.findall(r"\bs%(\w+)", (root / "src/tandem/simulate/figures.f90").read_text()))
     problems += [f"figures.f90 lacks the statistic {name}" for name in sorted(read_statistics(root) - told)]
     if modules:

@@ -47,7 +47,7 @@ FASTER = "x86-64-v3"
 # Static libraries of Debian that they hold, and the packages with their licences.
 OPENBLAS = "openblas-serial/libopenblas.a"
 HELD_BY_PROGRAM = ["libhdf5_serial_hl.a", "libhdf5_serial_fortran.a", "libhdf5_serial.a", "libsz.a", "libaec.a", "libz.a"]
-# What they need beside them stands in a folder of its own, where no other program looks: one that brings its own gfortran takes that.
+# Libraries that they need stand in a folder of their own, where no other program looks: one that brings its own gfortran takes that.
 RUN_TIME = {"libgfortran.so": "libgfortran.so.5", "libquadmath.so": "libquadmath.so.0"}
 LICENCES = {"openblas": "libopenblas-dev", "hdf5": "libhdf5-dev", "libaec": "libaec-dev", "zlib": "zlib1g-dev",
             "gfortran": "libgfortran5"}
@@ -386,7 +386,7 @@ Cflags: -I${{includedir}}/tandem/command_line
 
 
 def held():
-    """What else portable files need beside them, the library for newer processors, and the licences of all that they hold."""
+    """Further files of portable builds: libraries beside them, the library for newer processors, and all licences."""
     common = Path("/usr/share/common-licenses")
     files = {f"lib/tandem/{name}": Path(found_by_linker(linked)) for linked, name in RUN_TIME.items()}
     files |= {f"lib/tandem/{name}": PORTABLE / name for name in ("libtandem-blas.so.1", "libtandem-chosen.so")}
@@ -396,7 +396,7 @@ def held():
 
 
 def package_files(shared, program, portable):
-    """What the package for Python holds, as below a prefix: the shared library by the name that the program asks for, and the
+    """The files of the package for Python, as below a prefix: the shared library by the name that the program asks for, and the
     program with its scenes."""
     files = {f"lib/libtandem.so.{versions()[1]}": shared, "share/tandem/licences/tandem.txt": ROOT / "LICENSE"}
     return files | (program_part(program)[0] if program.exists() else {}) | (held() if portable else {})
@@ -445,7 +445,7 @@ def make_archive():
     folder = ROOT / "build" / name
     shutil.rmtree(folder, ignore_errors=True)
     install(None, None, str(folder), "", ["library", "program"], None, portable=True)
-    # What link-time optimisation needs of the static library is larger than the library, and for this gfortran alone.
+    # The sections for link-time optimisation are larger than the static library, and serve this gfortran alone.
     lto = ["-R", ".gnu.lto_*", "-R", ".gnu.debuglto_*"]
     subprocess.run(["strip", "-g", *lto, str(folder / "lib" / "libtandem.a")], check=True)
     kept = ["README.md", "CHANGELOG.md", "LICENSE", "doc", "example"]

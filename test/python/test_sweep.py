@@ -303,7 +303,7 @@ class Tables(Case):
         """A thousand million draws take no memory before they are made."""
         self.write('[sweep]\nscene = "rolling_disk"\nset = ["time.end=0.002"]\ndraws = 1_000_000_000\n\n'
                    '[[vary]]\nkey = "initial.tilt"\nuniform = [0.1, 0.2]\n\n[[keep]]\nquantity = "energy"\n')
-        # What a shell starts in the background ignores interrupts, and so would the program.
+        # A program that a shell starts in the background ignores interrupts.
         process = subprocess.Popen(self.command("--output", "large.h5", "--jobs", "1", "--quiet"), cwd=self.folder,
                                    env=ENVIRONMENT, stderr=subprocess.PIPE, text=True,
                                    preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))

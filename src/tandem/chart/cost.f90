@@ -8,10 +8,12 @@
 module tandem_chart_cost
     use tandem_chart_sparse_analysis, only: analysis_type
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
+    use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_model, only: model_type
     use tandem_model_counts, only: counts_type
     use tandem_model_evaluator, only: evaluator_type
+    use tandem_model_segment, only: find_segment
     use tandem_model_stiffness, only: stiffness_type
     use tandem_model_terms, only: need_mass
     implicit none (type, external)
@@ -45,7 +47,7 @@ contains
         associate (bodies => real(analysis%n_bodies, wp), nodes => real(analysis%n_nodes, wp), &
             entries => real(analysis%n_entries, wp), neighbours => real(size(analysis%behind, 2), wp))
             if (implicit) then
-                call stiffness%build(model%pattern%first, model%pattern%coupled)
+                call build_stiffness(model, stiffness)
                 call newton%analyse_newton(analysis, stiffness)
                 cost%dense = 5.3_wp + 1.97_wp*n + 0.066_wp*n*m + 1.42e-3_wp*m**2*n + 1.25e-3_wp*free*n**2
                 cost%sparse = 5.9_wp + 1.26_wp*bodies + 3.66_wp*nodes + 0.218_wp*entries + 0.029_wp*real(newton%n_factor, wp)
@@ -56,24 +58,42 @@ contains
         end associate
     end subroutine estimate_cost
 
-    !> The rate of the fastest oscillation or decay that the forces on one body alone cause at (t, q, qd), times the time scale of
-    !> the model: the root of the largest entry of the diagonals of K over M. Zero where it cannot be evaluated.
+    !> The blocks of K for the pairs of bodies that share forces.
+    subroutine build_stiffness(model, stiffness)
+        class(model_type), intent(in) :: model
+        type(stiffness_type), intent(inout) :: stiffness
+        integer, allocatable :: pairs(:, :)
+
+        allocate (pairs(2, 0))
+        if (allocated(model%pattern%coupled)) pairs = model%pattern%coupled
+        call stiffness%build(model%pattern%first, pairs)
+    end subroutine build_stiffness
+
+    !> The rate of the fastest oscillation that the forces on one body alone cause at (t, q, qd), times the time scale of the model:
+    !> the root of the largest entry of the diagonals of K over M. Zero where it cannot be evaluated.
     subroutine stiffness_of(model, t, q, qd, ratio)
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t, q(:), qd(:)
         real(wp), intent(out) :: ratio
-        !> Coordinates with less than this part of their body's largest entry of M move with others.
+        !> Coordinates with less than this part of their body's largest entry of M move with others; entries are compared on the
+        !> scales of the coordinates.
         real(wp), parameter :: least_mass = 1.0e-3_wp
         type(stiffness_type) :: stiffness
         type(evaluator_type) :: evaluator
         type(counts_type) :: counts
-        real(wp), allocatable :: zero(:), lambda(:)
+        type(error_type), allocatable :: error
+        real(wp), allocatable :: zero(:), lambda(:), scale(:)
         real(wp) :: heaviest
         integer :: b, i, k, stat, width
 
         ratio = 0.0_wp
+        ! As at the start of the run, whatever the model was used for before.
+        call find_segment(model, t, error)
+        if (allocated(error)) return
+        call model%set_time_scale(t, q, qd)
+        scale = model%scales()
         allocate (zero(model%n), lambda(model%n_constraints()), source=0.0_wp)
-        call stiffness%build(model%pattern%first, model%pattern%coupled)
+        call build_stiffness(model, stiffness)
         call model%evaluate_stiffness(t, q, qd, zero, lambda, stiffness, stat)
         if (stat /= 0) return
         call evaluator%initialize(model, wants_jacobian=.false.)
@@ -84,14 +104,14 @@ contains
                 width = first(b + 1) - first(b)
                 heaviest = 0.0_wp
                 do i = first(b), first(b + 1) - 1
-                    heaviest = max(heaviest, mass(i, i))
+                    heaviest = max(heaviest, mass(i, i)*scale(i)**2)
                 end do
                 do k = stiffness%start(b), stiffness%start(b + 1) - 1
                     if (stiffness%partner(k) /= b) cycle
                     do i = 1, width
-                        associate (m => mass(first(b) + i - 1, first(b) + i - 1))
-                            if (.not. m > least_mass*heaviest) cycle
-                            ratio = max(ratio, abs(stiffness%by_q(stiffness%offset(k) + (i - 1)*width + i))/m)
+                        associate (j => first(b) + i - 1)
+                            if (.not. mass(j, j)*scale(j)**2 > least_mass*heaviest) cycle
+                            ratio = max(ratio, abs(stiffness%by_q(stiffness%offset(k) + (i - 1)*width + i))/mass(j, j))
                         end associate
                     end do
                 end do

@@ -73,7 +73,7 @@ contains
         rate = maxval([0.0_wp, abs(qd)/self%coordinate_scale])
     end function rate_of_start
 
-    !> What a coupling holds where its angles are 1 and its ways a length.
+    !> The value of a coupling whose angles are 1 and whose displacements are one length scale.
     pure real(wp) function size_of_sum(self, it) result(unit)
         class(mechanism_type), intent(in) :: self
         type(coupling_type), intent(in) :: it

@@ -83,7 +83,7 @@ module tandem_model
         !> What `measure` gives, in its order; nothing where it is not allocated. Whether it looks at every step to count turns.
         type(quantity_type), allocatable :: quantities(:)
         logical :: measures_every_step = .false.
-        !> Whether `measure` is told the multipliers.
+        !> True if `measure` takes the multipliers.
         logical :: measures_multipliers = .false.
         !> The quantities that `measure` is asked for at the moment; all where this is not allocated.
         logical, allocatable :: asked(:)

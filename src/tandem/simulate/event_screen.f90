@@ -53,7 +53,7 @@ contains
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(in) :: curve
         integer, intent(in) :: k
-        !> Whether one of them has no value, or another sign than at the start.
+        !> True if one of them has no value, or another sign than at the start.
         logical, intent(out) :: may_happen
         real(wp) :: t
         integer :: i, stat
@@ -71,7 +71,7 @@ contains
         end associate
     end subroutine sample_near
 
-    !> Whether a function with these values of one sign at quarters of the step may have a zero in it.
+    !> True if a function with these values of one sign at quarters of the step may have a zero in it.
     pure logical function may_vanish(value, sign_before)
         real(wp), intent(in) :: value(n_rough)
         !> Its sign before the step, 0 for none.

@@ -126,7 +126,7 @@ module tandem_simulate_event_watch
     end interface
 
     interface
-        !> Whether one of the events may happen in the step that was just accepted. Where none can, all of them pass on to the next
+        !> Find out if one of the events may happen in the step that was just accepted. If none can, all of them pass on to the next
         !> step.
         module subroutine rule_out(self, curve, may_happen)
             implicit none (type, external)
@@ -270,7 +270,8 @@ contains
         if (is_endless) return
         do i = 1, self%n
             associate (watched => self%watched(i))
-                ! What has stayed at its zero until there goes on to rest, such as a joint that was locked where it is watched.
+                ! A function that has stayed at its zero until there goes on to rest,
+                ! such as that of a joint that was locked where it is watched.
                 do k = 1, n_samples
                     if (place(k) > x) exit
                     if (sign_of(self%samples(i, k), max(zero*watched%largest, watched%noise)) /= 0) watched%rests = .false.
@@ -379,7 +380,7 @@ contains
         if (stat == 0) call move_alloc(self%shown, self%model%shown)
     end subroutine measure_all
 
-    !> What was measured is not that of other points.
+    !> Drop the measured values, which belong to one point.
     subroutine end_measuring(self)
         class(event_watch_type), intent(inout) :: self
 

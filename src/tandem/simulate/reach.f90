@@ -75,7 +75,7 @@ contains
         if (self%rate*h > nearest) self%limit = max(nearest, min(self%limit, below*self%rate*h))
     end subroutine note_failure
 
-    !> What is known of the last steps.
+    !> The limit and the last measurement.
     subroutine pack_state(self, pack)
         class(reach_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

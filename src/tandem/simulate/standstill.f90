@@ -121,7 +121,7 @@ contains
         call self%slowing%restart()
         call name_near_loss(self, error)
         if (.not. allocated(error)) call set_error(error, status_step_underflow, 'steps shrink from t = '// &
-            to_text(self%state%t)//' towards t = '//to_text(t_end)//', which no number of them reaches', &
+            to_text(self%state%t)//' towards t = '//to_text(t_end)//' and do not reach it', &
             trim(causes(self))//trim(for_stiffness(self)))
     end subroutine check_slowing
 

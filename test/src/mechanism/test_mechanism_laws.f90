@@ -174,7 +174,7 @@ contains
         call check_true(error, allocated(failure), 'one entry is too few')
         if (allocated(failure)) call check_true(error, index(failure%message, 'bushing rubber: stiffness has 1 entries') > 0, &
             failure%message)
-        ! What has no orientation has no angles that a bushing could hold.
+        ! A point mass has no orientation, so no angles that a bushing could hold.
         do i = 1, 2
             call mechanism%clear()
             call draw(mechanism, i == 1)
