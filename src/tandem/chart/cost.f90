@@ -82,8 +82,8 @@ contains
         type(evaluator_type) :: evaluator
         type(counts_type) :: counts
         type(error_type), allocatable :: error
-        real(wp), allocatable :: zero(:), lambda(:), scale(:)
-        real(wp) :: heaviest
+        real(wp), allocatable :: zero(:), lambda(:)
+        real(wp) :: scale(model%n), heaviest
         integer :: b, i, k, stat, width
 
         ratio = 0.0_wp
