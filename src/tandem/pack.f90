@@ -14,7 +14,7 @@ module tandem_pack
 
     !> What a row begins with, the version of all contents, and the places of kind, version, length and checksum in front of them.
     character(len=8), parameter :: signature = 'tandem!P'
-    integer(long), parameter :: version = 20
+    integer(long), parameter :: version = 21
     integer, parameter :: head = 5
 
     !> Where items are written to or read from.

@@ -34,7 +34,9 @@ contains
             end if
         end do
         do i = 1, self%n
-            if (may_vanish(self%rough(:, i), self%watched(i)%sign_before)) may_happen = .true.
+            associate (watched => self%watched(i), value => self%rough(:, i))
+                if (may_vanish(value, watched%sign_before) .or. watched%is_faint(maxval(abs(value)))) may_happen = .true.
+            end associate
         end do
         if (may_happen) return
         self%values_are_stale = .false.
@@ -42,6 +44,7 @@ contains
             associate (watched => self%watched(i), value => self%rough(:, i))
                 watched%value = value(n_rough)
                 watched%largest = maxval(abs(value))
+                watched%peak = max(watched%peak, watched%largest)
                 watched%sign_before = sign_of(value(n_rough), 0.0_wp)
                 watched%is_open = .false.
             end associate

@@ -26,6 +26,9 @@ module tandem_simulate_event_watch
     real(wp), parameter :: resolution = 1.0e-13_wp
     !> Below this part of the largest |g| in the step a sample is zero.
     real(wp), parameter :: zero = 1.0e-13_wp
+    !> A g that stays below this part of its largest modulus so far may be zero but for rounding, as is the rate of a joint that
+    !> was locked; it counts as zero below so many times the noise of a state.
+    real(wp), parameter :: faint = 1.0e-9_wp, over_noise = 100.0_wp
     !> Most zeros of one event in a step: a crossing between all samples, and two at every other extremum.
     integer, parameter :: most_zeros = 2*n_samples
     !> Events without an advance of time, one after the other, before they count as endless.
@@ -46,20 +49,23 @@ module tandem_simulate_event_watch
     !> An event and what the search remembers of it.
     type :: watched_type
         class(event_type), pointer :: event => null()
-        !> g at the current state, its last sign before that (0: there was none yet), and the largest |g| of the last step.
-        real(wp) :: value = 0.0_wp, largest = 0.0_wp
+        !> g at the current state, its last sign before that (0: there was none yet), and the largest |g| of the last step and of
+        !> all steps.
+        real(wp) :: value = 0.0_wp, largest = 0.0_wp, peak = 0.0_wp
         integer :: sign_before = 0
         !> Whether a zero at the current state is still to be judged: at the start of the run, or at the end of the last step.
         logical :: is_open = .true.
         !> Whether it has happened at the current state, so that its zero there does not count again, and in which direction.
         logical :: rests = .false.
         integer :: direction = 0
-        !> While it rests: what rounding of the state makes of g.
+        !> A smaller |g| is zero: the noise of the state while it rests, a multiple of that while g is faint.
         real(wp) :: noise = 0.0_wp
         !> Whether its action is due; whether the last one has sent g back, which must show until the given time, how far g would
         !> have gone on otherwise, and g before it.
         logical :: is_due = .false., is_sent_back = .false.
         real(wp) :: judged_until = 0.0_wp, reach = 0.0_wp, value_before = 0.0_wp
+    contains
+        procedure :: is_faint
     end type watched_type
 
     !> Events, and what the search for their zeros remembers from step to step.
@@ -90,7 +96,7 @@ module tandem_simulate_event_watch
     contains
         procedure :: add, name, forget_values, rule_out, search, find_cut, pass, settle, renew, prepare_actions, act, judge_actions
         procedure :: pack_state
-        procedure, private :: evaluate, evaluate_point, measure_all, end_measuring
+        procedure, private :: evaluate, evaluate_point, measure_all, end_measuring, measure_noise
     end type event_watch_type
 
     abstract interface
@@ -191,6 +197,14 @@ contains
         self%measures = .true.
     end subroutine ask_for
 
+    !> True if values up to this modulus may be rounding.
+    pure logical function is_faint(self, largest)
+        class(watched_type), intent(in) :: self
+        real(wp), intent(in) :: largest
+
+        is_faint = largest <= max(faint*self%peak, self%noise)
+    end function is_faint
+
     !> The name of an event.
     pure function name(self, number)
         class(event_watch_type), intent(in) :: self
@@ -246,7 +260,6 @@ contains
                         if (s == 0 .and. k == n_samples .and. is_last) watched%sign_before = -watched%sign_before
                     end associate
                 end do
-                if (.not. watched%rests) watched%noise = 0.0_wp
             end associate
         end do
     end subroutine pass
@@ -276,7 +289,6 @@ contains
                     if (place(k) > x) exit
                     if (sign_of(self%samples(i, k), max(zero*watched%largest, watched%noise)) /= 0) watched%rests = .false.
                 end do
-                if (.not. watched%rests) watched%noise = 0.0_wp
             end associate
         end do
         do k = 1, self%found%n
@@ -315,7 +327,7 @@ contains
             associate (watched => self%watched(i))
                 call self%evaluate(curve, i, watched%value, error)
                 if (allocated(error)) return
-                if (watched%rests) call measure_noise(self, curve, i, watched%noise)
+                if (watched%rests) call self%measure_noise(curve, i, watched%noise)
                 associate (s => sign_of(watched%value, max(zero*watched%largest, watched%noise)))
                     if (s /= 0) watched%sign_before = s
                 end associate
@@ -506,7 +518,7 @@ contains
         do i = 1, self%n
             associate (watched => self%watched(i))
                 call watched%event%pack_state(pack)
-                call pack%item(watched%value)
+                call pack%item(watched%value, watched%peak)
                 call pack%item(watched%sign_before)
                 call pack%item(watched%is_open, watched%rests)
                 call pack%item(watched%direction)

@@ -110,7 +110,16 @@ contains
             g%number = number
             g%value = self%samples(number, :n_samples)
             g%largest = maxval(abs(g%value))
+            if (.not. watched%rests) then
+                if (watched%is_faint(g%largest)) then
+                    call self%measure_noise(curve, number, watched%noise)
+                    watched%noise = over_noise*watched%noise
+                else
+                    watched%noise = 0.0_wp
+                end if
+            end if
             watched%largest = g%largest
+            watched%peak = max(watched%peak, g%largest)
             if (.not. g%largest > 0.0_wp .and. .not. watched%is_open) return
             do k = 1, n_samples
                 g%sign(k) = sign_of(g%value(k), max(zero*g%largest, watched%noise))
