@@ -45,7 +45,7 @@ module tandem_simulate_local_error
         integer, private :: in_vain = 0
     contains
         procedure :: initialize, set_weights, add, extend, restart, pack_state
-        procedure :: gap, allow_gap, begin_step, find_gap, is_missed, largest_part, size_of_window
+        procedure :: gap, jump, allow_gap, begin_step, find_gap, is_missed, largest_part, size_of_window
         procedure :: count_imposed, add_imposed
         procedure, private :: largest_velocity, may_gap, scale_of, size_of_q
     end type local_error_type
@@ -176,6 +176,26 @@ contains
                 (self%rate*self%scale_of(i) + abs(arrived%qd(i))))
         end do
     end function gap
+
+    !> The part of `gap` that a smooth motion does not explain: accelerations that change within a step miss its change of velocity
+    !> by at most the step times that change.
+    pure real(wp) function jump(self, start, arrived)
+        class(local_error_type), intent(in) :: self
+        !> The states at the ends of the step.
+        type(state_type), intent(in) :: start, arrived
+        real(wp) :: h, weight, gap, bend
+        integer :: i
+
+        h = arrived%t - start%t
+        gap = 0.0_wp
+        bend = 0.0_wp
+        do i = 1, self%n
+            weight = 1.0_wp/(self%rate*self%scale_of(i) + abs(arrived%qd(i)))
+            gap = max(gap, weight*abs((arrived%qd(i) - start%qd(i)) - (arrived%dqd(i) - start%dqd(i))))
+            bend = max(bend, weight*abs(arrived%qdd(i) - start%qdd(i)))
+        end do
+        jump = max(0.0_wp, gap - h*bend)
+    end function jump
 
     !> Whether `gap` may be larger than what is allowed; mostly it is not, and that is told without a division an entry.
     pure logical function may_gap(self, start, arrived)
