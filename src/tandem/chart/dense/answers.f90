@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> What is asked at a point: multipliers, the nearest velocity, constraint errors, what policies watch, kinetic energy.
 submodule(tandem_chart_dense) tandem_chart_dense_answers
+    use tandem_linalg_lapack, only: dpotrf, dpotrs
     implicit none (type, external)
 
 contains
@@ -12,13 +13,36 @@ contains
         if (stat /= status_ok) return
         self%counts%multipliers = self%counts%multipliers + 1
         if (allocated(self%rows%dropped)) then
-            associate (terms => self%model%all_rows)
-                call solve_least_norm(transpose(terms%jacobian), terms%force - matmul(terms%mass, qdd), lambda)
-            end associate
+            call share_load(self%rows%dropped, lambda)
         else
             call self%dynamics%multipliers(self%model%terms%mass, self%velocity_basis%right_inverse, self%model%terms%force, &
                 qdd, lambda)
         end if
+
+    contains
+
+        !> The multipliers of least norm. Rows that were left out are combinations K C = C_l of the others, K = C_l R: shares y of
+        !> them leave the multipliers mu - K'y to the others, and (I + K K') y = K mu makes their norm least.
+        subroutine share_load(left_out, lambda)
+            integer, intent(in) :: left_out(:)
+            real(wp), intent(inout), contiguous :: lambda(:)
+            real(wp) :: mu(size(self%model%kept)), combination(size(left_out), size(mu)), gram(size(left_out), size(left_out))
+            real(wp) :: share(size(left_out))
+            integer :: i, info
+
+            call self%dynamics%multipliers(self%model%terms%mass, self%velocity_basis%right_inverse, self%model%terms%force, &
+                qdd, mu)
+            combination = matmul(self%model%all_rows%jacobian(left_out, :), self%velocity_basis%right_inverse)
+            gram = matmul(combination, transpose(combination))
+            do i = 1, size(left_out)
+                gram(i, i) = gram(i, i) + 1.0_wp
+            end do
+            share = matmul(combination, mu)
+            call dpotrf('L', size(left_out), gram, size(left_out), info)
+            call dpotrs('L', size(left_out), 1, gram, size(left_out), share, size(left_out), info)
+            lambda(self%model%kept) = mu - matmul(share, combination)
+            lambda(left_out) = share
+        end subroutine share_load
     end procedure multipliers
 
     module procedure project_velocity

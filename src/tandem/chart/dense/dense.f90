@@ -12,7 +12,6 @@ module tandem_chart_dense
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: basis_type
-    use tandem_linalg_dependence, only: solve_least_norm
     use tandem_linalg_kernels, only: add, add_product, are_same, copy, is_finite, set_product
     use tandem_linalg_lu, only: lu_type
     use tandem_linalg_row_space, only: row_space_type
