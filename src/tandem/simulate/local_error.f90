@@ -178,38 +178,39 @@ contains
     end function gap
 
     !> The part of `gap` that a smooth motion does not explain: accelerations that change within a step miss its change of velocity
-    !> by at most the step times that change.
-    pure real(wp) function jump(self, start, arrived)
+    !> by at most the step times that change. Zero if it does not exceed the largest one so far.
+    pure real(wp) function jump(self, start, arrived, so_far)
         class(local_error_type), intent(in) :: self
         !> The states at the ends of the step.
         type(state_type), intent(in) :: start, arrived
-        real(wp) :: h, weight, gap, bend
+        real(wp), intent(in) :: so_far
+        !> Smaller ones are not looked for.
+        real(wp), parameter :: negligible = 1.0e-9_wp
+        real(wp) :: bend
         integer :: i
 
-        h = arrived%t - start%t
-        gap = 0.0_wp
+        jump = 0.0_wp
+        if (.not. self%may_gap(start, arrived, max(so_far, negligible))) return
         bend = 0.0_wp
         do i = 1, self%n
-            weight = 1.0_wp/(self%rate*self%scale_of(i) + abs(arrived%qd(i)))
-            gap = max(gap, weight*abs((arrived%qd(i) - start%qd(i)) - (arrived%dqd(i) - start%dqd(i))))
-            bend = max(bend, weight*abs(arrived%qdd(i) - start%qdd(i)))
+            bend = max(bend, abs(arrived%qdd(i) - start%qdd(i))/(self%rate*self%scale_of(i) + abs(arrived%qd(i))))
         end do
-        jump = max(0.0_wp, gap - h*bend)
+        jump = max(0.0_wp, self%gap(start, arrived) - (arrived%t - start%t)*bend)
     end function jump
 
-    !> Whether `gap` may be larger than what is allowed; mostly it is not, and that is told without a division an entry.
-    pure logical function may_gap(self, start, arrived)
+    !> True if `gap` may be larger than a limit. Mostly it is not, and that takes no division per entry.
+    pure logical function may_gap(self, start, arrived, limit)
         class(local_error_type), intent(in) :: self
         !> The states at the ends of the step.
         type(state_type), intent(in) :: start, arrived
+        real(wp), intent(in) :: limit
 
         may_gap = .false.
-        if (.not. self%allowed_gap < huge(1.0_wp)) return
+        if (.not. limit < huge(1.0_wp)) return
         if (allocated(self%scale)) then
-            may_gap = is_larger(self%n, 0.999_wp*self%allowed_gap, self%rate, start%qd, start%dqd, arrived%qd, arrived%dqd, &
-                self%scale)
+            may_gap = is_larger(self%n, 0.999_wp*limit, self%rate, start%qd, start%dqd, arrived%qd, arrived%dqd, self%scale)
         else
-            may_gap = is_larger(self%n, 0.999_wp*self%allowed_gap, self%rate, start%qd, start%dqd, arrived%qd, arrived%dqd)
+            may_gap = is_larger(self%n, 0.999_wp*limit, self%rate, start%qd, start%dqd, arrived%qd, arrived%dqd)
         end if
     end function may_gap
 
@@ -330,7 +331,7 @@ contains
         real(wp) :: gap
 
         is_found = .false.
-        if (.not. self%may_gap(start, arrived)) return
+        if (.not. self%may_gap(start, arrived, self%allowed_gap)) return
         gap = self%gap(start, arrived)
         is_found = gap > self%allowed_gap .and. gap < 0.5_wp*self%last_gap .and. &
             arrived%t - start%t > shortest*spacing(abs(start%t))
