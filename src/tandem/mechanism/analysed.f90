@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Answers for the analysis of small motions: rigid motions of a mechanism, rates of its forces with the time alone, and coordinates
-!> that take no part.
+!> Queries of the analysis of small motions: rigid motions of a mechanism, partial time derivatives of its forces, and idle
+!> coordinates.
 submodule(tandem_mechanism) tandem_mechanism_analysed
     use tandem_mechanism_force, only: spring_type, torsion_type
     use tandem_mechanism_formula, only: is_time
@@ -26,7 +26,7 @@ contains
         value = 0.0_wp
         select type (self)
         class is (mechanism_type)
-            ! No term, but the poses and the functions of time.
+            ! Set only the poses and the functions of time; evaluate no term.
             call self%evaluate(0, t, q, qd, self%at_row, stat)
             if (stat /= 0) return
             do i = 1, size(self%bodies)
@@ -37,7 +37,7 @@ contains
         end select
     end procedure force_rate
 
-    !> Each element with what changes of it in place of what it does.
+    !> Apply every force element with the partial time derivative of its force in place of the force.
     subroutine add_rates(self, t, value, stat)
         type(mechanism_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -78,7 +78,7 @@ contains
         call add_loads(loads, t, self%pose, rates, self%formulas, self%coordinates, value)
     end subroutine add_rates
 
-    !> A load of the numbers by which a load changes.
+    !> Replace the components of a load by their partial time derivatives.
     subroutine take_rate(self, t, load)
         type(mechanism_type), intent(inout) :: self
         real(wp), intent(in) :: t

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Bodies as they stand in the drawing, named points of them, and what their masses contribute to the equations of motion.
+!> Bodies in the reference configuration, their named points, and the contributions of their masses to the equations of motion.
 module tandem_mechanism_body
     use tandem_kinds, only: wp
     use tandem_mechanism_joint, only: name_length
@@ -11,16 +11,15 @@ module tandem_mechanism_body
 
     public :: body_type, point_type, set_mass, set_single_masses, add_gyroscopic, differentiate_inertia, kinetic_energy_of
 
-    !> A rigid body, or a point mass where it does not turn. In the plane the third entries of vectors are the turn's.
+    !> A rigid body, or a point mass, which has no rotation. In the plane the third component of a vector belongs to the angle.
     type :: body_type
         character(len=name_length) :: name = ''
         real(wp) :: mass = 0.0_wp
         !> About the centre of mass in the body's frame (kg m^2); in the plane the entry (3, 3).
         real(wp) :: inertia(3, 3) = 0.0_wp
-        !> Whether it turns, and whether the body's axes are principal ones.
+        !> True if the body has a rotation; true if its axes are principal axes.
         logical :: turns = .true., is_principal = .true.
-        !> The drawing: the centre of mass, Euler parameters or the angle, the velocity, and the angular velocity in the world's
-        !> frame.
+        !> Reference configuration: centre of mass, Euler parameters or angle, velocity, and angular velocity in the world frame.
         real(wp) :: position(3) = 0.0_wp, p(4) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], angle = 0.0_wp
         real(wp) :: velocity(3) = 0.0_wp, omega(3) = 0.0_wp
     end type body_type
@@ -34,13 +33,13 @@ module tandem_mechanism_body
 
 contains
 
-    !> The masses of a body in the plane or of a point mass, which stand on the diagonal of M.
+    !> Set the masses of a body in the plane or of a point mass, which are diagonal entries of M.
     pure subroutine set_single_masses(body, first, last, is_compressed, n, width, mass)
         type(body_type), intent(in) :: body
         !> The body's coordinates.
         integer, intent(in) :: first, last
         logical, intent(in) :: is_compressed
-        !> The shape of the M that is set.
+        !> Shape of the stored M.
         integer, intent(in) :: n, width
         real(wp), intent(inout) :: mass(n, width)
         integer :: i
@@ -52,11 +51,11 @@ contains
         if (body%turns) mass(last, merge(1, last, is_compressed)) = body%inertia(3, 3)
     end subroutine set_single_masses
 
-    !> The block of M of a body that turns in space; it is zero before.
+    !> Set the block of M of a body that rotates in space; the block is zero on entry.
     pure subroutine set_mass(body, pose, n, width, mass)
         type(body_type), intent(in) :: body
         type(pose_type), intent(in) :: pose
-        !> The size of the M that is set, which may be compressed.
+        !> Shape of the stored M, which may be compressed.
         integer, intent(in) :: n, width
         real(wp), intent(inout) :: mass(n, width)
         real(wp) :: g(4, 4)
@@ -74,7 +73,7 @@ contains
         end if
     end subroutine set_mass
 
-    !> The kinetic energy of a body; its pose has rates.
+    !> Kinetic energy of a body; the rates of its pose are set.
     pure real(wp) function kinetic_energy_of(body, pose) result(energy)
         type(body_type), intent(in) :: body
         type(pose_type), intent(in) :: pose
@@ -98,7 +97,7 @@ contains
         y = j(:, 1)*x(1) + j(:, 2)*x(2) + j(:, 3)*x(3)
     end function times
 
-    !> S = 8 G(pd)' J G(pd) p; a body in the plane, or one that does not turn, has none.
+    !> S = 8 G(pd)' J G(pd) p; zero for a body in the plane or a point mass.
     pure subroutine add_gyroscopic(body, pose, force)
         type(body_type), intent(in) :: body
         type(pose_type), intent(in) :: pose

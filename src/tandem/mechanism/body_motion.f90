@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Small motions of coordinates as motions of bodies, for who draws modes.
+!> Convert small motions of the coordinates to motions of the bodies, for drawing modes.
 submodule(tandem_mechanism) tandem_mechanism_body_motion
     use tandem_rigid_euler_parameters, only: e_product
     implicit none (type, external)

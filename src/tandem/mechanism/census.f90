@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What a mechanism is made of: the rows of each element, which of them are redundant at a state, and the degrees of freedom at
-!> position and at velocity level. For reports; these procedures allocate.
+!> Composition of a mechanism: the rows of each element, the redundant rows at a state, and the degrees of freedom at position and
+!> at velocity level. For reports; these procedures allocate.
 module tandem_mechanism_census
     use tandem_kinds, only: wp
     use tandem_linalg_dependence, only: split_rows
@@ -15,27 +15,27 @@ module tandem_mechanism_census
     !> An element with rows.
     type :: element_count_type
         character(len=name_length) :: name = ''
-        !> Such as revolute; empty where the name says it all.
+        !> Kind, such as revolute; empty if the name is sufficient.
         character(len=16) :: kind = ''
-        !> Rows at position and at velocity level, and how many of them repeat others.
+        !> Numbers of rows at position level, of rows at velocity level, and of redundant rows.
         integer :: n_position = 0, n_velocity = 0, n_redundant = 0
     end type element_count_type
 
     !> The rows of all elements of a mechanism, and its degrees of freedom.
     type :: census_type
         type(element_count_type), allocatable :: elements(:)
-        !> n less the coordinates that take no part and the rank of Phi_q, and that of C.
+        !> n minus the number of idle coordinates minus the rank of Phi_q; the same with the rank of C.
         integer :: position_freedom = 0, velocity_freedom = 0
     end type census_type
 
-    !> Rows of unit length depend on each other where less than this is left of one; as the rank decision of charts.
+    !> Rows of unit length are dependent if the remainder of one is smaller than this, as in the rank decision of charts.
     real(wp), parameter :: dependent = 1.0e-10_wp
 
 contains
 
-    !> Count at a state. Status: that of the evaluation.
+    !> Count rows and freedoms at a state. The status is that of the evaluation.
     subroutine take_census(mechanism, t, q, qd, census, stat)
-        !> Defined.
+        !> `define` has been called.
         class(mechanism_type), intent(inout) :: mechanism
         real(wp), intent(in) :: t, q(:), qd(:)
         type(census_type), intent(out) :: census
@@ -74,7 +74,7 @@ contains
         end associate
     end subroutine take_census
 
-    !> The element of a row, whose name begins with the element's; norms of Euler parameters are one element.
+    !> Index of the element of a row, whose name begins with that of the element; all norms of Euler parameters are one element.
     integer function element_of(mechanism, row, census) result(k)
         class(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: row

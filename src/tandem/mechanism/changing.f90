@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What events may change of a mechanism: `lock NAME` and `free NAME` of a coupling that can be freed, and
-!> `force.NAME.KEY = NUMBER` of springs and torsions, where the number may be an expression of constants.
+!> Changes by events: `lock NAME` and `free NAME` of a coupling that can be freed, and `force.NAME.KEY = NUMBER` of springs and
+!> torsions, where the number may be an expression of constants.
 submodule(tandem_mechanism) tandem_mechanism_changing
     use tandem_mechanism_coupling, only: lock_coupling
     use tandem_mechanism_expression, only: expression_type, parse_expression
@@ -38,7 +38,7 @@ contains
         end select
     end subroutine change
 
-    !> Lock or free a coupling. Locked where it is locked already, it stays where it is.
+    !> Lock or free a coupling. Locking a locked coupling keeps its value.
     subroutine switch(self, name, locks, is_trial, t, q, problem)
         type(mechanism_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -56,7 +56,7 @@ contains
         problem = ''
         if (is_trial) return
         if (locks .and. .not. self%couplings(k)%is_locked) then
-            ! No term, but the poses and the functions of time.
+            ! Set only the poses and the functions of time; evaluate no term.
             call self%evaluate(0, t, q, q, self%at_row, stat)
             call lock_coupling(self%couplings(k), self%pose, self%f)
         else if (.not. locks) then

@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Scalar coordinates x(q) between two bodies: a way along an axis of the first, the distance of two points, an angle about an axis
-!> that both have in common, and a small turn. Couplings hold sums of them, springs and bushings act along them, expressions and
-!> sensors read them. Each gives its value, its gradient, the derivatives of both along the motion, and its second gradient.
+!> Scalar coordinates x(q) between two bodies: a displacement along an axis of the first, the distance of two points, an angle about
+!> a common axis, and a small angle. Couplings constrain sums of them, springs and bushings act along them, expressions and sensors
+!> read them. Each provides its value, its gradient, the derivatives of both along the motion, and its second gradient.
 !>
-!> An angle is counted over any number of turns: it is the one nearest to what it was where a run has arrived last, and without a
-!> run at the point that was looked at before.
+!> An angle may exceed a full turn: it is the value nearest to that at the last accepted point of a run, or outside a run to that at
+!> the last evaluated point.
 module tandem_mechanism_coordinate
     use tandem_kinds, only: wp
     use tandem_mechanism_dot, only: dot_curve, dot_gradient, dot_second, dot_type
@@ -19,9 +19,8 @@ module tandem_mechanism_coordinate
     public :: coordinate_type, begin_turns, count_turns, end_search, measure, measure_apart, differentiate_coordinate, find_slope
     public :: pi, is_way, is_distance, is_angle, is_tilt
 
-    !> The kinds are a way (one.d, m); a distance (m); an angle (rad) with the cosine `one` and the sine `other`, in the plane the
-    !> difference of two angles; the small turn (one - other)/2, which is the sine of the angle about the third axis where that is
-    !> common.
+    !> Kinds: displacement (one.d, m); distance (m); angle (rad) with the cosine `one` and the sine `other`, in the plane the
+    !> difference of two angles; small angle (one - other)/2, the sine of the angle about the third axis if that axis is common.
     integer, parameter :: is_way = 1, is_distance = 2, is_angle = 3, is_tilt = 4
 
     type :: coordinate_type
@@ -30,16 +29,16 @@ module tandem_mechanism_coordinate
         integer :: first = 0, second = 0
         type(dot_type) :: one, other
         type(span_type) :: span
-        !> What is taken off: x = 0 is there (m or rad).
+        !> Subtracted from the value: x = 0 there (m or rad).
         real(wp) :: offset = 0.0_wp
-        !> The number of the function of time that the angle follows, 0 for none.
+        !> Index of the function of time that the angle follows; 0 if none.
         integer :: motion = 0
-        !> The angle at the last point that counts, before the offset is taken off; and whether points are only those at which a run
-        !> arrives, not those that steps try or through which a start is found.
+        !> Angle at the last accepted point, before the offset is subtracted; true if only the points at which a run arrives are
+        !> accepted, not trial points of steps or of a search for a start.
         real(wp) :: last = 0.0_wp
         logical :: waits = .false.
-        !> Whether a run has started, and the angle at the first start, which may have come there from the drawing in search of a
-        !> consistent position or of a place of rest.
+        !> True once a run has started; the angle at the first start. The search for a consistent position or an equilibrium may
+        !> have moved it from the reference configuration.
         logical :: has_begun = .false.
         real(wp) :: begun = 0.0_wp
     end type coordinate_type
@@ -49,7 +48,7 @@ module tandem_mechanism_coordinate
 
 contains
 
-    !> The value alone.
+    !> Value of the coordinate only.
     pure subroutine measure(self, pose, x)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
@@ -61,12 +60,12 @@ contains
         x = x + 2*pi*turns
     end subroutine measure
 
-    !> The value without the whole turns of an angle in space, and their number. In the plane angles are coordinates of bodies and
-    !> whole.
+    !> Value without the full turns of an angle in space, and these turns. In the plane angles are coordinates of bodies and include
+    !> their turns.
     pure subroutine measure_apart(self, pose, x, turns)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
-        !> x (m or rad), and what is to be added to it in turns.
+        !> x (m or rad), and the full turns to be added to it.
         real(wp), intent(out) :: x, turns
         real(wp) :: a(3, 0:2), d(3, 0:2), way(3)
 
@@ -97,7 +96,7 @@ contains
         x = x - self%offset
     end subroutine measure_apart
 
-    !> Count turns from where the first run started, at every point of the search for a start.
+    !> Reset the turn count to the first start; called at every point of the search for a start.
     pure subroutine begin_turns(self, pose, f)
         type(coordinate_type), intent(inout) :: self
         !> Not used.
@@ -108,7 +107,7 @@ contains
         self%waits = .false.
     end subroutine begin_turns
 
-    !> Count turns at a point of the search for a start, or where a run has arrived.
+    !> Update the turn count at a point of the search for a start, or at an arrival of a run.
     pure subroutine count_turns(self, pose, f)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
@@ -125,7 +124,7 @@ contains
         self%waits = waits
     end subroutine count_turns
 
-    !> A start has been found: from now on turns are counted only where the run arrives.
+    !> End the search for a start: from now on turns are counted only at arrivals of the run.
     pure subroutine end_search(self, pose, f)
         type(coordinate_type), intent(inout) :: self
         !> Not used.
@@ -137,8 +136,8 @@ contains
         self%has_begun = .true.
     end subroutine end_search
 
-    !> Value, rate and gradient, which is all that a force asks for: of an angle in space without the rates of its gradient and of
-    !> the directions that it is between. With z = c + i s the gradient is (c s_q - s c_q)/|z|^2.
+    !> Value, rate and gradient, which suffice for a force; for an angle in space the rates of the gradient and of the directions
+    !> are omitted. With z = c + i s the gradient is (c s_q - s c_q)/|z|^2.
     pure subroutine find_slope(self, pose, x, gradient)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
@@ -172,7 +171,7 @@ contains
             c = c*over
             s = s*over
             gradient = 0.0_wp
-            ! What turns the second body turns the first one back: x_q pd is the product of this with the turn, 2 E pd/(p'p).
+            ! A rotation of the second body is opposite to one of the first: x_q pd is this vector times 2 E pd/(p'p).
             torque = c*cross(d_s, a_s) - s*cross(d_c, a_c)
             if (first%n_turn > 0) then
                 gradient(turn_1 + 1:turn_1 + 4) = turn_gradient(first%p(:, 0), -torque)
@@ -185,7 +184,7 @@ contains
         end associate
     end subroutine find_slope
 
-    !> 2 E(p)' n/(p'p) for a vector n in the world: n by the angular velocity of a turn, as a gradient.
+    !> 2 E(p)' n/(p'p) for a vector n in the world frame: n times the angular velocity, as a gradient.
     pure function turn_gradient(p, n) result(row)
         real(wp), intent(in) :: p(4), n(3)
         real(wp) :: row(4)
@@ -193,7 +192,7 @@ contains
         row = 2/(p(1)**2 + p(2)**2 + p(3)**2 + p(4)**2)*e_transposed_product(p, n)
     end function turn_gradient
 
-    !> Whether an angle is the difference of two.
+    !> True for an angle that is the difference of two planar angles.
     pure logical function is_planar(self, pose)
         type(coordinate_type), intent(in) :: self
         type(pose_type), intent(in) :: pose(0:)
@@ -222,19 +221,19 @@ contains
         dot3 = x(1)*y(1) + x(2)*y(2) + x(3)*y(3)
     end function dot3
 
-    !> Value and gradient with derivatives along the motion, as the poses have them, and if wanted the second gradient. A distance
-    !> of zero has none of these: they are no finite numbers.
+    !> Value and gradient with derivatives along the motion, as far as the poses have them; optionally the second gradient. The
+    !> derivatives of a zero distance do not exist and are not finite.
     pure subroutine differentiate_coordinate(self, pose, last, gradients, x, gradient, second, turns)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
-        !> The highest derivatives that are wanted, of x and of its gradient, 0 to 2.
+        !> Highest required derivatives of x and of its gradient, 0 to 2.
         integer, intent(in) :: last, gradients
         !> x, its rate, its second derivative.
         real(wp), intent(inout) :: x(0:2)
         !> x_q and its derivatives.
         real(wp), intent(inout) :: gradient(n_local, 0:2)
         real(wp), intent(out), optional :: second(n_local, n_local)
-        !> The whole turns of an angle in space, which x is then without.
+        !> Full turns of an angle in space; x is then returned without them.
         real(wp), intent(out), optional :: turns
         real(wp) :: a(3, 0:2), d(3, 0:2)
         integer :: k
@@ -334,7 +333,7 @@ contains
         curve = cmplx(c(2), s(2), wp)*over
         x(1) = aimag(rate)
         x(2) = aimag(curve - rate**2)
-        ! z_q/z. Products are written out, as complex ones of the language call a procedure that asks for infinities.
+        ! z_q/z. Products are written out, because complex multiplication calls a procedure that checks for infinities.
         re = real(over)*c_q(:, 0) - aimag(over)*s_q(:, 0)
         im = aimag(over)*c_q(:, 0) + real(over)*s_q(:, 0)
         gradient(:, 0) = im

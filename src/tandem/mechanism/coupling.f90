@@ -1,15 +1,14 @@
 ! SPDX-License-Identifier: MIT
-!> Rows that hold a sum of coordinates of joints, Phi = sum of factor_i x_i(q) - f(t) - at: gears, racks, belts, screws. Angles
-!> among them are counted over any number of turns. Turns are summed apart from the rest and without an error: a pair of gears
-!> that has turned a million times meets as exactly as one that has not.
+!> Rows that constrain a sum of joint coordinates, Phi = sum of factor_i x_i(q) - f(t) - at: gears, racks, belts, screws. Angles may
+!> exceed a full turn. Full turns are summed separately and exactly: the constraint of a pair of gears is as accurate after a
+!> million turns as at the start.
 !>
-!> A row that events lock and free is there all the time, since a model does not change its size. While it is free it holds a
-!> coordinate of its own, the slack s = 0, and the joints are free; while it is locked it holds the joints, and the slack rests
-!> for itself. The mass of a slack has no effect but on rounding, and is that of a body. At the moment of locking `at` becomes
-!> what the sum is there.
+!> A row that events lock and free is always present, since the size of a model is constant. The row has a coordinate of its own,
+!> the slack s. A free row is s = 0 and the joints are free; a locked row constrains the joints, and the slack remains constant. The
+!> mass of a slack affects only rounding and is that of a body. Locking sets `at` to the current value of the sum.
 !>
-!> The row of an imposed angle in space is one of them, Phi = phi - f(t) between -pi and pi: its only root is phi = f(t) but for
-!> whole turns, which have no meaning in the orientations of bodies.
+!> The row of an imposed angle in space is a coupling, Phi = phi - f(t) between -pi and pi: its only root is phi = f(t) up to full
+!> turns, which do not change the orientations of bodies.
 module tandem_mechanism_coupling
     use tandem_kinds, only: sp, wp
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, measure_apart, pi
@@ -22,35 +21,34 @@ module tandem_mechanism_coupling
 
     public :: coupling_type, max_coupled, evaluate_couplings, differentiate_couplings, lock_coupling
 
-    !> The most coordinates of one row.
+    !> Largest number of coordinates of one row.
     integer, parameter :: max_coupled = 4
 
-    !> A sum of factors times coordinates of joints, which a row holds at 0 or at a function of time.
+    !> A sum of factors times joint coordinates, which a row keeps equal to 0 or to a function of time.
     type :: coupling_type
-        !> The row of Phi, and how many coordinates there are.
+        !> Row of Phi; number of coordinates.
         integer :: row = 0, n = 0
         type(coordinate_type) :: coordinates(max_coupled)
         real(wp) :: factors(max_coupled) = 0.0_wp
-        !> The number of f, 0 for none; whether whole turns do not count in Phi.
+        !> Index of f, 0 if none; true if full turns do not count in Phi.
         integer :: motion = 0
         logical :: drops_turns = .false.
-        !> Of a row that can be freed: the column of its slack, 0 for one that cannot, and the mass of that; whether it is locked,
-        !> and where.
+        !> Row that can be freed: column of its slack (0 for all other rows), mass of the slack, true if locked, and locked value.
         logical :: can_be_freed = .false., is_locked = .true.
         integer :: slack = 0
         real(wp) :: slack_mass = 1.0_wp
         real(wp) :: at = 0.0_wp
     end type coupling_type
 
-    !> A sum of factors times numbers of turns with what rounding takes from it.
+    !> A sum of factors times numbers of turns, with its rounding error.
     type :: turns_type
         real(wp) :: total = 0.0_wp, rest = 0.0_wp
     end type turns_type
 
 contains
 
-    !> Add factor*turns. The leading 24 bits of the factor times the whole number are exact, and so is what is left of it, for
-    !> numbers up to 2**24; beyond these an error is no larger than that of the plain sum.
+    !> Add factor*turns. The product of the leading 24 bits of the factor and the number of turns is exact, and so is the remainder,
+    !> for numbers up to 2**24; beyond that the error is at most that of a plain sum.
     pure subroutine add_turns(self, factor, turns)
         type(turns_type), intent(inout) :: self
         real(wp), intent(in) :: factor, turns
@@ -66,14 +64,14 @@ contains
         self%total = sum
     end subroutine add_turns
 
-    !> The sum as an angle (rad), as far as it has one.
+    !> The sum in radians.
     pure real(wp) function angle_of(self)
         type(turns_type), intent(in) :: self
 
         angle_of = 2*pi*(self%total + self%rest)
     end function angle_of
 
-    !> Every row's part of the terms; the Jacobian is zero before.
+    !> Add the terms of every row; the Jacobian is zero on entry.
     pure subroutine evaluate_couplings(couplings, need, q, pose, f, terms)
         type(coupling_type), intent(inout) :: couplings(:)
         integer, intent(in) :: need
@@ -128,7 +126,7 @@ contains
         end do
     end subroutine evaluate_couplings
 
-    !> Every row's part of the gradient blocks, which are zero before.
+    !> Add the gradient blocks of every row; the blocks are zero on entry.
     pure subroutine differentiate_couplings(couplings, need, pose, lambda, derivatives)
         type(coupling_type), intent(inout) :: couplings(:)
         integer, intent(in) :: need
@@ -150,7 +148,7 @@ contains
         end do
     end subroutine differentiate_couplings
 
-    !> Lock a coupling where it is, at poses whose places are known.
+    !> Lock a coupling at its current value; positions and rotations of the poses are set.
     pure subroutine lock_coupling(coupling, pose, f)
         type(coupling_type), intent(inout) :: coupling
         type(pose_type), intent(in) :: pose(0:)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> A mechanism's five gradient blocks, element by element.
+!> Evaluate the five gradient blocks of a mechanism, element by element.
 submodule(tandem_mechanism) tandem_mechanism_derivatives
     implicit none (type, external)
 

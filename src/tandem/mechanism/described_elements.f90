@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The keys of what stands on bodies: further rows, wheels and whatever else rolls, forces, sensors.
+!> Read the keys of the elements that act on bodies: further rows, wheels and other rolling elements, forces, sensors.
 module tandem_mechanism_described_elements
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -221,7 +221,7 @@ contains
             if (reader%failed()) return
             call take_point(reader, 'on', text, mechanism, n_points, point)
             allocate (variables(0))
-            ! Their number grows with that of bodies, and most loads need none.
+            ! The number of variables grows with the number of bodies, and most loads need none.
             if (reader%has_text('force') .or. reader%has_text('torque')) call list_variables(mechanism, variables)
             call reader%get_expressions('force', [merge(2, 3, mechanism%planar)], variables, by_force, 'N', &
                 'numbers, or expressions of t and the state, such as "rod.x" or "rod.vx"')
@@ -281,8 +281,8 @@ contains
         call reader%blame(error)
     end subroutine read_friction
 
-    !> The variables that expressions may name. gfortran 12 gives a constructor with another length too little room for what a
-    !> function returns, and writes behind it.
+    !> Variables that expressions may contain. A function result of another text length in an array constructor overruns its memory
+    !> in gfortran 12.
     subroutine list_variables(mechanism, variables)
         type(mechanism_type), intent(in) :: mechanism
         character(len=key_length), allocatable, intent(out) :: variables(:)
@@ -293,7 +293,7 @@ contains
         variables = names
     end subroutine list_variables
 
-    !> Expressions without variables are numbers.
+    !> Convert expressions without variables to numbers.
     pure subroutine take_constants(expressions, numbers)
         type(expression_type), allocatable, intent(inout) :: expressions(:)
         real(wp), allocatable, intent(out) :: numbers(:)

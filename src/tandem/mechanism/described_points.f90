@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Points in the keys of a mechanism: the named ones of bodies, and those that elements are put at by text.
+!> Points in the keys of a mechanism: named points of bodies, and points of elements given by text.
 module tandem_mechanism_described_points
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -39,7 +39,7 @@ contains
         type(key_reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: key, text
         type(mechanism_type), intent(inout) :: mechanism
-        !> How many of these there are so far.
+        !> Number of unnamed points so far.
         integer, intent(inout) :: n_points
         character(len=key_length), intent(out) :: point
         type(error_type), allocatable :: error

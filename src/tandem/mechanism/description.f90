@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> From keys with values to a mechanism: the single place that knows the keys. Elements are built by the words of
-!> `tandem_mechanism_drawing`, in an order in which each finds what it is made of: bodies and points, joints and other rows, wheels,
-!> forces, sensors.
+!> Build a mechanism from keys with values: the only module that defines the keys. Elements are added by the procedures of
+!> `tandem_mechanism_drawing` in an order in which all referenced elements exist already: bodies and points, joints and other rows,
+!> wheels, forces, sensors.
 module tandem_mechanism_description
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -25,7 +25,7 @@ module tandem_mechanism_description
 
     public :: build_mechanism, mechanism_kinds, mechanism_singles
 
-    !> The kinds of elements with a name of their own, and those that there are once.
+    !> Kinds of elements with names, and kinds of which there is one element.
     character(len=10), parameter :: mechanism_kinds(8) = [character(len=10) :: 'function', 'body', 'joint', 'constraint', 'wheel', &
         'force', 'sensor', 'repeat']
     character(len=10), parameter :: mechanism_singles(4) = [character(len=10) :: 'parameters', 'gravity', 'ground', &
@@ -33,20 +33,20 @@ module tandem_mechanism_description
 
 contains
 
-    !> Build a mechanism from its keys, and define it. Where something is wrong, the message names key, element and what to do.
+    !> Build a mechanism from its keys, and define it. The message of an error states key, element and remedy.
     subroutine build_mechanism(entries, planar, may_be_open, times, mechanism, error, place, shown)
         type(entries_type), intent(in) :: entries
-        !> Whether bodies move in the plane.
+        !> True if bodies move in the plane.
         logical, intent(in) :: planar
-        !> Whether sides of joints need not meet in the drawing, since the start will be assembled.
+        !> True if joints may be open in the reference configuration, because the start will be assembled.
         logical, intent(in) :: may_be_open
-        !> Start and end of the run, between which kinks of functions of time are looked for (s).
+        !> Start and end of the run, between which kinks of functions of time are searched (s).
         real(wp), intent(in) :: times(2)
         type(mechanism_type), intent(inout) :: mechanism
         type(error_type), allocatable, intent(out) :: error
-        !> The place of the entry that the error is about, 0 for none.
+        !> Place of the entry that caused the error; 0 if none.
         integer, intent(out) :: place
-        !> The complete mechanism, every default filled in.
+        !> The complete mechanism with all defaults.
         type(shown_type), allocatable, intent(out) :: shown(:)
         type(key_reader_type) :: reader
         type(error_type), allocatable :: its_error
@@ -102,7 +102,7 @@ contains
 
     contains
 
-        !> What the repetitions say of themselves, in the complete mechanism.
+        !> List the keys of repetitions in the complete mechanism.
         subroutine show_repeats()
             integer :: k, dot
 
@@ -114,8 +114,8 @@ contains
         end subroutine show_repeats
     end subroutine build_mechanism
 
-    !> The lines of the complete mechanism with their tables in the order in which they were given, so that elements and
-    !> coordinates keep theirs.
+    !> Sort the lines of the complete mechanism by the given order of their tables, which preserves the order of elements and
+    !> coordinates.
     subroutine order_as_given(entries, lines, shown)
         type(entries_type), intent(in) :: entries
         type(shown_type), intent(in) :: lines(:)
@@ -155,7 +155,7 @@ contains
         end subroutine add_table
     end subroutine order_as_given
 
-    !> The meaning of the keys of a repetition.
+    !> Meaning of a key of a repetition.
     pure function repeat_help(key) result(help)
         character(len=*), intent(in) :: key
         character(len=64) :: help
@@ -166,7 +166,7 @@ contains
         if (key == 'first') help = 'the number of the first one'
     end function repeat_help
 
-    !> Resolve the parameters, and leave the other entries.
+    !> Resolve the parameters, and return the other entries.
     subroutine take_parameters(entries, reader, rest)
         type(entries_type), intent(in) :: entries
         type(key_reader_type), intent(inout) :: reader
@@ -195,7 +195,7 @@ contains
                     call refuse_parameter(entry%key, 'has a name that is too long', 'shorten it')
                     return
                 else if (index(name, '.') > 0) then
-                    ! Beside a parameter of the name before the dot the complete scene would be no TOML.
+                    ! Next to a parameter named like the part before the dot, the complete scene would not be valid TOML.
                     call refuse_parameter(entry%key, 'has a dot in its name', 'take letters, digits and _')
                     return
                 end if
@@ -214,7 +214,7 @@ contains
         reader%names = names(:n)
         call resolve_parameters(reader%names, texts(:n), reader%values, reader%error, head)
         if (.not. allocated(reader%error)) return
-        ! The one that the message names, by its key or as part of a circle.
+        ! Find the parameter in the message, either by its key or as part of a circle.
         do i = entries%n, 1, -1
             if (index(entries%list(i)%key, head) /= 1) cycle
             name = entries%list(i)%key(len(head) + 1:)
@@ -333,7 +333,7 @@ contains
             required=.true.)
         velocity = [(0.0_wp, i=1, n_place)]
         call reader%get_numbers('velocity', [n_place], velocity, anything, 'm/s', 'of the centre of mass at the start')
-        ! A point mass does not turn.
+        ! A point mass has no rotation.
         if (allocated(inertia)) then
             if (mechanism%planar) then
                 angle = 0.0_wp
@@ -366,7 +366,7 @@ contains
         call reader%close()
     end subroutine read_body
 
-    !> The rotation of Euler parameters, which may have any length but zero.
+    !> Rotation of Euler parameters of any length other than zero.
     pure function rotation_of(p) result(a)
         real(wp), intent(in) :: p(4)
         real(wp) :: a(3, 3)
@@ -374,7 +374,7 @@ contains
         a = rotation(p/max(norm2(p), tiny(1.0_wp)))
     end function rotation_of
 
-    !> Euler parameters of a turn about an axis.
+    !> Euler parameters of a rotation about an axis.
     pure function turned_by(rotation) result(p)
         real(wp), intent(in) :: rotation(3)
         real(wp) :: p(4), angle
@@ -413,7 +413,7 @@ contains
         if (reader%failed()) return
         if (reader%is_text_at('at')) then
             call reader%get_text('at', at_point, 'm, where it is in the drawing; or a point of one of the bodies')
-            ! A body alone stands for its centre of mass.
+            ! A body without a point name denotes its centre of mass.
             named = at_point
             if (scan(named, '.:') == 0) named = named//trim(merge(':[0, 0]   ', ':[0, 0, 0]', mechanism%planar))
             call take_point(reader, 'at', named, mechanism, n_points, point)
@@ -449,11 +449,11 @@ contains
         call reader%blame(error)
     end subroutine read_joint
 
-    !> Freedom of a primitive that its motion drives: a place in `hold`, or its name.
+    !> Freedom of a primitive that its motion drives, given by its place in `hold` or its name.
     subroutine read_drive(reader, planar, drive)
         type(key_reader_type), intent(inout) :: reader
         logical, intent(in) :: planar
-        !> Not allocated where it is not given.
+        !> Not allocated if the key is absent.
         integer, allocatable, intent(out) :: drive
         character(len=*), parameter :: key = 'drive', help = 'of a primitive, what the motion drives'
         character(len=5), parameter :: in_space(6) = [character(len=5) :: 'x', 'y', 'z', 'rx', 'ry', 'rz']

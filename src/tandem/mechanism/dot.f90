@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> The row that joints are made of: a direction fixed to one body times a vector that ends on another,
+!> The basic row of joints: a direction fixed to one body times a vector fixed to a second one,
 !>     Phi = a.d - c - f(t),  a = A1 a',  d = A2 b'  or  d = r2 + A2 s' - r1.
-!> With a direction of the second body for d it holds an angle at 90 degrees; with the way to one of its points it holds this
-!> point's coordinate along a.
+!> With a direction of the second body for d the row keeps an angle at 90 degrees; with the vector to one of its points it
+!> constrains the coordinate of this point along a.
 !>
-!> a.(A1 s1') is not written out: on the manifold it is the constant a'.s1', which stands in c.
+!> The constant a.(A1 s1') = a'.s1' is included in c.
 module tandem_mechanism_dot
     use tandem_kinds, only: wp
     use tandem_mechanism_pair, only: columns, n_local, place_1, place_2, put_holonomic, turn_1, turn_2
@@ -19,24 +19,24 @@ module tandem_mechanism_dot
     type :: dot_type
         !> The two bodies, 0 for the ground, and the row.
         integer :: first = 0, second = 0, row = 0
-        !> Whether d leads to a point.
+        !> True if d ends at a point of the second body.
         logical :: is_point = .false.
-        !> a' in the first body's frame, b' or s' in the second's.
+        !> a' in the frame of the first body; b' or s' in that of the second.
         real(wp) :: a(3) = 0.0_wp, b(3) = 0.0_wp
         real(wp) :: c = 0.0_wp
         !> Number of f, 0 for none.
         integer :: motion = 0
     end type dot_type
 
-    !> k over i.
+    !> binomial(i, k) = k over i.
     real(wp), parameter :: binomial(0:2, 0:2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, &
         1.0_wp, 2.0_wp, 1.0_wp], [3, 3])
 
 contains
 
-    !> Every row's part of the terms. Jacobian entries that are not set here are zero before.
+    !> Add the terms of every row. Other entries of the Jacobian are zero on entry.
     pure subroutine evaluate_dots(numbers, dots, need, pose, f, terms)
-        !> Which of them.
+        !> Indices of the rows to evaluate.
         integer, intent(in) :: numbers(:)
         type(dot_type), intent(in) :: dots(:)
         integer, intent(in) :: need
@@ -64,12 +64,12 @@ contains
         end do
     end subroutine evaluate_dots
 
-    !> The row of C.
+    !> Set the row of C.
     pure subroutine put_gradient(dot, one, two, a, d, m, width, jacobian)
         type(dot_type), intent(in) :: dot
         type(pose_type), intent(in) :: one, two
         real(wp), intent(in) :: a(3), d(3)
-        !> The shape of the C that is set, which may be compressed.
+        !> Shape of the stored C, which may be compressed.
         integer, intent(in) :: m, width
         real(wp), intent(inout) :: jacobian(m, width)
         real(wp) :: row(4)
@@ -97,7 +97,7 @@ contains
         end if
     end subroutine put_gradient
 
-    !> The second derivative of Phi along the motion without qdd.
+    !> Second derivative of Phi along the motion for qdd = 0.
     pure subroutine set_gamma(dot, one, two, f, a, d, gamma)
         type(dot_type), intent(in) :: dot
         type(pose_type), intent(in) :: one, two
@@ -119,7 +119,7 @@ contains
     pure subroutine dot_curve(dot, pose, last, a, d)
         type(dot_type), intent(in) :: dot
         type(pose_type), intent(in) :: pose(0:)
-        !> The highest derivative that is wanted, 0 to 2.
+        !> Highest required derivative, 0 to 2.
         integer, intent(in) :: last
         real(wp), intent(inout) :: a(3, 0:2), d(3, 0:2)
         integer :: k
@@ -135,7 +135,7 @@ contains
     pure subroutine dot_gradient(dot, pose, last, a, d, gradient)
         type(dot_type), intent(in) :: dot
         type(pose_type), intent(in) :: pose(0:)
-        !> The highest derivative that is wanted, 0 to 2.
+        !> Highest required derivative, 0 to 2.
         integer, intent(in) :: last
         real(wp), intent(in) :: a(3, 0:2), d(3, 0:2)
         real(wp), intent(inout) :: gradient(n_local, 0:2)
@@ -187,7 +187,7 @@ contains
         second(turn_1 + 1:turn_1 + 4, place_2 + 1:place_2 + 3) = transpose(b_1)
     end subroutine dot_second
 
-    !> Every row's part of the gradient blocks.
+    !> Add the gradient blocks of every row.
     pure subroutine differentiate_dots(dots, need, pose, lambda, derivatives)
         type(dot_type), intent(in) :: dots(:)
         integer, intent(in) :: need

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> The words of mechanisms: bodies, points, joints, forces are added one after the other, each drawn in one and the same position
-!> in the world's frame. Every word checks what it is given; its error names the element and what to do.
+!> Builder for mechanisms: bodies, points, joints and forces are added one after the other. All geometry is given in one reference
+!> configuration, in the world frame. Every procedure checks its arguments; its error states the element and the remedy.
 !>
-!> Points are named by text: `crank` is the centre of mass of the body crank, `crank.pin` a point of it, `ground.post` one of the
-!> ground.
+!> Points are named by text: `crank` is the centre of mass of the body crank, `crank.pin` a point of it, `ground.post` a point of
+!> the ground.
 module tandem_mechanism_drawing
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -31,7 +31,7 @@ module tandem_mechanism_drawing
 
     public :: drawing_type
 
-    !> The words.
+    !> The builder.
     type, extends(drawn_type) :: drawing_type
     contains
         procedure :: add_body, add_point, add_joint, add_distance, add_coupling, add_rate_row
@@ -43,209 +43,212 @@ module tandem_mechanism_drawing
         procedure, private :: check_name, take_point, take_pair, place_joint
     end type drawing_type
 
-    !> Two points of the drawing meet, and directions are perpendicular, up to this (m, of the sizes of the coordinates).
+    !> Tolerance of coincident points and perpendicular directions in the reference configuration (m, of the sizes of coordinates).
     real(wp), parameter :: tolerance = 1.0e-9_wp
 
     interface
-        !> A joint between two bodies. Where it is in the drawing is said by `at` or by points of the bodies; with one point, the
-        !> other side is where that is.
+        !> Add a joint between two bodies. Its position in the reference configuration is given by `at` or by points of the bodies;
+        !> if one side is a point, the other side is at the same position.
         module subroutine add_joint(self, name, kind, first, second, error, at, axis, across, motion, open, pitch, hold, drive)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> Its name and what it is: fixed, revolute, prismatic, cylindrical, spherical, universal, planar, screw, point_on_line,
+            !> Name and kind: fixed, revolute, prismatic, cylindrical, spherical, universal, planar, screw, point_on_line,
             !> point_on_plane, primitive; in the plane fixed, revolute, prismatic, point_on_line, primitive.
             character(len=*), intent(in) :: name, kind
             !> The two sides: bodies, or points of them.
             character(len=*), intent(in) :: first, second
             type(error_type), allocatable, intent(out) :: error
-            !> In the world's frame: where it is (m); its axis (of turning, of sliding, along the line, normal to the plane; of a
-            !> universal joint that on the first body); what x1 is nearest to (of a universal joint the axis on the second body).
+            !> In the world frame: position (m); axis (of rotation, of sliding, along the line, normal to the plane; for a universal
+            !> joint that on the first body); direction closest to x1 (for a universal joint the axis on the second body).
             real(wp), intent(in), optional :: at(:), axis(:), across(:)
-            !> Drives the freedom of a revolute or prismatic joint, or that of a primitive which `drive` says: angle (rad) or way
-            !> (m) of the second body from the drawing; at velocity level its rate drives the velocity.
+            !> Drives the freedom of a revolute or prismatic joint, or the freedom `drive` of a primitive: angle (rad) or
+            !> displacement (m) of the second body from the reference configuration; at velocity level its rate drives the velocity.
             class(function_type), intent(in), optional :: motion
-            !> Whether its sides need not meet in the drawing: they do after the start was assembled.
+            !> True if its sides may be apart in the reference configuration; they coincide after the start has been assembled.
             logical, intent(in), optional :: open
-            !> Of a screw: how far the second body goes along the axis in a turn (m), negative for a left hand.
+            !> Screw: displacement of the second body along the axis per turn (m), negative for a left-hand thread.
             real(wp), intent(in), optional :: pitch
-            !> Of a primitive: for the ways along x1, y1, z1 and the turns about x, y, z (in the plane x1, y1 and the angle) 0 where
-            !> it is free, 1 where it is held at position level, 2 at velocity level. Held there is the velocity of the second
-            !> body's point, or its angular velocity, as seen from the first body, along an axis of the second.
+            !> Primitive: 0 (free), 1 (constrained at position level) or 2 (at velocity level) for the displacements along x1, y1,
+            !> z1 and the rotations about x, y, z (in the plane x1, y1 and the angle). Level 2 constrains the velocity of the point
+            !> of the second body, or its angular velocity, relative to the first body, along an axis of the second.
             integer, intent(in), optional :: hold(:)
-            !> Which of them the motion drives, as a place in `hold`, where it is not 0.
+            !> Driven freedom, as a place in `hold` with a nonzero entry.
             integer, intent(in), optional :: drive
         end subroutine add_joint
 
-        !> Where a joint or a bushing is: its bodies, and its frame on each.
+        !> Locate a joint or a bushing: its bodies, and its frame on each.
         module subroutine place_joint(self, label, joint, first, second, error, at, axis, across, open)
             implicit none (type, external)
             class(drawing_type), intent(in) :: self
             character(len=*), intent(in) :: label, first, second
-            !> Its kind is known.
+            !> Joint whose kind is set.
             type(placed_joint_type), intent(inout) :: joint
             type(error_type), allocatable, intent(out) :: error
             real(wp), intent(in), optional :: at(:), axis(:), across(:)
             logical, intent(in), optional :: open
         end subroutine place_joint
 
-        !> A sum of coordinates of joints that is held: gears, racks, belts, screws. sum of factor_i x_i = f(t), all counted from
-        !> the drawing. The force on a coordinate is factor_i times that along the sum, positive where it accelerates it.
+        !> Constrain a sum of joint coordinates: gears, racks, belts, screws. sum of factor_i x_i = f(t), from the reference
+        !> configuration on. The force on a coordinate is factor_i times that along the sum, positive if it accelerates the
+        !> coordinate.
         module subroutine add_coupling(self, name, joints, factors, error, motion, locked)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             character(len=*), intent(in) :: name
-            !> The joints, at most 4, `joint.angle` or `joint.way` where a joint has both; and their factors (the unit of the first
-            !> factor times that of its coordinate is that of the row).
+            !> Joints, at most 4, `joint.angle` or `joint.way` for a joint with both coordinates; their factors (the unit of the row
+            !> is the unit of the first factor times that of its coordinate).
             character(len=*), intent(in) :: joints(:)
             real(wp), intent(in) :: factors(:)
             type(error_type), allocatable, intent(out) :: error
-            !> f, which is 0 by default.
+            !> f; 0 by default.
             class(function_type), intent(in), optional :: motion
-            !> Events can lock and free it, and how it starts. It takes one coordinate more.
+            !> State at the start. If present, events can lock and free the coupling, which then has a coordinate of its own.
             logical, intent(in), optional :: locked
         end subroutine add_coupling
 
-        !> A row at velocity level by expressions: sum of c_i v_i = e, where c_i and e are expressions of t and of places, angles
-        !> and Euler parameters.
+        !> Add a row at velocity level by expressions: sum of c_i v_i = e, where c_i and e are expressions of t and of positions,
+        !> angles and Euler parameters.
         module subroutine add_rate_row(self, name, velocities, coefficients, error, rhs)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             character(len=*), intent(in) :: name
             !> The velocities v_i, as `body.vx` or in the plane `body.omega`.
             character(len=*), intent(in) :: velocities(:)
-            !> Parsed with `variable_names()` of the mechanism as it is.
+            !> Parsed with the current `variable_names()` of the mechanism.
             type(expression_type), intent(in) :: coefficients(:)
             type(error_type), allocatable, intent(out) :: error
-            !> e, which is 0 by default.
+            !> e; 0 by default.
             type(expression_type), intent(in), optional :: rhs
         end subroutine add_rate_row
 
-        !> A distance between two points that is held, by default that of the drawing, or imposed.
+        !> Constrain the distance of two points to a constant, by default that of the reference configuration, or a function of
+        !> time.
         module subroutine add_distance(self, name, first, second, error, length, motion)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             character(len=*), intent(in) :: name, first, second
             type(error_type), allocatable, intent(out) :: error
-            !> The distance (m), > 0, or a function of time for it.
+            !> Distance (m), > 0, or a function of time.
             real(wp), intent(in), optional :: length
             class(function_type), intent(in), optional :: motion
         end subroutine add_distance
 
-        !> A spring and damper along the way between two points.
+        !> Add a spring and damper between two points.
         module subroutine add_spring(self, name, first, second, error, stiffness, damping, length, motion, law)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             character(len=*), intent(in) :: name, first, second
             type(error_type), allocatable, intent(out) :: error
-            !> N/m, N s/m (default 0), and the length without force (m), by default that of the drawing.
+            !> N/m, N s/m (default 0), and the free length (m), by default that of the reference configuration.
             real(wp), intent(in), optional :: stiffness, damping, length
-            !> Forces of traction (N) beside it: a function of time, and a law of time, length and its rate.
+            !> Additional tension (N): a function of time, and a law of time, length and its rate.
             class(function_type), intent(in), optional :: motion
             class(law_type), intent(in), optional :: law
         end subroutine add_spring
 
-        !> A spring and damper along the coordinate of a joint, such as the angle about its axis.
+        !> Add a spring and damper along the coordinate of a joint, such as the angle about its axis.
         module subroutine add_torsion(self, name, joint, error, stiffness, damping, angle, motion, law)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> Its name, and the joint's: one with an axis to turn about or to slide along; `joint.angle` or `joint.way` where it
-            !> has both.
+            !> Name of the spring; name of the joint, which has an axis of rotation or of sliding, or `joint.angle` or `joint.way`
+            !> for a joint with both.
             character(len=*), intent(in) :: name, joint
             type(error_type), allocatable, intent(out) :: error
-            !> N m, N m s (default 0), and the angle from the drawing without torque (rad, default 0); of a way N/m, N s/m, m.
+            !> N m, N m s (default 0), and the torque-free angle from the reference configuration (rad, default 0); else N/m, N s/m,
+            !> m.
             real(wp), intent(in), optional :: stiffness, damping, angle
-            !> Torques (N m) or forces (N) beside that, positive where they accelerate the coordinate: a function of time, and a law
-            !> of time, angle (or way) and its rate.
+            !> Additional torques (N m) or forces (N), positive if they accelerate the coordinate: a function of time, and a law of
+            !> time, angle (or displacement) and its rate.
             class(function_type), intent(in), optional :: motion
             class(law_type), intent(in), optional :: law
         end subroutine add_torsion
 
-        !> Friction along the coordinate of a joint, regularised (see `friction_law_type`): under a given normal force, or on the
-        !> reaction of the joint itself.
+        !> Add friction along the coordinate of a joint, regularised (see `friction_law_type`), either for a given normal force or
+        !> for the reaction of the joint.
         module subroutine add_friction(self, name, joint, error, dynamic, speed, static, viscous, normal, radius, arm)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> Its name, and the joint's, as for `add_torsion`.
+            !> Name of the friction; name of the joint, as for `add_torsion`.
             character(len=*), intent(in) :: name, joint
             type(error_type), allocatable, intent(out) :: error
-            !> The coefficient of sliding, and the transition speed (m/s, rad/s).
+            !> Coefficient of sliding friction, and transition speed (m/s, rad/s).
             real(wp), intent(in) :: dynamic, speed
-            !> The largest coefficient, at that speed (default: that of sliding), and a damping beside it (N s/m, N m s).
+            !> Largest coefficient, at the transition speed (default: `dynamic`), and an additional damping (N s/m, N m s).
             real(wp), intent(in), optional :: static, viscous
-            !> A given normal force (N; of what turns times the radius, N m). Where it is not given, the reaction presses: its
-            !> force, and its torque over `arm` (m) where that is given; what turns rubs at a `radius` (m).
+            !> Given normal force (N; times the radius, N m, for a rotation). If absent, the normal force is the reaction: its
+            !> force, and its torque over `arm` (m) if `arm` is present; a rotation has friction at `radius` (m).
             real(wp), intent(in), optional :: normal, radius, arm
         end subroutine add_friction
 
-        !> Forces and torques that hold two frames together, which are one in the drawing.
+        !> Add forces and torques between two frames, which coincide in the reference configuration.
         module subroutine add_bushing(self, name, first, second, error, stiffness, damping, at, axis, across)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> Its name and the two sides: bodies, or points of them.
+            !> Name of the bushing; the two sides, bodies or points of them.
             character(len=*), intent(in) :: name, first, second
             type(error_type), allocatable, intent(out) :: error
-            !> Six entries (N/m, N m/rad) along and about x, y, z of the frame on the first body, or a symmetric matrix of 36, and
-            !> the same for rates (N s/m, N m s/rad). In the plane three (x, y, angle), or 9.
+            !> Six entries (N/m, N m/rad) along and about x, y, z of the frame on the first body, or a symmetric matrix of 36
+            !> entries, and the same for rates (N s/m, N m s/rad). In the plane three (x, y, angle), or 9.
             real(wp), intent(in), optional :: stiffness(:), damping(:)
-            !> Where it is (m), z of the frame, and what x is nearest to, in the world's frame (in the plane `axis` is x).
+            !> Position (m), z axis of the frame, and direction closest to x, in the world frame (in the plane `axis` is x).
             real(wp), intent(in), optional :: at(:), axis(:), across(:)
         end subroutine add_bushing
 
-        !> A force at a point of a body, and a torque on it.
+        !> Add a force at a point of a body, and a torque.
         module subroutine add_load(self, name, on, error, force, torque, in_body, motion, force_by, torque_by)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> Its name, and the body or the point of it.
+            !> Name of the load; the body or the point of it.
             character(len=*), intent(in) :: name, on
             type(error_type), allocatable, intent(out) :: error
             !> N, and N m (one entry in the plane).
             real(wp), intent(in), optional :: force(:), torque(:)
-            !> Whether they are in the body's axes and turn with it; default false, the world's.
+            !> True if the components are along the axes of the body and rotate with it; default false, along the axes of the world.
             logical, intent(in), optional :: in_body
-            !> A function of time that both are multiplied with.
+            !> Function of time by which both are multiplied.
             class(function_type), intent(in), optional :: motion
-            !> Expressions for their entries, which are added. They were parsed with `variable_names()` of the mechanism as it is.
+            !> Expressions added to the components, parsed with the current `variable_names()` of the mechanism.
             type(expression_type), intent(in), optional :: force_by(:), torque_by(:)
         end subroutine add_load
 
-        !> A knife edge, or a wheel that does not slip sideways: the point does not move along `across`.
+        !> Add a knife edge, or a wheel without lateral slip: the point does not move along `across`.
         module subroutine add_knife_edge(self, name, on, across, error, steer, about)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> Its name, and the point of a body where it stands.
+            !> Name; point of a body at which the edge acts.
             character(len=*), intent(in) :: name, on
-            !> The direction across it, along the wheel's axle, in the world's frame of the drawing; it turns with the body.
+            !> Lateral direction, along the axle, in the world frame of the reference configuration; it is fixed to the body.
             real(wp), intent(in) :: across(:)
             type(error_type), allocatable, intent(out) :: error
-            !> It is steered: the angle (rad) by which `across` turns in the body, and in space what it turns about, a direction
-            !> perpendicular to it in the world's frame of the drawing.
+            !> Steering: the angle (rad) by which `across` rotates relative to the body, and in space the axis of this rotation,
+            !> perpendicular to `across`, in the world frame of the reference configuration.
             class(function_type), intent(in), optional :: steer
             real(wp), intent(in), optional :: about(:)
         end subroutine add_knife_edge
 
-        !> A disk that rolls on a plane, with a sharp rim or one that is round across.
+        !> Add a disk that rolls on a plane, with a sharp or a round rim.
         module subroutine add_rolling_disk(self, name, centre, radius, axis, error, normal, height, open, rise, turn, pivot, &
             slide, along, crown)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> Its name, and its centre: a body, or a point of it.
+            !> Name of the disk; its centre, a body or a point of it.
             character(len=*), intent(in) :: name, centre
-            !> Radius (m), and the disk's axis in the world's frame of the drawing.
+            !> Radius (m), and axis of the disk in the world frame of the reference configuration.
             real(wp), intent(in) :: radius, axis(:)
             type(error_type), allocatable, intent(out) :: error
-            !> The plane: its normal on the body's side, by default z, and its distance from the origin along it (m, default 0).
+            !> Plane: its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0).
             real(wp), intent(in), optional :: normal(:), height
-            !> Whether it need not touch the plane in the drawing.
+            !> True if the disk may be off the plane in the reference configuration.
             logical, intent(in), optional :: open
-            !> The plane moves: how far it has risen along its normal (m), the angle by which it has turned about that (rad), and
-            !> what it turns about (m, default the origin); how far it has gone (m) along a direction in it, the pivot with it.
+            !> Motion of the plane: rise along its normal (m), rotation about the normal (rad) and point of this rotation (m,
+            !> default the origin); displacement (m) along a direction in the plane, which also moves the pivot.
             class(function_type), intent(in), optional :: rise, turn, slide
             real(wp), intent(in), optional :: pivot(:), along(:)
-            !> The radius of the rim's section, a torus whose middle line has `radius - crown` (m, default 0: a sharp rim).
+            !> Radius of the section of the rim, a torus with a middle line of radius `radius - crown` (m, default 0: a sharp rim).
             real(wp), intent(in), optional :: crown
         end subroutine add_rolling_disk
 
-        !> A sphere that rolls on a plane.
+        !> Add a sphere that rolls on a plane.
         module subroutine add_rolling_sphere(self, name, centre, radius, error, normal, height, open, rise, turn, &
             pivot, slide, along)
             implicit none (type, external)
@@ -253,66 +256,66 @@ module tandem_mechanism_drawing
             character(len=*), intent(in) :: name, centre
             real(wp), intent(in) :: radius
             type(error_type), allocatable, intent(out) :: error
-            !> The plane: its normal on the body's side, by default z, and its distance from the origin along it (m, default 0).
+            !> Plane: its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0).
             real(wp), intent(in), optional :: normal(:), height
-            !> Whether it need not touch the plane in the drawing.
+            !> True if the sphere may be off the plane in the reference configuration.
             logical, intent(in), optional :: open
-            !> The plane moves: how far it has risen along its normal (m), the angle by which it has turned about that (rad), and
-            !> what it turns about (m, default the origin); how far it has gone (m) along a direction in it, the pivot with it.
+            !> Motion of the plane: rise along its normal (m), rotation about the normal (rad) and point of this rotation (m,
+            !> default the origin); displacement (m) along a direction in the plane, which also moves the pivot.
             class(function_type), intent(in), optional :: rise, turn, slide
             real(wp), intent(in), optional :: pivot(:), along(:)
         end subroutine add_rolling_sphere
 
-        !> A wheel without mass: it stands on a plane, does not slip sideways, and turns freely about its axle. It may be steered,
-        !> and slide on the body along a strut without mass, whose way is a coordinate that forces and couplings may name as that
-        !> of a joint.
+        !> Add a massless wheel: it touches a plane, does not slip sideways, and rotates freely about its axle. It may be steered,
+        !> and may slide on the body along a massless strut, whose displacement is a coordinate that forces and couplings may name
+        !> like that of a joint.
         module subroutine add_massless_wheel(self, name, centre, radius, axis, error, along, steer, about, normal, height, open, &
             rise, crown)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> Its name, and its centre in the drawing: a body, or a point of it.
+            !> Name of the wheel; its centre in the reference configuration, a body or a point of it.
             character(len=*), intent(in) :: name, centre
-            !> Radius (m), and its axle in the world's frame of the drawing.
+            !> Radius (m), and axle in the world frame of the reference configuration.
             real(wp), intent(in) :: radius, axis(:)
             type(error_type), allocatable, intent(out) :: error
-            !> In the world's frame of the drawing the direction in which it slides; without it it does not.
+            !> Direction of sliding in the world frame of the reference configuration; a wheel without it does not slide.
             real(wp), intent(in), optional :: along(:)
-            !> It is steered: the angle (rad) by which the axle turns in the body, and what it turns about, a direction in the
-            !> world's frame of the drawing, by default that in which it slides.
+            !> Steering: the angle (rad) by which the axle rotates relative to the body, and the axis of this rotation in the world
+            !> frame of the reference configuration, by default the direction of sliding.
             class(function_type), intent(in), optional :: steer
             real(wp), intent(in), optional :: about(:)
-            !> The plane: its normal on the body's side, by default z, and its distance from the origin along it (m, default 0);
-            !> whether the wheel need not touch it in the drawing; and how far it has risen (m).
+            !> Plane: its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0);
+            !> true if the wheel may be off the plane in the reference configuration; rise of the plane (m).
             real(wp), intent(in), optional :: normal(:), height
             logical, intent(in), optional :: open
             class(function_type), intent(in), optional :: rise
-            !> The radius of the rim's section, a torus whose middle line has `radius - crown` (m, default 0: a sharp rim).
+            !> Radius of the section of the rim, a torus with a middle line of radius `radius - crown` (m, default 0: a sharp rim).
             real(wp), intent(in), optional :: crown
         end subroutine add_massless_wheel
 
-        !> A sensor of a point: where it is, with velocity and acceleration.
+        !> Add a sensor of a point: its position, velocity and acceleration.
         module subroutine add_point_sensor(self, name, on, error)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> Its name, by which files call it, and the body or the point of it.
+            !> Name of the sensor in files; the body or the point of it.
             character(len=*), intent(in) :: name, on
             type(error_type), allocatable, intent(out) :: error
         end subroutine add_point_sensor
 
-        !> A sensor of a joint's coordinate: how far its second side has slid and turned, turns counted, and how fast.
+        !> Add a sensor of a joint: displacement and angle of its second side, full turns included, and their rates.
         module subroutine add_joint_sensor(self, name, joint, error, zero, group)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> Its name, and the joint's: revolute, prismatic, cylindrical or point_on_line.
+            !> Name of the sensor; name of the joint: revolute, prismatic, cylindrical or point_on_line.
             character(len=*), intent(in) :: name, joint
             type(error_type), allocatable, intent(out) :: error
-            !> What it shows in the drawing (rad or m, default 0).
+            !> Value in the reference configuration (rad or m, default 0).
             real(wp), intent(in), optional :: zero
-            !> The group of files that it stands in, "sensors" by default.
+            !> Group of files, "sensors" by default.
             character(len=*), intent(in), optional :: group
         end subroutine add_joint_sensor
 
-        !> A sensor of the distance of two points, with its rate.
+        !> Add a sensor of the distance between two points and its rate.
         module subroutine add_distance_sensor(self, name, first, second, error)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
@@ -320,7 +323,7 @@ module tandem_mechanism_drawing
             type(error_type), allocatable, intent(out) :: error
         end subroutine add_distance_sensor
 
-        !> A sensor of the kinetic and the potential energy of the whole mechanism.
+        !> Add a sensor of the kinetic and the potential energy of the whole mechanism.
         module subroutine add_energy_sensor(self, name, error)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
@@ -328,7 +331,7 @@ module tandem_mechanism_drawing
             type(error_type), allocatable, intent(out) :: error
         end subroutine add_energy_sensor
 
-        !> A sensor of the energy balance: both energies, the work of motions and of forces without a potential, and what is left.
+        !> Add a sensor of the energy balance: both energies, work of motions and of forces without a potential, and residual.
         module subroutine add_balance_sensor(self, name, error, group)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
@@ -337,7 +340,7 @@ module tandem_mechanism_drawing
             character(len=*), intent(in), optional :: group
         end subroutine add_balance_sensor
 
-        !> A sensor of a body: place, orientation, velocities, acceleration, energies.
+        !> Add a sensor of a body: position, orientation, velocities, acceleration, energies.
         module subroutine add_body_sensor(self, name, body, error, group)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
@@ -346,7 +349,7 @@ module tandem_mechanism_drawing
             character(len=*), intent(in), optional :: group
         end subroutine add_body_sensor
 
-        !> A sensor of the reaction of a joint, a wheel, a distance, a coupling or a row, and of the power of its motion.
+        !> Add a sensor of the reaction of a joint, a wheel, a distance, a coupling or a row, and of the power of its motion.
         module subroutine add_reaction_sensor(self, name, element, error, group)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
@@ -355,7 +358,7 @@ module tandem_mechanism_drawing
             character(len=*), intent(in), optional :: group
         end subroutine add_reaction_sensor
 
-        !> A sensor of a spring, a torsion, a bushing or a load: force, length, energy, power.
+        !> Add a sensor of a spring, a torsion, a bushing or a load: force, length, energy, power.
         module subroutine add_force_sensor(self, name, element, error, group)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
@@ -364,18 +367,18 @@ module tandem_mechanism_drawing
             character(len=*), intent(in), optional :: group
         end subroutine add_force_sensor
 
-        !> Results of many elements: each a group of files of its name in the group of its kind.
+        !> Add results of many elements: each is a group of files named after the element, in the group of its kind.
         module subroutine add_results(self, kind, names, error)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             !> bodies, joints, wheels, constraints or forces.
             character(len=*), intent(in) :: kind
-            !> Their names, or one that is "all".
+            !> Names of elements, or the single name "all".
             character(len=*), intent(in) :: names(:)
             type(error_type), allocatable, intent(out) :: error
         end subroutine add_results
 
-        !> An ellipsoid that rolls on a plane.
+        !> Add an ellipsoid that rolls on a plane.
         module subroutine add_rolling_ellipsoid(self, name, centre, semi_axes, error, normal, height, open, rise, turn, &
             pivot, slide, along)
             implicit none (type, external)
@@ -384,47 +387,47 @@ module tandem_mechanism_drawing
             !> Along the axes of the body (m).
             real(wp), intent(in) :: semi_axes(3)
             type(error_type), allocatable, intent(out) :: error
-            !> The plane: its normal on the body's side, by default z, and its distance from the origin along it (m, default 0).
+            !> Plane: its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0).
             real(wp), intent(in), optional :: normal(:), height
-            !> Whether it need not touch the plane in the drawing.
+            !> True if the ellipsoid may be off the plane in the reference configuration.
             logical, intent(in), optional :: open
-            !> The plane moves: how far it has risen along its normal (m), the angle by which it has turned about that (rad), and
-            !> what it turns about (m, default the origin); how far it has gone (m) along a direction in it, the pivot with it.
+            !> Motion of the plane: rise along its normal (m), rotation about the normal (rad) and point of this rotation (m,
+            !> default the origin); displacement (m) along a direction in the plane, which also moves the pivot.
             class(function_type), intent(in), optional :: rise, turn, slide
             real(wp), intent(in), optional :: pivot(:), along(:)
         end subroutine add_rolling_ellipsoid
     end interface
 
     interface
-        !> A body. Without an inertia it is a point mass and does not turn.
+        !> Add a body. Without an inertia it is a point mass, which has no rotation.
         module subroutine add_body(self, name, mass, position, error, inertia, angle, euler_parameters, velocity, omega)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             character(len=*), intent(in) :: name
-            !> Mass (kg), and the centre of mass in the drawing (m).
+            !> Mass (kg), and centre of mass in the reference configuration (m).
             real(wp), intent(in) :: mass, position(:)
             type(error_type), allocatable, intent(out) :: error
             !> About the centre of mass (kg m^2): one value in the plane; in space three principal values, or Jxx, Jyy, Jzz, Jxy,
             !> Jxz, Jyz, where Jxy is the entry of the matrix.
             real(wp), intent(in), optional :: inertia(:)
-            !> How it is turned in the drawing: angle (rad) in the plane, Euler parameters in space; not by default.
+            !> Orientation in the reference configuration: angle (rad) in the plane, Euler parameters in space; none by default.
             real(wp), intent(in), optional :: angle, euler_parameters(4)
-            !> At the start: velocity of the centre (m/s), angular velocity in the world's frame (rad/s, one entry in the plane).
+            !> At the start: velocity of the centre (m/s), angular velocity in the world frame (rad/s, one entry in the plane).
             real(wp), intent(in), optional :: velocity(:), omega(:)
         end subroutine add_body
 
-        !> A named point of a body or of the ground.
+        !> Add a named point of a body or of the ground.
         module subroutine add_point(self, body, name, place, error)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> The body's name, and the point's.
+            !> Names of the body and of the point.
             character(len=*), intent(in) :: body, name
-            !> In the body's frame (m).
+            !> In the frame of the body (m).
             real(wp), intent(in) :: place(:)
             type(error_type), allocatable, intent(out) :: error
         end subroutine add_point
 
-        !> A name that no other element has.
+        !> Check that a name is valid and new.
         module subroutine check_name(self, name, label, error)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
@@ -432,20 +435,20 @@ module tandem_mechanism_drawing
             type(error_type), allocatable, intent(out) :: error
         end subroutine check_name
 
-        !> A body and a point of it from `body` or `body.point`.
+        !> Find a body and a point of it from `body` or `body.point`.
         module subroutine take_point(self, label, text, body, place, is_point, error)
             implicit none (type, external)
             class(drawing_type), intent(in) :: self
             character(len=*), intent(in) :: label, text
             integer, intent(out) :: body
-            !> In the body's frame.
+            !> In the frame of the body.
             real(wp), intent(out) :: place(3)
-            !> Whether a point was named.
+            !> True if the text names a point.
             logical, intent(out) :: is_point
             type(error_type), allocatable, intent(out) :: error
         end subroutine take_point
 
-        !> Two points of two different bodies.
+        !> Find two points of two different bodies.
         module subroutine take_pair(self, label, one, other, first, second, s1, s2, points, error)
             implicit none (type, external)
             class(drawing_type), intent(in) :: self

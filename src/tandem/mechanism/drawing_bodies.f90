@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The words for bodies and their points.
+!> Builder procedures for bodies and their points.
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_bodies
     use tandem_error, only: to_text
     use tandem_mechanism_refusal, only: refuse, take_vector
@@ -58,7 +58,7 @@ contains
     module procedure add_point
         type(point_type) :: point
 
-        ! One of the ground may be the first thing that is added.
+        ! A point of the ground may be the first element.
         if (.not. allocated(self%types)) call self%clear()
         point%name = name
         point%body = self%find_body(body)
@@ -125,7 +125,7 @@ contains
         if (allocated(error)) return
         if (first == second) call refuse(label//' is between a body and itself', 'name two different bodies', error)
     end procedure take_pair
-    !> The inertia of a body from one, three or six values.
+    !> Set the inertia of a body from one, three or six values.
     subroutine take_inertia(planar, label, inertia, body, error)
         logical, intent(in) :: planar
         character(len=*), intent(in) :: label
@@ -173,7 +173,7 @@ contains
         end if
     end subroutine take_inertia
 
-    !> Whether no principal minor of a symmetric matrix, whose diagonal is not negative, is below zero but for rounding.
+    !> True if every principal minor of a symmetric matrix with a nonnegative diagonal is nonnegative up to rounding.
     pure logical function is_semidefinite(a)
         real(wp), intent(in) :: a(3, 3)
         real(wp), parameter :: rounding = 1.0e-12_wp
@@ -189,7 +189,7 @@ contains
         end do
     end function is_semidefinite
 
-    !> What the element of a name is.
+    !> Kind of the element of a name.
     pure function kind_of(self, name) result(kind)
         class(drawing_type), intent(in) :: self
         character(len=*), intent(in) :: name

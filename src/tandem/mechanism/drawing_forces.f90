@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The words for springs and loads.
+!> Builder procedures for springs and loads.
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_forces
     use tandem_error, only: to_text
     use tandem_mechanism_coordinate, only: is_angle, is_tilt, is_way
@@ -121,7 +121,7 @@ contains
         if (.not. allocated(error)) self%torsions(self%n_of%torsions)%press = press
     end procedure add_friction
 
-    !> The rows of a joint that press, but not that of its motion.
+    !> Collect the rows of a joint that contribute to the normal force: all but the row of its motion.
     subroutine find_press(self, joint, press, arm)
         class(drawing_type), intent(in) :: self
         character(len=*), intent(in) :: joint
@@ -139,7 +139,7 @@ contains
         end do
         i = self%rolling%first(head)
         do while (i > 0)
-            ! Until the mechanism is defined those at velocity level are negative.
+            ! Rows at velocity level are negative until the mechanism is defined.
             call take(-i, self%rolling%name(i), self%rolling%unit(i))
             i = self%rolling%next(i)
         end do
@@ -171,7 +171,7 @@ contains
         label = 'bushing '//trim(name)
         call self%check_name(name, label, error)
         if (allocated(error)) return
-        ! A place like that of a joint, none of whose rows come.
+        ! Locate the bushing like a joint without rows.
         joint%kind = find_kind('fixed', self%planar)
         call self%place_joint(label, joint, first, second, error, at, axis, across, .false.)
         if (.not. allocated(error) .and. joint%first > 0) call self%need_turning_body(label, joint%first, error)
@@ -211,7 +211,7 @@ contains
 
     contains
 
-        !> A diagonal, or a symmetric matrix.
+        !> Read a diagonal or a symmetric matrix.
         subroutine take_matrix(what, given, matrix)
             character(len=*), intent(in) :: what
             real(wp), intent(in) :: given(:)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The words for joints and distances.
+!> Builder procedures for joints and distances.
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_joints
     use tandem_error, only: to_text
     use tandem_mechanism_coordinate, only: is_angle, is_way
@@ -55,12 +55,12 @@ contains
         if (self%n_of%joints > size(self%joints)) self%joints = [self%joints, self%joints, joint%joint_type]
         self%joints(self%n_of%joints) = joint%joint_type
         call self%keep_name(name, of_joint, self%n_of%joints)
-        ! A row of its own for the screw's way and angle.
+        ! A separate row for the displacement and the angle of the screw.
         if (present(pitch)) call couple(self, trim(name)//' pitch', [joint%way, joint%turn], &
             [1.0_wp, -pitch/(2*acos(-1.0_wp))], 'N')
     end procedure add_joint
 
-    !> What a primitive holds.
+    !> Set the freedoms that a primitive constrains.
     subroutine take_freedoms(self, label, joint, driven, is_driven, error, hold, drive)
         class(drawing_type), intent(in) :: self
         character(len=*), intent(in) :: label
@@ -96,7 +96,7 @@ contains
             call refuse(label//' has a motion that drives nothing', 'let drive be the place of a freedom that is held', error)
             return
         end if
-        ! Its row is that of the motion.
+        ! The row of the motion constrains the driven freedom.
         joint%kind%held(driven) = .false.
         if (n == 3 .or. driven < 4 .or. joint%glides(driven)) return
         if (count(joint%kind%held(4:6)) == 1) call refuse(label//' drives a turn beside one that is held', &
@@ -141,7 +141,8 @@ contains
         end if
     end procedure place_joint
 
-    !> The coordinates of a joint that turns about its axis alone, or slides along it alone, counted from the drawing.
+    !> Add the coordinates of a joint with one rotation or one displacement, about or along its axis, from the reference
+    !> configuration on.
     subroutine add_coordinates(self, joint)
         class(drawing_type), intent(inout) :: self
         type(placed_joint_type), intent(inout) :: joint
@@ -170,7 +171,7 @@ contains
 
     contains
 
-        !> Whether a side is the ground or a body that turns.
+        !> True if a side is the ground or a body with a rotation.
         logical function turns(body)
             integer, intent(in) :: body
 
@@ -179,7 +180,7 @@ contains
         end function turns
     end subroutine add_coordinates
 
-    !> How far the point of the second body is from the origin of the first in the drawing, along an axis of the joint.
+    !> Displacement of the second body's point from the first one's along an axis of the joint, in the reference configuration.
     pure real(wp) function drawn_way(self, joint, axis)
         class(drawing_type), intent(in) :: self
         type(placed_joint_type), intent(in) :: joint
@@ -191,7 +192,7 @@ contains
         drawn_way = dot_product(matmul(a1, joint%axes1(:, axis)), r2 + matmul(a2, joint%s2) - r1)
     end function drawn_way
 
-    !> One coordinate more.
+    !> Append a coordinate.
     subroutine keep_coordinate(self, coordinate)
         class(drawing_type), intent(inout) :: self
         type(coordinate_type), intent(in) :: coordinate
@@ -201,7 +202,7 @@ contains
         self%coordinates(self%n_of%coordinates) = coordinate
     end subroutine keep_coordinate
 
-    !> One dot product more.
+    !> Append a perpendicularity row.
     subroutine keep_dot(self, dot)
         class(drawing_type), intent(inout) :: self
         type(dot_type), intent(in) :: dot
@@ -211,7 +212,7 @@ contains
         self%dots(self%n_of%dots) = dot
     end subroutine keep_dot
 
-    !> One meeting of points more.
+    !> Append coincident points.
     subroutine keep_meeting(self, meeting)
         class(drawing_type), intent(inout) :: self
         type(span_type), intent(in) :: meeting
@@ -221,7 +222,7 @@ contains
         self%meetings(self%n_of%meetings) = meeting
     end subroutine keep_meeting
 
-    !> One angle more that is held.
+    !> Append a constrained angle.
     subroutine keep_angle(self, angle)
         class(drawing_type), intent(inout) :: self
         type(angle_type), intent(in) :: angle
@@ -231,7 +232,7 @@ contains
         self%angles(self%n_of%angles) = angle
     end subroutine keep_angle
 
-    !> The joint's frame in the world, axes in columns.
+    !> Frame of the joint in the world, axes in columns.
     subroutine take_axes(self, label, kind, axis, across, frame, error)
         class(drawing_type), intent(in) :: self
         character(len=*), intent(in) :: label
@@ -275,11 +276,11 @@ contains
         end if
     end subroutine take_axes
 
-    !> The rows of a joint.
+    !> Add the rows of a joint.
     subroutine add_joint_rows(self, joint, drive, motion)
         class(drawing_type), intent(inout) :: self
         type(placed_joint_type), intent(inout) :: joint
-        !> The freedom that the motion drives, 0 for none.
+        !> Driven freedom; 0 if none.
         integer, intent(in) :: drive
         class(function_type), intent(in), optional :: motion
         character(len=1), parameter :: letter(3) = ['x', 'y', 'z']
@@ -294,7 +295,7 @@ contains
         if (present(motion)) call self%take_motion(joint%name, motion, 1, number)
         if (any(joint%glides)) then
             call add_glides(self, joint, driven, number)
-            ! Freedoms are driven at one level.
+            ! Each freedom is driven at one level only.
             if (driven > 0) driven = merge(0, driven, joint%glides(max(1, driven)))
         end if
         joint%driven = driven
@@ -310,7 +311,7 @@ contains
                 call self%held%add(trim(joint%name)//merge(' motion', ' '//letter(k)//'     ', driven == k), 'N')
                 dot = dot_type(first=joint%first, second=joint%second, row=self%held%n, is_point=.true., a=joint%axes1(:, k), &
                     b=joint%s2, c=dot_product(joint%axes1(:, k), joint%s1))
-                ! A motion is counted from the drawing, where the points may be apart along its axis.
+                ! A motion is measured from the reference configuration, in which the points may be apart along its axis.
                 if (driven == k) dot%c = drawn_way(self, joint, k)
                 if (driven == k) dot%motion = number
                 call keep_dot(self, dot)
@@ -325,11 +326,11 @@ contains
         else
             turn = joint%kind%held(4:6)
             do k = 1, 3
-                ! In a cycle k, l, m.
+                ! k, l, m are in cyclic order.
                 l = mod(k, 3) + 1
                 m = mod(l, 3) + 1
                 if (count(turn) == 2 .and. .not. turn(k)) then
-                    ! k is common: l1.k2 = 0 is the turn about m, m1.k2 = 0 that about l.
+                    ! Axis k is common: l1.k2 = 0 fixes the rotation about m, m1.k2 = 0 that about l.
                     call add_direction(l, k, m)
                     call add_direction(m, k, l)
                 end if
@@ -356,11 +357,11 @@ contains
         end subroutine add_direction
     end subroutine add_joint_rows
 
-    !> The rows of a joint at velocity level.
+    !> Add the rows of a joint at velocity level.
     subroutine add_glides(self, joint, driven, number)
         class(drawing_type), intent(inout) :: self
         type(placed_joint_type), intent(in) :: joint
-        !> The freedom that a function drives, and the number of that.
+        !> Freedom that a function drives, and the index of the function.
         integer, intent(in) :: driven, number
         character(len=1), parameter :: letter(3) = ['x', 'y', 'z']
         type(glide_type) :: glide
@@ -422,11 +423,11 @@ contains
         call self%keep_name(name, of_row, self%n_of%couplings)
     end procedure add_coupling
 
-    !> The row of a coupling.
+    !> Add the row of a coupling.
     subroutine couple(self, name, numbers, factors, unit, motion)
         class(drawing_type), intent(inout) :: self
         character(len=*), intent(in) :: name, unit
-        !> Of the coordinates.
+        !> Indices of the coordinates.
         integer, intent(in) :: numbers(:)
         real(wp), intent(in) :: factors(:)
         integer, intent(in), optional :: motion
@@ -441,7 +442,7 @@ contains
         call keep_coupling(self, coupling)
     end subroutine couple
 
-    !> One coupling more.
+    !> Append a coupling.
     subroutine keep_coupling(self, coupling)
         class(drawing_type), intent(inout) :: self
         type(coupling_type), intent(in) :: coupling
@@ -451,12 +452,12 @@ contains
         self%couplings(self%n_of%couplings) = coupling
     end subroutine keep_coupling
 
-    !> The row of an imposed angle in space.
+    !> Row of an imposed angle in space.
     pure function driven_angle(joint, l, m, row, motion) result(coupling)
         type(placed_joint_type), intent(in) :: joint
-        !> As of `angle_in_space`.
+        !> As in `angle_in_space`.
         integer, intent(in) :: l, m
-        !> The row, and the number of the function.
+        !> Row, and index of the function.
         integer, intent(in) :: row, motion
         type(coupling_type) :: coupling
 
@@ -468,7 +469,7 @@ contains
         coupling%drops_turns = .true.
     end function driven_angle
 
-    !> The angle in space by which axis l of the second body is turned from axis l of the first towards axis m of the first.
+    !> Angle in space from axis l of the first body to axis l of the second, positive towards axis m of the first.
     pure function angle_in_space(joint, l, m) result(angle)
         type(placed_joint_type), intent(in) :: joint
         integer, intent(in) :: l, m

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The word for wheels without mass.
+!> Builder procedure for massless wheels.
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_massless_wheel
     use tandem_error, only: to_text
     use tandem_mechanism_coordinate, only: is_way
@@ -12,7 +12,7 @@ submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_massless_wheel
 
 contains
 
-    !> A wheel without mass on a body, or on a strut that slides on it.
+    !> Add a massless wheel on a body, or on a strut that slides on it.
     module procedure add_massless_wheel
         type(massless_wheel_type) :: wheel
         type(coordinate_type) :: way
@@ -69,7 +69,7 @@ contains
         call self%rolling%add(trim(name)//' slip', 'N')
         wheel%row = self%rolling%n
         if (present(along)) then
-            ! Poses of what slides stand behind those of the bodies, which are not all known yet: they are numbered by `define`.
+            ! `define` numbers the poses of sliding parts, which follow those of all bodies.
             self%n_of%slides = self%n_of%slides + 1
             wheel%slide = -self%n_of%slides
             way = coordinate_type(kind=is_way, second=wheel%slide, one=dot_type(second=wheel%slide, is_point=.true., &
@@ -87,7 +87,7 @@ contains
         call self%keep_name(name, of_massless_wheel, self%n_of%massless_wheels)
     end procedure add_massless_wheel
 
-    !> Refuse a wheel that does not touch its plane in the drawing.
+    !> Refuse a wheel that is off its plane in the reference configuration.
     subroutine check_gap(self, label, wheel, error, open, rise, steer)
         class(drawing_type), intent(in) :: self
         character(len=*), intent(in) :: label

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The words for knife edges, and for disks and spheres that roll.
+!> Builder procedures for knife edges, and for rolling disks and spheres.
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_rolling
     use tandem_error, only: to_text
     use tandem_mechanism_pose, only: pose_type
@@ -88,7 +88,7 @@ contains
             pivot, slide, along)
     end procedure add_rolling_ellipsoid
 
-    !> What rolls, and the plane that it rolls on. The shape is known, an axis in the world's frame.
+    !> Add a rolling body and its plane. The shape is set; its axis is in the world frame.
     subroutine add_roller(self, label, name, centre, roller, error, normal, height, open, rise, turn, pivot, slide, along)
         class(drawing_type), intent(inout) :: self
         character(len=*), intent(in) :: label, name, centre

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The words for sensors, and for the results of bodies, reactions and forces, which are sensors in groups of their own.
+!> Builder procedures for sensors, and for the results of bodies, reactions and forces, which are sensors in separate groups.
 submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_sensors
     use tandem_error, only: to_text
     use tandem_mechanism_coordinate, only: is_way
@@ -57,11 +57,11 @@ contains
         call keep_sensor(self, sensor)
     end procedure add_joint_sensor
 
-    !> How far a massless wheel has slid.
+    !> Add a sensor of the displacement of a massless wheel.
     subroutine add_slide_sensor(self, sensor, wheel, number, error)
         class(drawing_type), intent(inout) :: self
         type(sensor_type), intent(inout) :: sensor
-        !> Its name and its number.
+        !> Name and index of the wheel.
         character(len=*), intent(in) :: wheel
         integer, intent(in) :: number
         type(error_type), allocatable, intent(inout) :: error
@@ -158,7 +158,7 @@ contains
             case (of_distance)
                 span = self%distances(sensor%number)
             case default
-                ! Rows of several bodies have no force of one on another.
+                ! Rows of several bodies have no single pair of bodies.
                 span = span_type()
             end select
             if (sensor%of /= of_row) sensor%between = [name_of(self, span%first), name_of(self, span%second)]
@@ -169,8 +169,8 @@ contains
         call keep_sensor(self, sensor)
     end procedure add_reaction_sensor
 
-    !> The rows of an element, whose names begin with its own. Those at velocity level are counted behind those at position level
-    !> when the mechanism is defined: until then they are negative.
+    !> Find the rows of an element, whose names begin with that of the element. Rows at velocity level have negative indices until
+    !> `define` moves them after those at position level.
     subroutine find_rows(self, element, sensor)
         class(drawing_type), intent(in) :: self
         character(len=*), intent(in) :: element
@@ -225,7 +225,7 @@ contains
             associate (coordinate => self%torsions(sensor%number)%coordinate)
                 first = coordinate%first
                 second = coordinate%second
-                ! What a wheel slides is a coordinate of no body: the force is between the wheel and what it slides on.
+                ! The displacement of a wheel belongs to no body: the force is between the wheel and the body that carries it.
                 if (second < 0) first = self%massless_wheels(findloc(self%massless_wheels%slide, second, dim=1))%body
                 sensor%slides = coordinate%kind == is_way
             end associate
@@ -290,7 +290,7 @@ contains
         end do
     end procedure add_results
 
-    !> The types of elements of a kind of results.
+    !> Types of elements in a kind of results.
     pure function types_of(kind) result(types)
         character(len=*), intent(in) :: kind
         integer, allocatable :: types(:)
@@ -311,10 +311,10 @@ contains
         end select
     end function types_of
 
-    !> The name of a body.
+    !> Name of a body.
     pure function name_of(self, body) result(name)
         class(drawing_type), intent(in) :: self
-        !> 0 the ground, negative what a massless wheel slides, which is called as the wheel.
+        !> 0 for the ground, negative for the sliding part of a massless wheel, which has the name of the wheel.
         integer, intent(in) :: body
         character(len=label_length) :: name
         integer :: i
@@ -328,7 +328,7 @@ contains
         end do
     end function name_of
 
-    !> The names of all elements of some types.
+    !> Names of all elements of given types.
     pure function names_of(self, types) result(list)
         class(drawing_type), intent(in) :: self
         integer, intent(in) :: types(:)
@@ -345,7 +345,7 @@ contains
         end do
     end function names_of
 
-    !> One sensor more, whose name was checked.
+    !> Append a sensor with a valid name.
     subroutine keep_sensor(self, sensor)
         class(drawing_type), intent(inout) :: self
         type(sensor_type), intent(in) :: sensor
@@ -356,8 +356,8 @@ contains
         call self%sensor_index%put(key_of(sensor), self%n_of%sensors)
     end subroutine keep_sensor
 
-    !> What no two sensors may have in common: group and name, and in the groups of results, where an element may have several, what
-    !> it tells.
+    !> Key that must be unique among sensors: group and name, and for the groups of results, in which an element may have several
+    !> sensors, the measured quantity.
     pure function key_of(sensor) result(key)
         type(sensor_type), intent(in) :: sensor
         character(len=2*label_length + 8) :: key
@@ -365,7 +365,7 @@ contains
         write (key, '(a, "/", a, i0)') trim(sensor%group), trim(sensor%name)//'/', merge(0, sensor%kind, sensor%group == 'sensors')
     end function key_of
 
-    !> A name that can be one of a file's groups and that no other sensor has.
+    !> Check that a name is a valid group name in files and that no other sensor has it.
     subroutine check_sensor(self, name, sensor, error)
         class(drawing_type), intent(inout) :: self
         character(len=*), intent(in) :: name

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What is drawn of a mechanism: the lists of its elements, their names and rows, and what the words that add them have in common:
-!> functions, laws, expressions, directions that they are given, and where bodies are in the drawing.
+!> Definition of a mechanism: the lists of its elements, their names and rows, and common procedures of the builder for functions,
+!> laws, expressions, directions, and positions of bodies in the reference configuration.
 module tandem_mechanism_drawn
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -33,39 +33,39 @@ module tandem_mechanism_drawn
 
     public :: drawn_type, motion_type, angle_type
 
-    !> A function of time, and which of its derivatives makes qd jump where it jumps: 1 where a row at position level is made of it,
-    !> 0 where the coefficients of a row at velocity level are, -1 for a force. A lower one must not jump.
+    !> A function of time, and its derivative whose jump makes qd jump: 1 for a row at position level, 0 for the coefficients of a
+    !> row at velocity level, -1 for a force. A lower derivative must not jump.
     type :: motion_type
         class(function_type), allocatable :: f
         integer :: jump_order = -1
-        !> The element, for messages.
+        !> Name of the element, for messages.
         character(len=name_length) :: name = ''
     end type motion_type
 
-    !> In the plane an angle that is held: angle2 - angle1 = offset + f(t).
+    !> A constrained angle in the plane: angle2 - angle1 = offset + f(t).
     type :: angle_type
         integer :: first = 0, second = 0, row = 0
         real(wp) :: offset = 0.0_wp
         integer :: motion = 0
     end type angle_type
 
-    !> How many elements of each type there are.
+    !> Number of elements of each type.
     type :: numbers_type
         integer :: bodies = 0, points = 0, joints = 0, motions = 0, dots = 0, meetings = 0, distances = 0, angles = 0, &
             springs = 0, torsions = 0, bushings = 0, loads = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, &
             glides = 0, edges = 0, rollers = 0, massless_wheels = 0, slides = 0, sensors = 0
     end type numbers_type
 
-    !> All that was added. `planar` and `gravity` are set before the first word.
+    !> All elements. `planar` and `gravity` must be set before the first element is added.
     type, extends(model_type) :: drawn_type
-        !> Whether bodies move in the plane (x, y, angle).
+        !> True if bodies move in the plane (x, y, angle).
         logical :: planar = .false.
         !> Acceleration due to gravity (m/s^2).
         real(wp) :: gravity(3) = 0.0_wp
-        !> Start and end of the run (s): at its start functions of time are compared with the drawing, within it their kinks become
-        !> breakpoints. Needed only where a run does not start at 0, or functions have kinks.
+        !> Start and end of the run (s): functions of time are compared with the reference configuration at the start, and their
+        !> kinks within the run become breakpoints. Needed only if a run does not start at 0, or functions have kinks.
         real(wp) :: times(2) = 0.0_wp
-        !> What is there; while it is drawn, lists have room for more, so that an element more does not cost a copy of all before.
+        !> Numbers of elements. During the definition lists have spare room, so that adding an element does not copy them each time.
         type(numbers_type) :: n_of
         type(body_type), allocatable :: bodies(:)
         type(point_type), allocatable :: points(:)
@@ -79,7 +79,7 @@ module tandem_mechanism_drawn
         type(torsion_type), allocatable :: torsions(:)
         type(bushing_type), allocatable :: bushings(:)
         type(load_type), allocatable :: loads(:)
-        !> What forces are made of: laws of springs, expressions of the state, coordinates of joints.
+        !> Parts of forces: laws of springs, expressions of the state, coordinates of joints.
         type(law_item_type), allocatable :: laws(:)
         type(formula_type), allocatable :: formulas(:)
         type(coordinate_type), allocatable :: coordinates(:)
@@ -90,15 +90,14 @@ module tandem_mechanism_drawn
         type(roller_type), allocatable :: rollers(:)
         type(massless_wheel_type), allocatable :: massless_wheels(:)
         type(sensor_type), allocatable :: sensors(:)
-        !> The rows so far, at position level without those of Euler parameters, and at velocity level.
+        !> Rows so far: at position level without those of Euler parameters, and at velocity level.
         type(row_list_type) :: held, rolling
-        !> The names of all elements; where `body.point` is among the points, a sensor among the sensors, and the first function of
-        !> time of an element among these.
+        !> Names of all elements; of points (`body.point`); of sensors; the first function of time of an element.
         type(name_index_type) :: name_index, point_index, sensor_index, motion_index
-        !> What each element is, `of_joint` and so on, 0 for a body, and its number in the list of its type.
+        !> Type of each element, such as `of_joint`, 0 for a body, and its index in the list of its type.
         integer, allocatable :: types(:), numbers(:)
-        !> How far kinks of each function of time, law and formula have been looked for, in this order; those behind
-        !> `breakpoints_until`, in no order, and whether qd jumps there.
+        !> Times up to which kinks of each function of time, law and formula have been searched, in this order; kinks after
+        !> `breakpoints_until`, unsorted, and true for each at which qd jumps.
         real(wp), allocatable :: searched(:), ahead(:)
         logical, allocatable :: jumps_ahead(:)
     contains
@@ -110,14 +109,14 @@ module tandem_mechanism_drawn
     end type drawn_type
 
     interface
-        !> Find the first times where a function has a kink: steps end there, and qd jumps where the rate of a motion does.
+        !> Find the first kinks of functions of time. Steps end at kinks; qd jumps at a kink in the rate of a motion.
         module subroutine begin_breakpoints(self, error)
             implicit none (type, external)
             class(drawn_type), intent(inout) :: self
             type(error_type), allocatable, intent(out) :: error
         end subroutine begin_breakpoints
 
-        !> Look for kinks until so many are known.
+        !> Search for kinks until a number of them is known.
         module subroutine know_breakpoints(self, number, error)
             implicit none (type, external)
             class(drawn_type), intent(inout) :: self
@@ -125,13 +124,13 @@ module tandem_mechanism_drawn
             type(error_type), allocatable, intent(out) :: error
         end subroutine know_breakpoints
 
-        !> Let the functions hold the smooth pieces of the current segment.
+        !> Set the smooth pieces of all functions to the current segment.
         pure module subroutine hold_pieces(self)
             implicit none (type, external)
             class(drawn_type), intent(inout) :: self
         end subroutine hold_pieces
 
-        !> True if the pieces that are held have values between two times that a step does not see.
+        !> True if the current pieces have values between two times that a step does not sample.
         module function pieces_hide(self, from, to, between)
             implicit none (type, external)
             class(drawn_type), intent(inout) :: self
@@ -144,7 +143,7 @@ module tandem_mechanism_drawn
 
 contains
 
-    !> Forget all that was added.
+    !> Remove all elements.
     pure subroutine clear(self)
         class(drawn_type), intent(inout) :: self
 
@@ -184,11 +183,11 @@ contains
         self%n_of = numbers_type()
     end subroutine clear
 
-    !> Remember the name of a new element.
+    !> Store the name of a new element.
     pure subroutine keep_name(self, name, type_of, number)
         class(drawn_type), intent(inout) :: self
         character(len=*), intent(in) :: name
-        !> What it is, and its number among those.
+        !> Type of the element, and its index in the list of this type.
         integer, intent(in) :: type_of, number
 
         if (self%name_index%n == size(self%types)) then
@@ -200,7 +199,7 @@ contains
         self%numbers(self%name_index%n) = number
     end subroutine keep_name
 
-    !> The index of a body, 0 for the ground, -1 for none.
+    !> Index of a body, 0 for the ground, -1 if the name is unknown.
     pure integer function find_body(self, name)
         class(drawn_type), intent(in) :: self
         character(len=*), intent(in) :: name
@@ -212,7 +211,7 @@ contains
         if (self%types(k) == 0) find_body = self%numbers(k)
     end function find_body
 
-    !> What an element of a name is, `of_joint` and so on, 0 for a body, -1 for none; and its number in the list of its type.
+    !> Type of the element of a name, such as `of_joint`, 0 for a body, -1 if unknown; and its index in the list of its type.
     pure subroutine find_element(self, name, type_of, number)
         class(drawn_type), intent(in) :: self
         character(len=*), intent(in) :: name
@@ -227,7 +226,7 @@ contains
         number = self%numbers(k)
     end subroutine find_element
 
-    !> The distance of two points in the drawing.
+    !> Distance of two points in the reference configuration.
     pure real(wp) function drawn_length(self, span)
         class(drawn_type), intent(in) :: self
         type(span_type), intent(in) :: span
@@ -238,10 +237,10 @@ contains
         drawn_length = norm2(r2 + matmul(a2, span%s2) - r1 - matmul(a1, span%s1))
     end function drawn_length
 
-    !> Keep a function of time, and give its number.
+    !> Append a function of time, and return its index.
     subroutine take_motion(self, name, f, jump_order, number)
         class(drawn_type), intent(inout) :: self
-        !> The element.
+        !> Name of the element.
         character(len=*), intent(in) :: name
         class(function_type), intent(in) :: f
         !> See `motion_type`.
@@ -257,7 +256,7 @@ contains
         call self%motion_index%put(name, number)
     end subroutine take_motion
 
-    !> Room for so many functions of time.
+    !> Allocate room for a number of functions of time.
     subroutine resize_motions(self, room)
         class(drawn_type), intent(inout) :: self
         integer, intent(in) :: room
@@ -273,7 +272,7 @@ contains
         call move_alloc(others, self%motions)
     end subroutine resize_motions
 
-    !> Keep a law, and give its number.
+    !> Append a law, and return its index.
     subroutine take_law(self, law, number)
         class(drawn_type), intent(inout) :: self
         class(law_type), intent(in) :: law
@@ -285,7 +284,7 @@ contains
         allocate (self%laws(number)%law, source=law)
     end subroutine take_law
 
-    !> Room for so many laws.
+    !> Allocate room for a number of laws.
     subroutine resize_laws(self, room)
         class(drawn_type), intent(inout) :: self
         integer, intent(in) :: room
@@ -299,7 +298,7 @@ contains
         call move_alloc(others, self%laws)
     end subroutine resize_laws
 
-    !> Keep an expression of the state, and give its number.
+    !> Append an expression of the state, and return its index.
     subroutine take_formula(self, expression, number)
         class(drawn_type), intent(inout) :: self
         type(expression_type), intent(in) :: expression
@@ -311,7 +310,7 @@ contains
         call self%formulas(number)%initialize(expression, self%list_variables())
     end subroutine take_formula
 
-    !> Room for so many expressions of the state.
+    !> Allocate room for a number of expressions of the state.
     subroutine resize_formulas(self, room)
         class(drawn_type), intent(inout) :: self
         integer, intent(in) :: room
@@ -322,7 +321,7 @@ contains
         call move_alloc(others, self%formulas)
     end subroutine resize_formulas
 
-    !> Cut the lists of what was added to what is there.
+    !> Trim the lists to their used lengths.
     subroutine fit(self)
         class(drawn_type), intent(inout) :: self
 
@@ -345,7 +344,7 @@ contains
             self%rollers = self%rollers(:n%rollers)
             self%massless_wheels = self%massless_wheels(:n%massless_wheels)
             self%sensors = self%sensors(:n%sensors)
-            ! `keep_name` makes twice as much of what there is.
+            ! `keep_name` doubles the room.
             self%types = self%types(:max(1, self%name_index%n))
             self%numbers = self%numbers(:max(1, self%name_index%n))
             call resize_motions(self, n%motions)
@@ -354,11 +353,11 @@ contains
         end associate
     end subroutine fit
 
-    !> The variables that expressions of loads and of rows may name, in their order: t; of each body x, y, z (m), vx, vy, vz
-    !> (m/s), in the plane angle (rad) and omega (rad/s), in space e0 to e3 and wx, wy, wz in the world's frame (rad/s), as
-    !> `body.x`; of each joint that turns about or slides along an axis angle and rate, or way and speed, as `joint.angle`,
-    !> counted from the drawing, and of each massless wheel that slides its way and speed. Parse an expression with them after
-    !> what it names was added, and add its element before another body or joint.
+    !> Variables of the expressions of loads and of rows, in their order: t; of each body x, y, z (m), vx, vy, vz (m/s), in the
+    !> plane angle (rad) and omega (rad/s), in space e0 to e3 and wx, wy, wz in the world frame (rad/s), as `body.x`; of each joint
+    !> with an axis angle and rate, or way and speed, as `joint.angle`, measured from the reference configuration, and of each
+    !> sliding massless wheel its way and speed. Parse an expression with these names after the elements in it were added, and add
+    !> its element before another body or joint.
     function variable_names(self) result(names)
         class(drawn_type), intent(in) :: self
         character(len=variable_name_length), allocatable :: names(:)
@@ -368,14 +367,14 @@ contains
         names = variables%name
     end function variable_names
 
-    !> What they are.
+    !> Definitions of these variables.
     function list_variables(self) result(variables)
         class(drawn_type), intent(in) :: self
         type(variable_type), allocatable :: variables(:)
         character(len=*), parameter :: axis(3) = ['x', 'y', 'z'], number(4) = ['0', '1', '2', '3']
         integer :: i, k, m, n
 
-        ! At most so many of a body and of a joint.
+        ! Upper bounds per body and per joint.
         allocate (variables(1 + 13*self%n_of%bodies + 4*self%n_of%joints + 2*self%n_of%slides))
         m = 0
         call add('t', is_time, 0, 0)
@@ -438,7 +437,7 @@ contains
         end subroutine add
     end function list_variables
 
-    !> The number of the coordinate of a joint, or of what a wheel slides, by `joint`, `joint.angle` or `joint.way`.
+    !> Index of the coordinate of a joint or of a sliding wheel, from `joint`, `joint.angle` or `joint.way`.
     subroutine find_coordinate(self, label, text, number, error)
         class(drawn_type), intent(in) :: self
         character(len=*), intent(in) :: label, text
@@ -475,7 +474,7 @@ contains
             ' has no axis to turn about or to slide along', 'take a joint that has one, and its .angle or .way', error)
     end subroutine find_coordinate
 
-    !> Where a body is in the drawing.
+    !> Position and rotation of a body in the reference configuration.
     pure subroutine frame_of(self, body, r, a)
         class(drawn_type), intent(in) :: self
         integer, intent(in) :: body
@@ -496,7 +495,7 @@ contains
         end associate
     end subroutine frame_of
 
-    !> The angle of a body in the drawing.
+    !> Angle of a body in the reference configuration.
     pure real(wp) function angle_of(self, body)
         class(drawn_type), intent(in) :: self
         integer, intent(in) :: body
@@ -505,7 +504,7 @@ contains
         if (body > 0) angle_of = self%bodies(body)%angle
     end function angle_of
 
-    !> A unit vector along what is given.
+    !> Normalise a given direction.
     subroutine take_direction(self, label, what, given, vector, error)
         class(drawn_type), intent(in) :: self
         character(len=*), intent(in) :: label, what

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What springs, bushings and loads do at a state: forces, lengths, energies, and the power of that part of them which has no
-!> potential: dampers, functions of time, laws. For files, not for steps.
+!> Forces, lengths and energies of springs, bushings and loads at a state, and the power of their parts without a potential:
+!> dampers, functions of time, laws. For files, not for steps.
 module tandem_mechanism_effort
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate
@@ -19,24 +19,24 @@ module tandem_mechanism_effort
 
     public :: effort_type, spring_effort, torsion_effort, bushing_effort, load_effort
 
-    !> What an element does.
+    !> Force and energy of an element.
     type :: effort_type
-        !> The force along its coordinate (N, N m): of a spring positive where it pulls its ends together, along the coordinate of a
-        !> joint where it accelerates that; the coordinate and its rate.
+        !> Force along the coordinate (N, N m), for a spring positive if it pulls its ends together, along the coordinate of a joint
+        !> if it accelerates the coordinate; the coordinate and its rate.
         real(wp) :: along = 0.0_wp, x = 0.0_wp, rate = 0.0_wp
-        !> The force on the second body, or that on which a load is, and the torque about its point, in the world's axes.
+        !> Force on the second body, or on the body of a load, and torque about its point, in world axes.
         real(wp) :: force(3) = 0.0_wp, torque(3) = 0.0_wp
-        !> Potential energy (J), and the power that the rest gives to the mechanism (W), negative of a damper.
+        !> Potential energy (J), and power of the remaining part of the force (W), negative for a damper.
         real(wp) :: energy = 0.0_wp, power = 0.0_wp
     end type effort_type
 
 contains
 
-    !> A spring between two points.
+    !> Force of a spring between two points.
     pure function spring_effort(spring, t, pose, f, laws) result(effort)
         type(spring_type), intent(in) :: spring
         real(wp), intent(in) :: t
-        !> With rates.
+        !> Rates are set.
         type(pose_type), intent(in) :: pose(0:)
         !> Values and derivatives of the functions of time.
         real(wp), intent(in) :: f(0:, :)
@@ -57,11 +57,11 @@ contains
 
     !> u(t) + N g(t, x, v).
     pure real(wp) function given_force(motion, law, normal, t, effort, f, laws) result(given)
-        !> Numbers of the function and of the law, 0 for none.
+        !> Indices of the function and of the law, 0 if none.
         integer, intent(in) :: motion, law
-        !> The normal force of friction on a reaction, 1 of all other laws.
+        !> Normal force of friction on a reaction; 1 for all other laws.
         real(wp), intent(in) :: normal, t
-        !> Coordinate and rate are known.
+        !> Coordinate and rate are set.
         type(effort_type), intent(in) :: effort
         real(wp), intent(in) :: f(0:, :)
         type(law_item_type), intent(in) :: laws(:)
@@ -74,7 +74,7 @@ contains
         given = given + normal*g(0)
     end function given_force
 
-    !> A force along the coordinate of a joint; the power of its part without a potential is that times the rate.
+    !> Force along the coordinate of a joint; the power of its part without a potential is this part times the rate.
     pure subroutine torsion_effort(torsion, t, pose, f, laws, lambda, effort)
         type(torsion_type), intent(inout) :: torsion
         real(wp), intent(in) :: t
@@ -97,7 +97,7 @@ contains
         effort%power = rest*x(1)
     end subroutine torsion_effort
 
-    !> A bushing; its force and torque are those on the second body at its point of that.
+    !> Forces of a bushing, which act on the second body at its point.
     pure subroutine bushing_effort(bushing, pose, effort)
         type(bushing_type), intent(inout) :: bushing
         type(pose_type), intent(in) :: pose(0:)
@@ -124,7 +124,7 @@ contains
                 call wrench_of(two, along, turning, two%r(:, 0) + turned(two, 0, bushing%coordinates(1)%one%b), effort%force, &
                     effort%torque)
             else
-                ! Against the ground: the opposite of what the first body gets there.
+                ! The ground: take the opposite of the force on the first body.
                 along = 0.0_wp
                 turning = 0.0_wp
                 do k = 1, n
@@ -138,7 +138,7 @@ contains
         end associate
     end subroutine bushing_effort
 
-    !> A given force and torque.
+    !> Given force and torque.
     pure subroutine load_effort(load, t, pose, f, formulas, coordinates, effort)
         type(load_type), intent(in) :: load
         real(wp), intent(in) :: t

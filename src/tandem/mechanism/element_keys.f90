@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The keys of one element of a mechanism, and how keys are named: `kind.name.key`.
+!> The keys of one element of a mechanism, named `kind.name.key`.
 module tandem_mechanism_element_keys
     use tandem_mechanism_entries, only: entry_type
     implicit none (type, external)
@@ -7,9 +7,9 @@ module tandem_mechanism_element_keys
 
     public :: element_type, add_to, joined, key_length, key_of, listed, path_of, place_among, text_length, up_to_dot
 
-    !> Length of the names of kinds, of elements and of keys; of points as `body.point`.
+    !> Length of the names of kinds, elements and keys, and of points such as `body.point`.
     integer, parameter :: key_length = 136
-    !> Length of what stands in lists of texts, as points with three numbers of full precision do.
+    !> Length of texts in lists, such as points with three numbers of full precision.
     integer, parameter :: text_length = 256
 
     !> The entries of an element.
@@ -21,7 +21,7 @@ module tandem_mechanism_element_keys
 
 contains
 
-    !> The key of an entry within its element.
+    !> Key of an entry within its element.
     pure function key_of(entry, element) result(key)
         type(entry_type), intent(in) :: entry
         type(element_type), intent(in) :: element
@@ -30,7 +30,7 @@ contains
         key = entry%key(len(entry%key) - len(key) + 1:)
     end function key_of
 
-    !> The name of an element in messages and headings.
+    !> Name of an element in messages and headings.
     pure function path_of(element) result(path)
         type(element_type), intent(in) :: element
         character(len=len_trim(element%kind) + len_trim(element%name) + count([element%name /= ''])) :: path
@@ -38,7 +38,7 @@ contains
         path = joined(trim(element%kind), trim(element%name))
     end function path_of
 
-    !> Two parts of a key, the second of which may be empty.
+    !> Join two parts of a key, the second of which may be empty.
     pure function joined(first, second) result(path)
         character(len=*), intent(in) :: first, second
         character(len=len(first) + len(second) + count([len(second) > 0])) :: path
@@ -47,7 +47,7 @@ contains
         if (len(second) > 0) path = first//'.'//second
     end function joined
 
-    !> The part of a key before its first dot.
+    !> Part of a key before its first dot.
     pure function up_to_dot(key) result(part)
         character(len=*), intent(in) :: key
         character(len=index(key//'.', '.') - 1) :: part
@@ -55,7 +55,7 @@ contains
         part = key
     end function up_to_dot
 
-    !> Names, each after a blank, commas between them.
+    !> List names, each after a blank, separated by commas.
     pure function listed(names) result(text)
         character(len=*), intent(in) :: names(:)
         character(len=max(0, sum(len_trim(names) + 2) - 1)) :: text
@@ -68,8 +68,8 @@ contains
         end do
     end function listed
 
-    !> The place of a name in a list, 0 where it is not there. gfortran 12 gives findloc wrong lengths where a module calls it with
-    !> texts of several lengths.
+    !> Place of a name in a list; 0 if it is absent. In gfortran 12 findloc uses wrong lengths if one module calls it with texts of
+    !> several lengths.
     pure integer function place_among(names, name) result(place)
         character(len=*), intent(in) :: names(:), name
 
@@ -78,7 +78,7 @@ contains
         end do
     end function place_among
 
-    !> Give an element one more entry, by its number; `entries` must be allocated.
+    !> Append an entry, by its index, to an element; `entries` must be allocated.
     pure subroutine add_to(element, entry)
         type(element_type), intent(inout) :: element
         integer, intent(in) :: entry

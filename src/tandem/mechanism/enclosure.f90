@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Bounds of expressions while one of their variables, such as the time, goes through an interval.
+!> Bounds of expressions while one of their variables, such as the time, varies over an interval.
 submodule(tandem_mechanism_expression) tandem_mechanism_enclosure
     use tandem_mechanism_interval, only: add, branches_between, common_part, enclose_curvatures, enclose_slopes, enclose_value, &
         exact, multiply, nothing, subtract
@@ -33,20 +33,20 @@ contains
         end associate
     end procedure list_parts
 
-    !> Bounds of the values and derivatives of all slots while one variable goes through an interval: those of interval
-    !> arithmetic, and of the mean value theorem, which are closer in short intervals. Slots that depend on other variables are
-    !> empty. Where a value may jump within the interval, its derivative is unbounded.
+    !> Bounds of the values and derivatives of all slots while one variable varies over an interval, by interval arithmetic and by
+    !> the mean value theorem, which is tighter in short intervals. Slots that depend on other variables are empty. The derivative
+    !> of a value that may jump within the interval is unbounded.
     pure subroutine enclose(self, variable, from, to, w, w1, at_middle, sides, w2)
         class(expression_type), intent(in) :: self
-        !> Its place in the list of names.
+        !> Place in the list of names.
         integer, intent(in) :: variable
         !> The interval.
         real(wp), intent(in) :: from, to
-        !> Values, derivatives, and the values in the middle of the interval with their rounding errors.
+        !> Values, derivatives, and the values at the middle of the interval with their rounding errors.
         type(interval_type), intent(inout) :: w(:), w1(:), at_middle(:)
         !> As in the evaluations.
         integer, intent(in), optional :: sides(:)
-        !> Second derivatives, unbounded where the branch of a kink is not certain.
+        !> Second derivatives; unbounded if the branch of a kink is uncertain.
         type(interval_type), intent(inout), optional :: w2(:)
         type(interval_type) :: a, b, b_at_middle, by_a, by_b, offset
         integer :: branches(2), operation, k, n, i, j
@@ -78,7 +78,7 @@ contains
                 b = w(j)
                 b_at_middle = at_middle(j)
                 if (operation == op_multiply .and. i == j) then
-                    ! A square has closer bounds than a product.
+                    ! A square has tighter bounds than a product.
                     operation = op_power_constant
                     b = exact(2.0_wp)
                     b_at_middle = b
@@ -98,7 +98,7 @@ contains
 
         !> The second derivative of the current operation.
         pure type(interval_type) function curvature(a2, b2) result(f2)
-            !> Those of the operands.
+            !> Second derivatives of the operands.
             type(interval_type), intent(in) :: a2, b2
             type(interval_type) :: by_aa, by_ab, by_bb
 
@@ -113,7 +113,7 @@ contains
             f2 = add(add(multiply(by_a, a2), multiply(by_b, b2)), add(multiply(by_aa, w1(i)), multiply(by_ab, w1(j))))
         end function curvature
 
-        !> The branches of the current operation in the middle.
+        !> Branches of the current operation at the middle.
         pure function middle_branches(a, b) result(branches)
             type(interval_type), intent(in) :: a, b
             integer :: branches(2)
@@ -126,7 +126,7 @@ contains
         end function middle_branches
     end subroutine enclose
 
-    !> The middle of an interval.
+    !> Middle of an interval.
     pure real(wp) function middle_of(from, to)
         real(wp), intent(in) :: from, to
 

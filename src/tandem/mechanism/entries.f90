@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A mechanism as a list of dotted keys with values, `body.rod.mass` = 1: what files, and programs in other languages, say. Numbers
-!> may be texts, which are expressions of the parameters. Later values of a key replace earlier ones at their place.
+!> A mechanism as a list of dotted keys with values, `body.rod.mass` = 1, as given in files or by programs in other languages. Texts
+!> in place of numbers are expressions of the parameters. A later value of a key replaces an earlier one in its place.
 module tandem_mechanism_entries
     use tandem_kinds, only: wp
     use tandem_mechanism_expression_parser, only: name_length
@@ -10,7 +10,7 @@ module tandem_mechanism_entries
 
     public :: atom_type, value_type, entry_type, entries_type, is_number, is_text, is_truth, number_value, text_value
 
-    !> What an atom is.
+    !> Kinds of atoms.
     integer, parameter :: is_number = 1, is_text = 2, is_truth = 3
 
     !> A number, a text or a truth value.
@@ -24,7 +24,7 @@ module tandem_mechanism_entries
     !> One atom, or a list of them.
     type :: value_type
         logical :: is_list = .false.
-        !> Of a list of lists of one length: that length, while the atoms are in one list, row by row; else 0.
+        !> Common length of the rows of a list of lists, whose atoms are stored in one list, row by row; 0 for other values.
         integer :: row_length = 0
         type(atom_type), allocatable :: atoms(:)
     end type value_type
@@ -34,12 +34,12 @@ module tandem_mechanism_entries
         !> Parts joined by dots.
         character(len=:), allocatable :: key
         type(value_type) :: value
-        !> Where it was given, a number of the caller's.
+        !> Place of the entry, a number given by the caller.
         integer :: place = 0
-        !> The value as it was given, with the index of a repeated element as a name.
+        !> Value as given, with the index of a repeated element as a name.
         type(value_type) :: given
-        !> Of a repeated element, the names and the values of the indices of the repetitions that it is in; the key as it was given,
-        !> and how much of it is the element's name; and whether this is the first copy.
+        !> For a repeated element: names and values of the indices of its repetitions; the key as given, and the length of the name
+        !> of the element in it; true for the first copy.
         character(len=name_length), allocatable :: index_names(:)
         integer, allocatable :: index_values(:)
         character(len=:), allocatable :: template
@@ -47,12 +47,12 @@ module tandem_mechanism_entries
         logical :: is_first = .true.
     end type entry_type
 
-    !> Keys with values, in the order in which they were given.
+    !> Keys with values, in the given order.
     type :: entries_type
-        !> The first `n` are in use.
+        !> The first `n` are used.
         type(entry_type), allocatable :: list(:)
         integer :: n = 0
-        !> Where keys are in the list.
+        !> Places of the keys in the list.
         type(name_index_type), private :: places
     contains
         generic :: set => set_value, set_number, set_text, set_truth, set_numbers, set_texts
@@ -81,7 +81,7 @@ contains
         value%atoms(1)%text = text
     end function text_value
 
-    !> The index of a key, 0 where there is none.
+    !> Index of a key; 0 if absent.
     pure integer function find(self, key)
         class(entries_type), intent(in) :: self
         character(len=*), intent(in) :: key
@@ -96,12 +96,12 @@ contains
         end do
     end function find
 
-    !> Give a key a value.
+    !> Set the value of a key.
     pure subroutine set_value(self, key, value, place)
         class(entries_type), intent(inout) :: self
         character(len=*), intent(in) :: key
         type(value_type), intent(in) :: value
-        !> Where it was given.
+        !> Place of the entry.
         integer, intent(in), optional :: place
         type(entry_type) :: entry
         integer :: i
@@ -118,7 +118,7 @@ contains
         end if
     end subroutine set_value
 
-    !> One entry more, whose key is new.
+    !> Append an entry with a new key.
     pure subroutine append(self, entry)
         class(entries_type), intent(inout) :: self
         type(entry_type), intent(in) :: entry
@@ -178,7 +178,7 @@ contains
         call self%set_value(key, several, place)
     end subroutine set_numbers
 
-    !> Texts, blanks at their ends dropped.
+    !> Set texts, without trailing blanks.
     pure subroutine set_texts(self, key, value, place)
         class(entries_type), intent(inout) :: self
         character(len=*), intent(in) :: key, value(:)

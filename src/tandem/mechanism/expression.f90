@@ -2,14 +2,14 @@
 !> Expressions of named variables with exact derivatives: value, gradient, first and second derivative along a direction, and the
 !> gradient of the derivative along a direction.
 !>
-!> An expression is parsed once to a list of operations. An evaluation goes through the list: forwards for derivatives along a
-!> direction, then backwards for gradients, whose cost thus does not grow with the number of variables. Nothing is allocated and
-!> nothing changes in the expression, so that threads may share it. Where a value or a derivative does not exist, the result is no
-!> finite number.
+!> An expression is parsed once into a list of operations. An evaluation passes through the list: forwards for derivatives along a
+!> direction, then backwards for gradients, so that the cost of a gradient does not depend on the number of variables. Evaluations
+!> allocate nothing and do not change the expression, so that threads may share it. If a value or a derivative does not exist, the
+!> result is not finite.
 !>
-!> abs, sign, step, ramp, min, max and smooth_step have kinks. At a kink, the branch of the positive side is taken, and the
-!> derivatives are those of that side. With `sides`, one entry a kink, the branches are those of the caller's choice, and go on
-!> smoothly beyond the kink: a simulation holds them within a smooth piece and changes them where the argument of the kink is zero.
+!> abs, sign, step, ramp, min, max and smooth_step have kinks. At a kink the branch of the positive side and its derivatives are
+!> taken. With `sides`, one entry per kink, the caller selects the branches, which extend smoothly beyond the kink: a simulation
+!> keeps them constant within a smooth piece and changes them at a zero of the argument of the kink.
 module tandem_mechanism_expression
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -27,19 +27,19 @@ module tandem_mechanism_expression
     type :: expression_type
         type(code_type), private :: code
     contains
-        !> What it is made of.
+        !> Inquiries about the structure.
         procedure :: is_constant, first_not_in, n_operations
         procedure :: n_kinks, kink_order, kink_depends_on_others, renumber, list_parts
-        !> What it gives at a point.
+        !> Evaluations at a point.
         procedure :: value => evaluate_value, evaluate_gradient, evaluate_along
         procedure :: evaluate_gradient_along, evaluate_kinks, find_sides
-        !> Enclosure of the value while one variable goes through an interval.
+        !> Enclosures of the value while one variable varies over an interval.
         procedure :: enclose_kinks, enclose_parts, evaluate_parts
         procedure, private :: fill_leaves, branch_at, branch_with
     end type expression_type
 
     interface
-        !> The parts of the expression that depend on one variable alone, each as large as it can be, without the variable itself.
+        !> Largest parts of the expression that depend on one variable only, excluding the variable itself.
         pure module function list_parts(self, variable) result(parts)
             implicit none (type, external)
             class(expression_type), intent(in) :: self
@@ -49,34 +49,34 @@ module tandem_mechanism_expression
             integer, allocatable :: parts(:)
         end function list_parts
 
-        !> Bounds of the arguments of kinks and of their derivatives while one variable goes through an interval; empty for kinks
-        !> that depend on other variables. Derivatives are unbounded where an argument may jump.
+        !> Bounds of the arguments of kinks and of their derivatives while one variable varies over an interval; empty for kinks
+        !> that depend on other variables. Derivatives of arguments that may jump are unbounded.
         pure module subroutine enclose_kinks(self, variable, from, to, arguments, rates, middle)
             implicit none (type, external)
             class(expression_type), intent(in) :: self
             integer, intent(in) :: variable
             !> The interval.
             real(wp), intent(in) :: from, to
-            !> One each kink; the last are the arguments in the middle of the interval with their rounding errors.
+            !> One entry per kink; `middle` has the arguments at the middle of the interval with their rounding errors.
             type(interval_type), intent(out) :: arguments(:), rates(:), middle(:)
         end subroutine enclose_kinks
 
-        !> Bounds of the values of parts and of their derivatives while the variable that they depend on goes through an interval.
+        !> Bounds of the values of parts and of their derivatives while their variable varies over an interval.
         pure module subroutine enclose_parts(self, variable, parts, from, to, values, rates, sides, curvatures)
             implicit none (type, external)
             class(expression_type), intent(in) :: self
             integer, intent(in) :: variable
-            !> Of `list_parts`.
+            !> Result of `list_parts`.
             integer, intent(in) :: parts(:)
             real(wp), intent(in) :: from, to
             type(interval_type), intent(out) :: values(:), rates(:)
-            !> The side of each kink: 1 or -1. Without it, the variables decide.
+            !> Side of each kink: 1 or -1. By default the values of the variables decide.
             integer, intent(in), optional :: sides(:)
             !> Bounds of the second derivatives.
             type(interval_type), intent(out), optional :: curvatures(:)
         end subroutine enclose_parts
 
-        !> The values of parts and their derivatives by the variable.
+        !> Values of parts and their derivatives with respect to the variable.
         pure module subroutine evaluate_parts(self, variable, parts, t, values, rates, sides)
             implicit none (type, external)
             class(expression_type), intent(in) :: self
@@ -94,15 +94,15 @@ contains
     subroutine parse_expression(expression, text, variables, error, names, values, key, column)
         type(expression_type), intent(out) :: expression
         character(len=*), intent(in) :: text
-        !> The names of the variables, in the order of the points where it will be evaluated.
+        !> Names of the variables, in the order of the points of evaluation.
         character(len=*), intent(in) :: variables(:)
         type(error_type), allocatable, intent(out) :: error
-        !> The names of parameters and their values, which are constants from now on.
+        !> Names and values of parameters, which become constants.
         character(len=*), intent(in), optional :: names(:)
         real(wp), intent(in), optional :: values(:)
-        !> What the message shall name, such as 'joint.motor.motion'.
+        !> Name for messages, such as 'joint.motor.motion'.
         character(len=*), intent(in), optional :: key
-        !> Where the mistake is in the text, from 1; 0 where there is none.
+        !> Place of the error in the text, from 1; 0 if none.
         integer, intent(out), optional :: column
         character(len=:), allocatable :: problem
         integer :: place
@@ -119,7 +119,7 @@ contains
         call set_error(error, status_invalid_model, problem, 'correct the expression')
     end subroutine parse_expression
 
-    !> Refuse what cannot be the name of a variable or a parameter.
+    !> Refuse invalid names of variables and parameters.
     subroutine check_name(name, error)
         character(len=*), intent(in) :: name
         type(error_type), allocatable, intent(out) :: error
@@ -136,7 +136,7 @@ contains
         end if
     end subroutine check_name
 
-    !> How much of a text is quoted.
+    !> Length of the quoted part of a text.
     pure integer function excerpt_length(text, place)
         character(len=*), intent(in) :: text
         integer, intent(in) :: place
@@ -146,7 +146,7 @@ contains
             merge(3, 0, len(text) > place + shown)
     end function excerpt_length
 
-    !> The text around a place in quotation marks, without control characters.
+    !> Text around a place in quotation marks, without control characters.
     pure function excerpt(text, place) result(quoted)
         character(len=*), intent(in) :: text
         integer, intent(in) :: place
@@ -168,17 +168,17 @@ contains
         if (len(text) > place + shown) quoted(n + 1:) = '..."'
     end function excerpt
 
-    !> Whether no variable is in it.
+    !> True if the expression contains no variable.
     pure logical function is_constant(self)
         class(expression_type), intent(in) :: self
 
         is_constant = size(self%code%variables) == 0
     end function is_constant
 
-    !> The first of its variables that is not among some, or 0.
+    !> First variable of the expression that is not in a set; 0 if none.
     pure integer function first_not_in(self, some)
         class(expression_type), intent(in) :: self
-        !> Whether each of all variables is among them.
+        !> True for each variable in the set.
         logical, intent(in) :: some(:)
         integer :: i
 
@@ -189,21 +189,21 @@ contains
         first_not_in = 0
     end function first_not_in
 
-    !> How many operations an evaluation takes.
+    !> Number of operations of an evaluation.
     pure integer function n_operations(self)
         class(expression_type), intent(in) :: self
 
         n_operations = size(self%code%operations)
     end function n_operations
 
-    !> How many kinks it has.
+    !> Number of kinks.
     pure integer function n_kinks(self)
         class(expression_type), intent(in) :: self
 
         n_kinks = size(self%code%kink_left)
     end function n_kinks
 
-    !> The lowest derivative that jumps at a kink: 0 the value (sign, step), 1 the slope (abs, ramp, min, max), 3 (smooth_step).
+    !> Lowest derivative that jumps at a kink: 0 the value (sign, step), 1 the slope (abs, ramp, min, max), 3 (smooth_step).
     pure integer function kink_order(self, kink)
         class(expression_type), intent(in) :: self
         integer, intent(in) :: kink
@@ -211,11 +211,11 @@ contains
         kink_order = self%code%kink_orders(kink)
     end function kink_order
 
-    !> Whether the place of a kink depends on another variable than one.
+    !> True if the argument of a kink depends on any variable but one.
     pure logical function kink_depends_on_others(self, kink, variable) result(depends)
         class(expression_type), intent(in) :: self
         integer, intent(in) :: kink
-        !> The one variable, as its place in the list of names.
+        !> Place of this variable in the list of names.
         integer, intent(in) :: variable
         logical :: w(max_slots)
         integer :: k, n
@@ -232,10 +232,10 @@ contains
         end associate
     end function kink_depends_on_others
 
-    !> Number the variables anew: those that are used alone, one after the other.
+    !> Renumber the variables: only those that occur, consecutively.
     pure subroutine renumber(self, used)
         class(expression_type), intent(inout) :: self
-        !> Their places in the list of names; where the expression is evaluated now, x(i) is the variable used(i).
+        !> Their places in the list of names; in later evaluations x(i) is the variable used(i).
         integer, allocatable, intent(out) :: used(:)
         integer :: i
 
@@ -243,7 +243,7 @@ contains
         self%code%variables = [(i, i=1, size(used))]
     end subroutine renumber
 
-    !> Variables and constants in the first slots.
+    !> Fill the first slots with variables and constants.
     pure subroutine fill_leaves(self, x, w)
         class(expression_type), intent(in) :: self
         real(wp), intent(in) :: x(:)
@@ -259,7 +259,7 @@ contains
         end do
     end subroutine fill_leaves
 
-    !> On which side of its kink an operation is.
+    !> Branch of an operation with respect to its kink.
     pure integer function branch_at(self, k, a, b, sides) result(branch)
         class(expression_type), intent(in) :: self
         !> The operation and its operands.
@@ -276,14 +276,14 @@ contains
         end if
     end function branch_at
 
-    !> The branch of an operation with kinks whose sides are given.
+    !> Branch of an operation whose kinks have given sides.
     pure integer function branch_with(self, k, sides) result(branch)
         class(expression_type), intent(in) :: self
         integer, intent(in) :: k, sides(:)
         integer :: kink, last
 
         kink = self%code%first_kink(k)
-        ! A smooth step has two kinks, that at 1 behind that at 0.
+        ! A smooth step has two kinks: that at 0, then that at 1.
         last = kink
         if (self%code%kink_orders(kink) > 1) last = kink + 1
         branch = count(sides(kink:last) >= 0)
@@ -293,9 +293,9 @@ contains
     !> The value.
     pure real(wp) function evaluate_value(self, x, sides) result(value)
         class(expression_type), intent(in) :: self
-        !> The variables, in the order in which they were named.
+        !> Variables, in the order of their names.
         real(wp), intent(in) :: x(:)
-        !> The side of each kink: 1 or -1. Without it, the variables decide.
+        !> Side of each kink: 1 or -1. By default the values of the variables decide.
         integer, intent(in), optional :: sides(:)
         real(wp) :: w(max_slots)
 
@@ -303,7 +303,7 @@ contains
         value = w(self%code%n_slots)
     end function evaluate_value
 
-    !> The values of all slots.
+    !> Values of all slots.
     pure subroutine fill_values(self, x, w, sides)
         class(expression_type), intent(in) :: self
         real(wp), intent(in) :: x(:)
@@ -329,7 +329,7 @@ contains
         !> The variables.
         real(wp), intent(in) :: x(:)
         real(wp), intent(out) :: value
-        !> By each variable, zero where it is not used.
+        !> With respect to each variable; zero if it does not occur.
         real(wp), intent(out) :: gradient(:)
         integer, intent(in), optional :: sides(:)
         real(wp) :: w(max_slots), g(max_slots), d(5, max_slots), a, b
@@ -360,7 +360,7 @@ contains
     !> Value, and first and second derivative of s -> f(x + s v) at s = 0.
     pure subroutine evaluate_along(self, x, v, value, first, second, sides)
         class(expression_type), intent(in) :: self
-        !> The variables, and the direction.
+        !> Variables and direction.
         real(wp), intent(in) :: x(:), v(:)
         real(wp), intent(out) :: value, first, second
         integer, intent(in), optional :: sides(:)
@@ -389,7 +389,7 @@ contains
         end associate
     end subroutine evaluate_along
 
-    !> The direction in the slots of the variables, zero in those of the constants.
+    !> Fill the slots of the variables with the direction, and those of the constants with zero.
     pure subroutine fill_directions(self, v, w1)
         class(expression_type), intent(in) :: self
         real(wp), intent(in) :: v(:)
@@ -404,15 +404,15 @@ contains
         end do
     end subroutine fill_directions
 
-    !> Value, derivative along a direction, gradient, and the gradient of the derivative along it, which is the derivative of the
-    !> gradient along it: the product of the second derivatives with v.
+    !> Value, derivative along a direction, gradient, and gradient of the derivative along the direction, which is the derivative of
+    !> the gradient along the direction: the product of the second derivatives with v.
     pure subroutine evaluate_gradient_along(self, x, v, value, first, gradient, gradient_along, sides)
         class(expression_type), intent(in) :: self
-        !> The variables, and the direction.
+        !> Variables and direction.
         real(wp), intent(in) :: x(:), v(:)
         real(wp), intent(out) :: value, first, gradient(:), gradient_along(:)
         integer, intent(in), optional :: sides(:)
-        !> Values of all slots, and derivatives by them of the result; each with its derivative along v.
+        !> Values of all slots, and derivatives of the result with respect to them, each with its derivative along v.
         real(wp) :: w(max_slots), w1(max_slots), g(max_slots), g1(max_slots)
         real(wp) :: d(5, max_slots)
         integer :: k, n, i, j
@@ -449,12 +449,12 @@ contains
         end associate
     end subroutine evaluate_gradient_along
 
-    !> The argument of each kink, which is zero there, and its derivative along a direction.
+    !> Argument of each kink, which is zero at the kink, and its derivative along a direction.
     pure subroutine evaluate_kinks(self, x, v, arguments, rates, sides)
         class(expression_type), intent(in) :: self
-        !> The variables, and the direction, such as the velocities of the variables.
+        !> Variables, and direction, such as the rates of the variables.
         real(wp), intent(in) :: x(:), v(:)
-        !> One each kink.
+        !> One entry per kink.
         real(wp), intent(out) :: arguments(:), rates(:)
         integer, intent(in), optional :: sides(:)
         real(wp) :: w(max_slots), w1(max_slots), d(5)
@@ -479,13 +479,13 @@ contains
         end associate
     end subroutine evaluate_kinks
 
-    !> The side of each kink at a point, and at the kink itself the side to which a motion along v goes: what a run that goes on
-    !> from there holds.
+    !> Side of each kink at a point; at the kink itself the side to which a motion along v leads. A run that continues from the
+    !> point keeps these sides.
     pure subroutine find_sides(self, x, v, sides)
         class(expression_type), intent(in) :: self
-        !> The variables, and their velocities.
+        !> Variables and their rates.
         real(wp), intent(in) :: x(:), v(:)
-        !> 1 or -1 each.
+        !> 1 or -1 per kink.
         integer, intent(out) :: sides(:)
         real(wp) :: arguments(size(sides)), rates(size(sides))
         integer :: k

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Lists of operations: how one grows while an expression is read, and what is evaluated in the end.
+!> Lists of operations: construction while an expression is parsed, and the final form for evaluation.
 module tandem_mechanism_expression_code
     use tandem_kinds, only: long, wp
     use tandem_mechanism_operations, only: branch_of, has_kink, is_commutative, kink_order, op_smooth_step, value_of
@@ -8,38 +8,38 @@ module tandem_mechanism_expression_code
 
     public :: code_type, builder_type, operand_type, max_slots
 
-    !> The longest list: all of an evaluation is in arrays of this size, which need no allocation.
+    !> Largest number of slots: evaluations use arrays of this size and need no allocation.
     integer, parameter :: max_slots = 1000
-    !> Leaves of a list that grows.
+    !> Leaves of a list under construction.
     integer, parameter :: leaf_constant = 0, leaf_variable = -1
 
-    !> A list of operations. Values stand in slots: first those of the variables that are used, then constants, then one for each
-    !> operation in turn; an operation looks at slots before its own. The last slot is the value of the expression.
+    !> A list of operations. Values are stored in slots: first the variables, then constants, then one slot per operation; an
+    !> operation reads only earlier slots. The last slot is the value of the expression.
     type :: code_type
-        !> The variables that are used, as places in the list of names.
+        !> Variables that occur, as places in the list of names.
         integer, allocatable :: variables(:)
         real(wp), allocatable :: constants(:)
-        !> The operations and their operands.
+        !> Operations and their operands.
         integer, allocatable :: operations(:), left(:), right(:)
-        !> The first kink of an operation; 0 for none.
+        !> First kink of an operation; 0 if none.
         integer, allocatable :: first_kink(:)
-        !> A kink each: the values of two slots differ there by so much; the lowest derivative that jumps.
+        !> For each kink: the two slots whose difference is compared with an offset; the lowest derivative that jumps.
         integer, allocatable :: kink_left(:), kink_right(:)
         real(wp), allocatable :: kink_offsets(:)
         integer, allocatable :: kink_orders(:)
-        !> The number of slots.
+        !> Number of slots.
         integer :: n_slots = 0
     end type code_type
 
-    !> An operand of a list that grows: a place in it, or a constant that no operation of the list has needed yet.
+    !> An operand: a place in the list under construction, or a constant that is not in the list yet.
     type :: operand_type
         integer :: node = 0
         real(wp) :: value = 0.0_wp
     end type operand_type
 
-    !> A list that grows. Operations on constants are carried out at once, and one that was there before is not repeated.
+    !> A list under construction. Operations on constants are carried out at once, and repeated operations are stored once.
     type :: builder_type
-        !> Whether something found no place any more; the list is worthless then.
+        !> True once an operation has exceeded the list, which is then invalid.
         logical :: is_full = .false.
         integer, private :: n = 0
         integer, private :: operations(max_slots), left(max_slots), right(max_slots)
@@ -54,13 +54,13 @@ contains
     !> A variable as operand.
     type(operand_type) function variable(self, i)
         class(builder_type), intent(inout) :: self
-        !> Its place in the list of names.
+        !> Place in the list of names.
         integer, intent(in) :: i
 
         call self%append(leaf_variable, i, 0, 0.0_wp, variable%node)
     end function variable
 
-    !> left = operation(left, right), at once where both are constants.
+    !> left = operation(left, right); evaluated at once if both are constants.
     subroutine apply(self, operation, left, right)
         class(builder_type), intent(inout) :: self
         integer, intent(in) :: operation
@@ -81,7 +81,7 @@ contains
         end if
     end subroutine apply
 
-    !> The place of an operand in the list.
+    !> Place of an operand in the list.
     subroutine place_of(self, operand, node)
         class(builder_type), intent(inout) :: self
         type(operand_type), intent(in) :: operand
@@ -91,7 +91,7 @@ contains
         if (node == 0) call self%append(leaf_constant, 0, 0, operand%value, node)
     end subroutine place_of
 
-    !> Append to the list what is not yet there.
+    !> Append an operation unless the list contains it.
     subroutine append(self, operation, left, right, constant, node)
         class(builder_type), intent(inout) :: self
         integer, intent(in) :: operation, left, right
@@ -114,7 +114,7 @@ contains
         self%constants(node) = constant
     end subroutine append
 
-    !> The list that is evaluated: what the result needs, leaves first.
+    !> Arrange the final list: only the operations that the result needs, leaves first.
     subroutine arrange(self, last, code)
         class(builder_type), intent(inout) :: self
         type(operand_type), intent(in) :: last
@@ -152,7 +152,7 @@ contains
 
     contains
 
-        !> The next slot.
+        !> Number the next slot.
         subroutine number(node)
             integer, intent(in) :: node
 
@@ -161,7 +161,7 @@ contains
         end subroutine number
     end subroutine arrange
 
-    !> The kinks of the operations in turn; a smooth step has two, at 0 and at 1.
+    !> List the kinks of the operations in order; a smooth step has two, at 0 and at 1.
     pure subroutine list_kinks(code)
         type(code_type), intent(inout) :: code
         integer :: k, i

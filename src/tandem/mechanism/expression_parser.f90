@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> From the text of an expression to a list of operations.
+!> Parse the text of an expression into a list of operations.
 !>
 !> sum = product {(+|-) product}, product = factor {(*|/) factor}, factor = {+|-} power, power = operand [(^|**) factor], operand =
-!> number | name | function(sum {, sum}) | (sum). Operations on constants are carried out at once, and one that was there before is
-!> not repeated. Text, depth and list are bounded, so that every text ends in bounded time with a list or with one error.
+!> number | name | function(sum {, sum}) | (sum). Operations on constants are carried out at once, and repeated operations are
+!> stored once. Text, depth and list are bounded, so that parsing any text ends in bounded time with a list or with one error.
 module tandem_mechanism_expression_parser
     use tandem_error, only: to_text
     use tandem_kinds, only: wp
@@ -21,25 +21,25 @@ module tandem_mechanism_expression_parser
     character(len=*), parameter :: digits = '0123456789', &
         letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ'
 
-    !> How much of a text is shown.
+    !> Length of the displayed part of a text.
     integer, parameter :: found_length = 32
-    !> The longest text and the longest name that are read.
+    !> Largest lengths of a text and of a name.
     integer, parameter :: max_length = 4000, name_length = 128
-    !> How deep parentheses, functions, powers and signs may be nested.
+    !> Largest depth of nested parentheses, functions, powers and signs.
     integer, parameter :: max_depth = 100
     character(len=*), parameter :: too_long = 'the expression has too many operations, names and numbers'
 
-    !> A text while it is read, and the list while it grows.
+    !> Text and list during parsing.
     type :: parser_type
         character(len=:), allocatable :: text
-        !> The names of variables, then of constants, then of pi.
+        !> Names of variables, then of constants, then of pi.
         character(len=name_length), allocatable :: names(:)
         integer :: n_variables = 0
-        !> The values of the constants.
+        !> Values of the constants.
         real(wp), allocatable :: values(:)
         integer :: at = 1, depth = 0
         type(builder_type) :: list
-        !> What is wrong, where it was found.
+        !> The first problem, with its place.
         character(len=:), allocatable :: problem
         integer :: column = 0
     contains
@@ -51,18 +51,18 @@ module tandem_mechanism_expression_parser
 
 contains
 
-    !> The list of an expression, or what is wrong with it.
+    !> List of an expression, or the problem in its text.
     subroutine compile(text, variables, names, values, code, column, problem)
         character(len=*), intent(in) :: text
-        !> The names of the variables, at most `name_length` long.
+        !> Names of the variables, at most `name_length` long.
         character(len=*), intent(in) :: variables(:)
-        !> The names of constants and their values.
+        !> Names and values of constants.
         character(len=*), intent(in) :: names(:)
         real(wp), intent(in) :: values(:)
         type(code_type), intent(out) :: code
-        !> Where the problem is, from 1.
+        !> Place of the problem, from 1.
         integer, intent(out) :: column
-        !> Not allocated where all is well.
+        !> Not allocated if there is none.
         character(len=:), allocatable, intent(out) :: problem
         type(parser_type), allocatable :: parser
         type(operand_type) :: last
@@ -100,7 +100,7 @@ contains
         end if
     end subroutine compile
 
-    !> What stands at the current place, for messages, with advice where it is an operand behind another one.
+    !> Text at the current place, for messages, with advice if it is an operand directly after another one.
     pure function found_behind(self) result(text)
         class(parser_type), intent(in) :: self
         character(len=found_length + 26) :: text
@@ -110,14 +110,14 @@ contains
         if (scan(self%text(self%at:self%at), letters//digits//'_(.') > 0) text = trim(text)//'; write * for a product'
     end function found_behind
 
-    !> Whether a text is a name: a letter, then letters, digits and underscores; parts of that kind are joined by dots.
+    !> True for a name: a letter, then letters, digits and underscores; parts of this form are joined by dots.
     pure logical function is_name(text)
         character(len=*), intent(in) :: text
 
         is_name = name_end(text, 1) == len(text) .and. len(text) > 0
     end function is_name
 
-    !> The end of the name that begins at a place, or the place before it.
+    !> End of the name that begins at a place; the place before it if there is none.
     pure integer function name_end(text, first)
         character(len=*), intent(in) :: text
         integer, intent(in) :: first
@@ -126,7 +126,7 @@ contains
         name_end = first - 1
         do
             if (name_end + 1 > len(text)) return
-            ! A dot belongs to a name where a letter follows.
+            ! A dot belongs to a name if a letter follows.
             n = name_end + 1
             if (n > first) n = n + 1
             if (n > len(text)) return
@@ -137,7 +137,7 @@ contains
         end do
     end function name_end
 
-    !> Keep the first problem.
+    !> Store the first problem.
     subroutine fail(self, column, problem)
         class(parser_type), intent(inout) :: self
         integer, intent(in) :: column
@@ -148,14 +148,14 @@ contains
         self%problem = problem
     end subroutine fail
 
-    !> Go on to the next character that is no blank.
+    !> Advance to the next nonblank character.
     subroutine skip_blanks(self)
         class(parser_type), intent(inout) :: self
 
         self%at = self%at - 1 + verify(self%text(self%at:)//'|', ' '//achar(9))
     end subroutine skip_blanks
 
-    !> What stands at the current place, for messages.
+    !> Text at the current place, for messages.
     pure function found(self) result(text)
         class(parser_type), intent(in) :: self
         character(len=found_length) :: text
@@ -170,7 +170,7 @@ contains
         text = '"'//printable(self%text(self%at:min(last, self%at + found_length - 3)))//'"'
     end function found
 
-    !> A text for messages: a control character and the bytes of a letter beyond ASCII are question marks.
+    !> A text for messages: control characters and the bytes of letters beyond ASCII become question marks.
     pure function printable(text) result(shown)
         character(len=*), intent(in) :: text
         character(len=len(text)) :: shown
@@ -182,7 +182,7 @@ contains
         end do
     end function printable
 
-    !> Whether a symbol is next.
+    !> True if a symbol is next.
     pure logical function is_next(self, symbol)
         class(parser_type), intent(in) :: self
         character(len=*), intent(in) :: symbol
@@ -190,7 +190,7 @@ contains
         is_next = self%text(self%at:min(self%at + len(symbol) - 1, len(self%text))) == symbol
     end function is_next
 
-    !> Whether a symbol is next; then it is read.
+    !> Read a symbol if it is next; true if it was.
     logical function takes(self, symbol)
         class(parser_type), intent(inout) :: self
         character(len=*), intent(in) :: symbol
@@ -247,7 +247,7 @@ contains
         end do
     end subroutine parse_product
 
-    !> A power with signs before it: -2^2 is -4. All that is nested passes here.
+    !> A power with leading signs: -2^2 is -4. All nested expressions pass through here.
     recursive subroutine parse_factor(self, value)
         class(parser_type), intent(inout) :: self
         type(operand_type), intent(out) :: value
@@ -274,7 +274,7 @@ contains
         self%depth = self%depth - 1
     end subroutine parse_factor
 
-    !> An operand, and its exponent, which begins anew with signs and powers: 2^-3^2 is 2^(-(3^2)).
+    !> An operand and its exponent, which may itself have signs and powers: 2^-3^2 is 2^(-(3^2)).
     recursive subroutine parse_power(self, value)
         class(parser_type), intent(inout) :: self
         type(operand_type), intent(out) :: value
@@ -291,7 +291,7 @@ contains
         call self%make_power(value, exponent, column)
     end subroutine parse_power
 
-    !> A number, a name, a function or something in parentheses.
+    !> A number, a name, a function or an expression in parentheses.
     recursive subroutine parse_operand(self, value)
         class(parser_type), intent(inout) :: self
         type(operand_type), intent(out) :: value
@@ -321,7 +321,7 @@ contains
         end if
     end subroutine parse_operand
 
-    !> A number: digits with a point and an exponent, if wanted.
+    !> A number: digits with optional point and exponent.
     subroutine parse_number(self, value)
         class(parser_type), intent(inout) :: self
         type(operand_type), intent(out) :: value
@@ -356,7 +356,7 @@ contains
 
     contains
 
-        !> Whether one of some characters is next.
+        !> True if the next character is in a set.
         pure logical function next(set)
             character(len=*), intent(in) :: set
 
@@ -369,7 +369,7 @@ contains
         end subroutine skip_digits
     end subroutine parse_number
 
-    !> The variables, for messages, where they are few.
+    !> List of the variables for messages, if they are few.
     pure function what_there_is(self) result(text)
         class(parser_type), intent(in) :: self
         integer, parameter :: few = 8
@@ -419,7 +419,7 @@ contains
     !> A function and its arguments.
     recursive subroutine parse_function(self, column, row, value)
         class(parser_type), intent(inout) :: self
-        !> Where its name is.
+        !> Place of its name.
         integer, intent(in) :: column
         type(function_type), intent(in) :: row
         type(operand_type), intent(out) :: value
@@ -458,7 +458,7 @@ contains
         end do
     end subroutine parse_function
 
-    !> How many arguments a function has, in words.
+    !> Number of arguments of a function, in words.
     pure function numbers_of_arguments(row) result(text)
         type(function_type), intent(in) :: row
         character(len=24) :: text
@@ -474,7 +474,7 @@ contains
         end if
     end function numbers_of_arguments
 
-    !> A power; a constant exponent needs no logarithm of the base, and the square is a product.
+    !> A power; a constant exponent needs no logarithm of the base, and a square becomes a product.
     subroutine make_power(self, base, exponent, column)
         class(parser_type), intent(inout) :: self
         type(operand_type), intent(inout) :: base
@@ -495,7 +495,7 @@ contains
         end if
     end subroutine make_power
 
-    !> smooth_step(x), or smooth_step(x, from, to), which rises where x goes from one to the other.
+    !> smooth_step(x), or smooth_step(x, from, to), which rises while x varies from one to the other.
     subroutine make_smooth_step(self, n, arguments, column, value)
         class(parser_type), intent(inout) :: self
         integer, intent(in) :: n
@@ -518,7 +518,7 @@ contains
         integer, intent(in) :: operation
         type(operand_type), intent(inout) :: left
         type(operand_type), intent(in) :: right
-        !> Where the operation is.
+        !> Place of the operation.
         integer, intent(in) :: column
 
         if (allocated(self%problem)) return

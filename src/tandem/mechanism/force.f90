@@ -1,9 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Forces along coordinates: spring-dampers between two points, those along the coordinate of a joint, and bushings along six.
+!> Forces along coordinates: spring-dampers between two points, forces along the coordinate of a joint, and bushings along six
+!> coordinates.
 !>
-!> A spring between two points has the traction f = k (l - l0) + c ld + u(t) + g(t, l, ld), positive where it pulls its ends
-!> together: the generalised force -f l_q. Along the coordinate x of a joint acts f = -k (x - x0) - c xd + u(t) + g(t, x, xd),
-!> positive where it accelerates the coordinate: the generalised force f x_q, whose power is f xd.
+!> A spring between two points has the tension f = k (l - l0) + c ld + u(t) + g(t, l, ld), positive if it pulls its ends together:
+!> the generalised force -f l_q. Along the coordinate x of a joint the force is f = -k (x - x0) - c xd + u(t) + g(t, x, xd),
+!> positive if it accelerates the coordinate: the generalised force f x_q, whose power is f xd.
 module tandem_mechanism_force
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, find_slope, measure
@@ -20,25 +21,25 @@ module tandem_mechanism_force
     public :: torsion_type, add_torsions, add_press_directions, differentiate_torsions, torsion_energy
     public :: bushing_type, add_bushings, differentiate_bushings, bushing_energy
 
-    !> k (N/m), c (N s/m), the length without force (m), and the numbers of the function u and of the law g, 0 for none.
+    !> k (N/m), c (N s/m), the free length (m), and the indices of the function u and of the law g, 0 if none.
     type :: spring_type
         type(span_type) :: span
         real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, length = 0.0_wp
         integer :: motion = 0, law = 0
     end type spring_type
 
-    !> The force along the coordinate of a joint: k (N m, N/m), c (N m s, N s/m), the angle (rad) or way (m) where k has no torque
-    !> or force, and the numbers of the function u and of the law g, 0 for none.
+    !> Force along the coordinate of a joint: k (N m, N/m), c (N m s, N s/m), the angle (rad) or displacement (m) of zero torque or
+    !> force of k, and the indices of the function u and of the law g, 0 if none.
     type :: torsion_type
         type(coordinate_type) :: coordinate
         real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, angle = 0.0_wp
         integer :: motion = 0, law = 0
-        !> Of friction on the reaction of the joint: what presses. The law is then that for a normal force of 1 N.
+        !> For friction on the reaction of the joint: its normal force. The law is then that for a normal force of 1 N.
         type(press_type) :: press
     end type torsion_type
 
-    !> Forces f = K x + C xd along the ways and small turns between two frames, which are one in the drawing: three ways and three
-    !> turns in space, two ways and the angle in the plane.
+    !> Forces f = K x + C xd along the displacements and small angles between two frames, which coincide in the reference
+    !> configuration: three displacements and three angles in space, two displacements and one angle in the plane.
     type :: bushing_type
         integer :: n = 0
         type(coordinate_type) :: coordinates(6)
@@ -48,7 +49,7 @@ module tandem_mechanism_force
 
 contains
 
-    !> force := force - f l_q for every spring. A length of zero has no direction: stat > 0.
+    !> force := force - f l_q for every spring. A spring of zero length has no direction: stat > 0.
     pure subroutine add_springs(springs, t, pose, f, laws, force, stat)
         type(spring_type), intent(in) :: springs(:)
         real(wp), intent(in) :: t
@@ -86,7 +87,7 @@ contains
         end do
     end subroutine add_springs
 
-    !> A force in the world's axes at a point of a body.
+    !> Add a force in world axes at a point of a body.
     pure subroutine add_force(pose, s, along, force)
         type(pose_type), intent(in) :: pose
         real(wp), intent(in) :: s(3), along(3)
@@ -104,7 +105,7 @@ contains
         end do
     end subroutine add_force
 
-    !> Their part of the gradient blocks that are asked for.
+    !> Add the requested gradient blocks of springs.
     pure subroutine differentiate_springs(springs, need, t, pose, f, laws, derivatives)
         type(spring_type), intent(in) :: springs(:)
         integer, intent(in) :: need
@@ -174,13 +175,13 @@ contains
         end do
     end subroutine add_torsions
 
-    !> The force of each friction on a reaction for a normal force of 1 N, one column each: g x_q.
+    !> Force of each friction on a reaction for a normal force of 1 N, one column each: g x_q.
     pure subroutine add_press_directions(torsions, t, pose, laws, directions)
         type(torsion_type), intent(inout) :: torsions(:)
         real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
         type(law_item_type), intent(in) :: laws(:)
-        !> Zero before.
+        !> Zero on entry.
         real(wp), intent(inout) :: directions(:, :)
         real(wp) :: x(0:1), gradient(n_local), g(0:2)
         integer :: i, k
@@ -208,10 +209,10 @@ contains
         call take_from(pose(coordinate%second), f, gradient(place_2 + 1:), force)
     end subroutine take_off
 
-    !> The same at one of the bodies.
+    !> The same for one of the bodies.
     pure subroutine take_from(pose, f, gradient, force)
         type(pose_type), intent(in) :: pose
-        !> By the places of a body, then by its turn.
+        !> With respect to the position of a body, then to its rotation.
         real(wp), intent(in) :: f, gradient(7)
         real(wp), intent(inout) :: force(:)
         integer :: k
@@ -228,7 +229,7 @@ contains
         end do
     end subroutine take_from
 
-    !> Their part of the gradient blocks that are asked for.
+    !> Add the requested gradient blocks of forces along joint coordinates.
     pure subroutine differentiate_torsions(torsions, need, t, pose, f, laws, lambda, derivatives)
         type(torsion_type), intent(inout) :: torsions(:)
         integer, intent(in) :: need
@@ -236,7 +237,7 @@ contains
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in), contiguous :: f(0:, :)
         type(law_item_type), intent(in) :: laws(:)
-        !> Multipliers, which friction on a reaction grows with.
+        !> Multipliers, for friction on reactions.
         real(wp), intent(in) :: lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
         real(wp) :: x(0:2), gradient(n_local, 0:2), second(n_local, n_local), resistance(0:2), g(0:2)
@@ -290,7 +291,7 @@ contains
         end do
     end subroutine add_bushings
 
-    !> Their part of the gradient blocks that are asked for.
+    !> Add the requested gradient blocks of bushings.
     pure subroutine differentiate_bushings(bushings, need, pose, derivatives)
         type(bushing_type), intent(inout) :: bushings(:)
         integer, intent(in) :: need

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Expressions of the state: their variables are the time, places, angles and velocities of bodies, and coordinates of joints with
-!> their rates. Loads and rows at velocity level are made of them.
+!> Expressions of the state: their variables are the time, positions, angles and velocities of bodies, and coordinates of joints
+!> with their rates. Used by loads and by rows at velocity level.
 module tandem_mechanism_formula
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, measure
@@ -15,26 +15,26 @@ module tandem_mechanism_formula
     public :: variable_type, formula_type, variable_name_length
     public :: is_time, is_place, is_turn, is_velocity, is_turn_rate, is_spin, is_joint, is_joint_rate
 
-    !> Kinds of variables: the time (s); an entry of a body's place (m), its angle (rad) or one of its Euler parameters; the rates
-    !> of these; an entry of its angular velocity in the world's frame (rad/s); a coordinate of a joint (m or rad), and its rate.
+    !> Kinds of variables: time (s); component of a body's position (m), its angle (rad) or one of its Euler parameters; the rates
+    !> of these; component of its angular velocity in the world frame (rad/s); coordinate of a joint (m or rad), and its rate.
     integer, parameter :: is_time = 0, is_place = 1, is_turn = 2, is_velocity = 3, is_turn_rate = 4, is_spin = 5, is_joint = 6, &
         is_joint_rate = 7
-    !> The length of their names.
+    !> Length of the names of variables.
     integer, parameter :: variable_name_length = 80
 
-    !> What a variable is.
+    !> Definition of a variable.
     type :: variable_type
         character(len=variable_name_length) :: name = ''
         integer :: kind = is_time
-        !> The body, or the number of the joint's coordinate; which entry.
+        !> Body, or index of the joint coordinate; component.
         integer :: of = 0, entry = 0
     end type variable_type
 
-    !> An expression, and what its variables are.
+    !> An expression and the definitions of its variables.
     type :: formula_type
         type(piecewise_type) :: pieces
         type(variable_type), allocatable :: variables(:)
-        !> Values of the variables, their rates, and derivatives by them.
+        !> Values of the variables, their rates, and derivatives with respect to them.
         real(wp), allocatable :: x(:), v(:), by(:), by_rate(:)
     contains
         procedure :: initialize, read_state, value, evaluate_gradient, variable_gradient
@@ -46,7 +46,7 @@ contains
     subroutine initialize(self, expression, variables)
         class(formula_type), intent(out) :: self
         type(expression_type), intent(in) :: expression
-        !> All variables that the expression was parsed with.
+        !> Variables with which the expression was parsed.
         type(variable_type), intent(in) :: variables(:)
         type(expression_type) :: short
         integer, allocatable :: used(:)
@@ -60,12 +60,12 @@ contains
         allocate (self%x(size(used)), self%v(size(used)), self%by(size(used)), self%by_rate(size(used)), source=0.0_wp)
     end subroutine initialize
 
-    !> The values of the variables; with rates, their derivatives along the motion too, of those that have one.
+    !> Set the values of the variables; with `rates`, also their derivatives along the motion, as far as they exist.
     pure subroutine read_state(self, t, pose, coordinates, rates)
         class(formula_type), intent(inout) :: self
         real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
-        !> Of the joints.
+        !> Coordinates of the joints.
         type(coordinate_type), intent(inout) :: coordinates(:)
         logical, intent(in) :: rates
         real(wp) :: x(0:2), gradient(n_local, 0:2), spin(3)
@@ -106,14 +106,14 @@ contains
         end do
     end subroutine read_state
 
-    !> The value at the state that was read.
+    !> Value at the state set by `read_state`.
     pure real(wp) function value(self)
         class(formula_type), intent(in) :: self
 
         value = self%pieces%evaluate_value(self%x)
     end function value
 
-    !> The value, and the derivatives by the variables, which stay in `by`.
+    !> Value, and derivatives with respect to the variables, which are stored in `by`.
     pure subroutine evaluate_gradient(self, f)
         class(formula_type), intent(inout) :: self
         real(wp), intent(out) :: f
@@ -121,10 +121,10 @@ contains
         call self%pieces%evaluate_gradient(self%x, f, self%by)
     end subroutine evaluate_gradient
 
-    !> The gradients of a variable with respect to q and to qd, as those of an element between two bodies, and where they stand.
+    !> Gradients of a variable with respect to q and qd, in the form of an element between two bodies, and their columns.
     pure subroutine variable_gradient(self, i, pose, coordinates, by_q, by_qd, c)
         class(formula_type), intent(in) :: self
-        !> Which of its variables.
+        !> Index of the variable in the formula.
         integer, intent(in) :: i
         type(pose_type), intent(in) :: pose(0:)
         type(coordinate_type), intent(inout) :: coordinates(:)

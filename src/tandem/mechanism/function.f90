@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Functions of time: imposed motions, lengths, forces. Each gives its value and its first two derivatives, so that rows that
-!> depend on time keep an exact gamma; and the times of its kinks, which steps meet exactly.
+!> Functions of time: imposed motions, lengths, forces. Each provides its value and its first two derivatives, so that rows that
+!> depend on time have an exact gamma; and the times of its kinks, at which steps end.
 module tandem_mechanism_function
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -13,16 +13,16 @@ module tandem_mechanism_function
     public :: function_type, constant_type, polynomial_type, sine_type, ramp
     public :: expression_function_type, expression_function, table_function_type, table_function
 
-    !> A function of time; extend it for another one.
+    !> A function of time; extend this type for others.
     type, abstract :: function_type
     contains
         procedure(evaluate_interface), deferred :: evaluate
-        !> Only of a function with kinks: where they are, and the smooth piece that is held; and whether steps may miss a value.
+        !> For functions with kinks only: the kinks, the current smooth piece, and a check for values that steps may miss.
         procedure :: find_kinks => find_no_kinks, hold => hold_nothing, hides => hides_nothing
     end type function_type
 
     abstract interface
-        !> Value, first and second derivative.
+        !> Evaluate value, first and second derivative.
         pure subroutine evaluate_interface(self, t, f)
             import :: function_type, wp
             implicit none (type, external)
@@ -34,7 +34,7 @@ module tandem_mechanism_function
         end subroutine evaluate_interface
     end interface
 
-    !> A number.
+    !> A constant.
     type, extends(function_type) :: constant_type
         real(wp) :: value = 0.0_wp
     contains
@@ -63,10 +63,10 @@ module tandem_mechanism_function
             hides => expression_hides
     end type expression_function_type
 
-    !> A table over the time.
+    !> A table with respect to time.
     type, extends(function_type) :: table_function_type
         type(table_type) :: table
-        !> The piece, where one is held.
+        !> True if a piece is selected; the piece.
         logical :: holds = .false.
         integer :: piece = 0
     contains
@@ -78,11 +78,10 @@ contains
     !> None.
     subroutine find_no_kinks(self, from, to, places, orders, error)
         class(function_type), intent(in) :: self
-        !> The interval of time (s); its start does not count. The end is lowered where a search ends early, with those kinks that
-        !> come first.
+        !> Interval of time without its start (s). If the search ends early, the end is lowered, and the kinks are those up to it.
         real(wp), intent(in) :: from
         real(wp), intent(inout) :: to
-        !> The times of the kinks in any order, and the lowest derivative that jumps at each: 0 is the value.
+        !> Times of the kinks in any order, and the lowest derivative that jumps at each: 0 is the value.
         real(wp), allocatable, intent(out) :: places(:)
         integer, allocatable, intent(out) :: orders(:)
         type(error_type), allocatable, intent(out) :: error
@@ -93,22 +92,22 @@ contains
     !> A function without kinks is one piece.
     pure subroutine hold_nothing(self, t)
         class(function_type), intent(inout) :: self
-        !> A time within the piece, which is no kink (s).
+        !> A time inside the piece, not at a kink (s).
         real(wp), intent(in) :: t
     end subroutine hold_nothing
 
-    !> Whether values between two times are far from those that a step from one to the other sees: they are not.
+    !> True if the function takes values between two times that a step does not sample; false for a function without kinks.
     logical function hides_nothing(self, from, to, between, rates) result(hides)
         class(function_type), intent(inout) :: self
-        !> Two times within the piece that is held (s).
+        !> Two times within the current piece (s).
         real(wp), intent(in) :: from, to
-        !> True if the step evaluates at times between its ends; true if the rate counts too.
+        !> True if the step evaluates at times between its ends; true if the rate matters too.
         logical, intent(in) :: between, rates
 
         hides = .false.
     end function hides_nothing
 
-    !> The function of a parsed expression, whose one variable is the time.
+    !> Function of a parsed expression whose only variable is the time.
     function expression_function(expression) result(f)
         type(expression_type), intent(in) :: expression
         type(expression_function_type) :: f
@@ -116,7 +115,7 @@ contains
         call f%pieces%initialize(expression, 1)
     end function expression_function
 
-    !> The function of a table over the time.
+    !> Function of a table with respect to time.
     function table_function(table) result(f)
         type(table_type), intent(in) :: table
         type(table_function_type) :: f
@@ -181,7 +180,7 @@ contains
         integer, allocatable, intent(out) :: orders(:)
         type(error_type), allocatable, intent(out) :: error
 
-        ! Of a repeated table some periods at a time, the last of its times among them.
+        ! Search some periods of a repeated table at a time, including the last of its times.
         to = min(to, from + self%table%length_of_many())
         call self%table%find_kinks(from, nearest(to, 1.0_wp), places, orders, error)
     end subroutine find_table_kinks
@@ -207,11 +206,11 @@ contains
         real(wp), intent(in) :: t
         real(wp), intent(out) :: f(0:2)
 
-        ! The time stands here so that it is used, as in every function.
+        ! The terms 0 t only make use of the argument.
         f = [self%value, 0.0_wp*t, 0.0_wp*t]
     end subroutine evaluate_constant
 
-    !> Horner's scheme, for the derivatives too.
+    !> Horner's scheme, also for the derivatives.
     pure subroutine evaluate_polynomial(self, t, f)
         class(polynomial_type), intent(in) :: self
         real(wp), intent(in) :: t

@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Rows of a joint at velocity level: the velocity of the second body's point as seen from the first body, along an axis that is
-!> fixed to the second, or the angular velocity of the second against the first about it, is e(t).
+!> Rows of a joint at velocity level: the velocity of the second body's point relative to the first body along an axis fixed to the
+!> second body, or the angular velocity of the second body relative to the first about this axis, is e(t).
 !>
-!> With a = A2 a', D = r2 + A2 s' - r1 and n = D x a it is V = a.(rd2 - rd1) + (s' x a').w2' - n.w1 - e, w1 = 2 E(p1) pd1 in the
-!> world's frame, w2' = 2 G(p2) pd2 in the body's. That of a turn is V = a'.w2' - n.w1 - e with n = a. V_q, its derivative along
-!> the motion and that of the row's coefficients give the gradient blocks (section 15 of doc/theory.md).
+!> With a = A2 a', D = r2 + A2 s' - r1 and n = D x a the row is V = a.(rd2 - rd1) + (s' x a').w2' - n.w1 - e, w1 = 2 E(p1) pd1 in
+!> the world frame, w2' = 2 G(p2) pd2 in the frame of the body. The row of a rotation is V = a'.w2' - n.w1 - e with n = a. V_q, its
+!> derivative along the motion and the derivative of the row's coefficients give the gradient blocks (section 15 of doc/theory.md).
 module tandem_mechanism_glide
     use tandem_kinds, only: wp
     use tandem_mechanism_pair, only: add_block, columns, columns_of_c, n_local, place_1, place_2, put_row, turn_1, turn_2
@@ -21,19 +21,19 @@ module tandem_mechanism_glide
     public :: glide_type, evaluate_glides, differentiate_glides, put_nonholonomic, turning_part, spinning_part, spin_of
 
     type :: glide_type
-        !> The bodies, 0 for the ground, and the row of C.
+        !> Bodies, 0 for the ground, and row of C.
         integer :: first = 0, second = 0, row = 0
-        !> Whether it holds a way, else a turn.
+        !> True for a displacement, false for a rotation.
         logical :: is_way = .false.
-        !> a', s', and s' x a', of a turn a', in the second body's frame.
+        !> a', s', and s' x a' (a' for a rotation), in the frame of the second body.
         real(wp) :: axis(3) = 0.0_wp, point(3) = 0.0_wp, moment(3) = 0.0_wp
-        !> The number of the function whose rate is e, 0 for none.
+        !> Index of the function whose rate is e; 0 if none.
         integer :: motion = 0
     end type glide_type
 
 contains
 
-    !> The k-th derivative along the motion of what a moment in the body's frame multiplies in the rates of the rotation.
+    !> k-th derivative along the motion of the coefficients of the rotation's rates for a moment fixed to the body.
     pure function turning_part(body, k, moment) result(part)
         type(pose_type), intent(in) :: body
         integer, intent(in) :: k
@@ -48,7 +48,7 @@ contains
         end if
     end function turning_part
 
-    !> The same for a moment in the world's frame that does not change.
+    !> The same for a moment fixed to the world.
     pure function spinning_part(body, k, moment) result(part)
         type(pose_type), intent(in) :: body
         integer, intent(in) :: k
@@ -63,7 +63,7 @@ contains
         end if
     end function spinning_part
 
-    !> The angular velocity in the world's frame, or where k is 1 its derivative.
+    !> Angular velocity in the world frame, or its derivative if k is 1.
     pure function spin_of(body, k) result(w)
         type(pose_type), intent(in) :: body
         integer, intent(in) :: k
@@ -78,7 +78,7 @@ contains
         end if
     end function spin_of
 
-    !> n with its first derivative.
+    !> n and its first derivative.
     pure subroutine lever(glide, one, two, last, a, d, n)
         type(glide_type), intent(in) :: glide
         type(pose_type), intent(in) :: one, two
@@ -99,7 +99,7 @@ contains
         end do
     end subroutine lever
 
-    !> Every row's part of the terms.
+    !> Add the terms of every row.
     pure subroutine evaluate_glides(glides, need, pose, f, terms)
         type(glide_type), intent(in) :: glides(:)
         integer, intent(in) :: need
@@ -142,7 +142,7 @@ contains
         end do
     end subroutine evaluate_glides
 
-    !> Every row's part of the gradient blocks.
+    !> Add the gradient blocks of every row.
     pure subroutine differentiate_glides(glides, need, pose, lambda, derivatives)
         type(glide_type), intent(in) :: glides(:)
         integer, intent(in) :: need
@@ -166,7 +166,7 @@ contains
                 e_rate = 0.0_wp
                 e_rate(turn_1 + 1:turn_1 + 4) = -spinning_part(one, 1, n(:, 0)) - spinning_part(one, 0, n(:, 1))
                 e_rate(turn_2 + 1:turn_2 + 4) = turning_part(two, 1, glide%moment)
-                ! -n.w1 by p1, and m'.w2' by p2.
+                ! Derivatives of -n.w1 with respect to p1, and of m'.w2' with respect to p2.
                 if (one%n_turn == 4) then
                     v_q(turn_1 + 1:turn_1 + 4, 0) = spinning_part(one, 1, n(:, 0))
                     v_q(turn_1 + 1:turn_1 + 4, 1) = spinning_part(one, 2, n(:, 0)) + spinning_part(one, 1, n(:, 1))
@@ -197,7 +197,7 @@ contains
                 call put_nonholonomic(need, glide%row, c, v_q(:, 0), v_q(:, 1), e_rate, derivatives)
                 if (iand(need, need_dynamics_q) == 0) cycle
 
-                ! The coefficients by q.
+                ! Derivatives of the coefficients with respect to q.
                 block = 0.0_wp
                 b_a = gradient_matrix(two, 0, glide%axis)
                 b_n = b_a
@@ -235,8 +235,8 @@ contains
         v_p(:, 1) = v_p(:, 1) + gradient_of(body, 1, s, x(:, 0)) + gradient_of(body, 0, s, x(:, 1))
     end subroutine add_turned
 
-    !> The parts of a row V = E qd - e at velocity level in the three blocks of the constraints: V_q, its derivative along the
-    !> motion, and that of the row of E.
+    !> Contributions of a row V = E qd - e at velocity level to the three blocks of the constraints: V_q, its derivative along the
+    !> motion, and the derivative of the row of E.
     pure subroutine put_nonholonomic(need, row, c, v_q, v_q_rate, e_rate, derivatives)
         integer, intent(in) :: need, row, c(n_local)
         real(wp), intent(in) :: v_q(n_local), v_q_rate(n_local), e_rate(n_local)

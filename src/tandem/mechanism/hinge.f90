@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> Hinges in space, the joint that large mechanisms have most: two points that meet and a direction of the second body that stays
-!> perpendicular to two of the first,
+!> Hinges in space, the most frequent joint of large mechanisms: two coincident points and a direction of the second body that is
+!> perpendicular to two directions of the first,
 !>     Phi = [r2 + A2 s2' - r1 - A1 s1'; (A1 x').(A2 z'); (A1 y').(A2 z')].
-!> These five rows stand among the meetings and the dots too, where derivatives take them from. Here they are evaluated together:
-!> what both have in common once, and nothing that a hinge does not have.
+!> These five rows are also in the lists of coincident points and of perpendicularity rows, which differentiate them. Here they are
+!> evaluated together: common terms once, and no term that a hinge lacks.
 module tandem_mechanism_hinge
     use tandem_kinds, only: wp
     use tandem_mechanism_dot, only: dot_type
@@ -17,21 +17,21 @@ module tandem_mechanism_hinge
     public :: hinge_type, gather_hinges, evaluate_hinges
 
     type :: hinge_type
-        !> The two bodies, 0 for the ground, and the first row.
+        !> Bodies, 0 for the ground, and first row.
         integer :: first = 0, second = 0, row = 0
-        !> The points and the directions, each in its body's frame.
+        !> Points and directions, each in the frame of its body.
         real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp, x(3) = 0.0_wp, y(3) = 0.0_wp, z(3) = 0.0_wp
     end type hinge_type
 
 contains
 
-    !> The meetings that two dots behind them make hinges, and the numbers of the meetings and dots that are left.
+    !> Collect coincident points followed by two perpendicularity rows as hinges, and the indices of the remaining ones.
     pure subroutine gather_hinges(meetings, dots, pose, n_rows, hinges, loose_meetings, loose_dots)
         type(span_type), intent(in) :: meetings(:)
         type(dot_type), intent(in) :: dots(:)
-        !> Of the bodies, whose coordinates are numbered; 0 the ground.
+        !> Poses of the bodies, whose coordinates are numbered; 0 is the ground.
         type(pose_type), intent(in) :: pose(0:)
-        !> How many rows there are.
+        !> Number of rows.
         integer, intent(in) :: n_rows
         type(hinge_type), allocatable, intent(out) :: hinges(:)
         integer, allocatable, intent(out) :: loose_meetings(:), loose_dots(:)
@@ -70,14 +70,14 @@ contains
 
     contains
 
-        !> Whether a side is the ground or a body that turns in space.
+        !> True if a side is the ground or a body with a rotation in space.
         pure logical function is_solid(body)
             integer, intent(in) :: body
 
             is_solid = body == 0 .or. pose(body)%n_turn == 4
         end function is_solid
 
-        !> Whether a dot is that of two directions of the bodies that meet, without a function of time.
+        !> True if a perpendicularity row is that of two directions of the same two bodies, without a function of time.
         pure logical function fits(span, dot)
             type(span_type), intent(in) :: span
             type(dot_type), intent(in) :: dot
@@ -87,7 +87,7 @@ contains
         end function fits
     end subroutine gather_hinges
 
-    !> Every hinge's part of the terms. What of C is not set here stays zero, as it was allocated.
+    !> Add the terms of every hinge. Entries of C that are not set here stay zero, as allocated.
     pure subroutine evaluate_hinges(hinges, need, pose, terms)
         type(hinge_type), intent(in) :: hinges(:)
         integer, intent(in) :: need
@@ -138,11 +138,11 @@ contains
         phi(5) = dot3(y, z)
     end subroutine set_phi
 
-    !> The five rows of C.
+    !> Set the five rows of C.
     pure subroutine put_rows(hinge, one, two, m, width, jacobian)
         type(hinge_type), intent(in) :: hinge
         type(pose_type), intent(in) :: one, two
-        !> The shape of the C that is set, which may be compressed.
+        !> Shape of the stored C, which may be compressed.
         integer, intent(in) :: m, width
         real(wp), intent(inout) :: jacobian(m, width)
         real(wp) :: b(3, 4), of_x(4), of_y(4), x(3), y(3), z(3)
@@ -185,7 +185,7 @@ contains
         end associate
     end subroutine put_rows
 
-    !> The second derivatives of Phi along the motion without qdd.
+    !> Second derivatives of Phi along the motion for qdd = 0.
     pure subroutine set_gamma(hinge, one, two, gamma)
         type(hinge_type), intent(in) :: hinge
         type(pose_type), intent(in) :: one, two

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Hinges in space (`tandem_mechanism_hinge`) as large mechanisms evaluate them: `lane` of them at a time, straight from q and qd.
-!> Every number below is one of each hinge of a group, so that loops fill vector registers.
+!> Hinges in space (`tandem_mechanism_hinge`) for large mechanisms: `lane` hinges are evaluated at a time, directly from q and qd.
+!> Every array has one entry per hinge of a group, so that loops fill vector registers.
 module tandem_mechanism_hinge_group
     use tandem_kinds, only: lane, wp
     use tandem_mechanism_hinge, only: hinge_type
@@ -14,29 +14,29 @@ module tandem_mechanism_hinge_group
 
     public :: hinge_group_type, gather_hinge_groups, place_hinge_groups, find_hinge_blocks, evaluate_hinge_groups
 
-    !> So many hinges; those behind the last one repeat it and go nowhere.
+    !> A group of n hinges. The last one is repeated to fill the group; results of the copies are discarded.
     type :: hinge_group_type
         integer :: n = 0
-        !> The first and the second bodies, 0 for the ground; whether any of them is that; before which coordinate each begins, and
-        !> before which column of the C that is set.
+        !> First and second bodies, 0 for the ground; true if a body of the side is the ground; offset of the coordinates of each
+        !> body, and offset of its columns in the stored C.
         integer :: body(lane, 2) = 0
         logical :: has_ground(2) = .false.
         integer :: before(lane, 2) = 0, column(lane, 2) = 0
-        !> Whether a chart wants their rows in blocks, and before which entry the block of each body begins.
+        !> True if a chart uses the rows as blocks; offset of the block of each body.
         logical :: has_blocks = .false.
         integer :: block(lane, 2) = -1
-        !> The first rows.
+        !> First rows.
         integer :: row(lane) = 0
-        !> -s1' and s2', and the directions, each in its body's frame.
+        !> -s1' and s2', and the directions, each in the frame of its body.
         real(wp) :: s(lane, 3, 2) = 0.0_wp, x(lane, 3) = 0.0_wp, y(lane, 3) = 0.0_wp, z(lane, 3) = 0.0_wp
     end type hinge_group_type
 
 contains
 
-    !> Hinges in groups.
+    !> Form groups of hinges.
     pure subroutine gather_hinge_groups(hinges, pose, groups)
         type(hinge_type), intent(in) :: hinges(:)
-        !> Of the bodies, whose coordinates are numbered; 0 the ground.
+        !> Poses of the bodies, whose coordinates are numbered; 0 is the ground.
         type(pose_type), intent(in) :: pose(0:)
         type(hinge_group_type), allocatable, intent(out) :: groups(:)
         integer :: i, l
@@ -60,7 +60,7 @@ contains
         end do
     end subroutine gather_hinge_groups
 
-    !> Take note of the columns of C that the poses say.
+    !> Copy the columns of C from the poses.
     pure subroutine place_hinge_groups(pose, groups)
         type(pose_type), intent(in) :: pose(0:)
         type(hinge_group_type), intent(inout) :: groups(:)
@@ -75,7 +75,7 @@ contains
         end do
     end subroutine place_hinge_groups
 
-    !> Take note of the blocks that a chart wants, and say which rows are set there: groups as a whole.
+    !> Store the offsets of the blocks that a chart uses, and mark the rows that are set there: only groups as a whole.
     pure subroutine find_hinge_blocks(pattern, groups)
         type(pattern_type), intent(inout) :: pattern
         type(hinge_group_type), intent(inout) :: groups(:)
@@ -94,11 +94,11 @@ contains
         end do
     end subroutine find_hinge_blocks
 
-    !> Every hinge's part of the terms. What of C is not set here stays zero, as it was allocated.
+    !> Add the terms of every hinge. Entries of C that are not set here stay zero, as allocated.
     pure subroutine evaluate_hinge_groups(groups, need, n, q, qd, terms)
         type(hinge_group_type), intent(in) :: groups(:)
         integer, intent(in) :: need, n
-        !> (n) each; qd may be anything where gamma is not wanted.
+        !> (n) each; qd is not used unless gamma is needed.
         real(wp), intent(in) :: q(n), qd(n)
         type(terms_type), intent(inout) :: terms
         integer :: i
@@ -150,7 +150,7 @@ contains
         call put_each(group, w, m, phi)
     end subroutine set_phi
 
-    !> The five rows of C.
+    !> Set the five rows of C.
     pure subroutine set_rows(group, n, q, terms)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: n
@@ -176,7 +176,7 @@ contains
         call put_side(group, 2, 1.0_wp, b, of_x, of_y, terms)
     end subroutine set_rows
 
-    !> The columns of one of the bodies: its place enters with a sign, its Euler parameters by b and two rows.
+    !> Set the columns of one of the bodies: its position by a sign, its Euler parameters by b and two rows.
     pure subroutine put_side(group, side, sign, b, of_x, of_y, terms)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: side
@@ -190,7 +190,7 @@ contains
         end if
     end subroutine put_side
 
-    !> Into the blocks that a chart wants, behind the columns of the place, which it knows.
+    !> Set the blocks of a chart after the columns of the position, which are constant.
     pure subroutine put_blocks(group, side, b, of_x, of_y, n_entries, blocks)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: side, n_entries
@@ -212,7 +212,7 @@ contains
         end do
     end subroutine put_blocks
 
-    !> Into C, which may be compressed.
+    !> Set entries of C, which may be compressed.
     pure subroutine put_columns(group, side, sign, b, of_x, of_y, m, width, jacobian)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: side, m, width
@@ -237,7 +237,7 @@ contains
         end do
     end subroutine put_columns
 
-    !> The second derivatives of Phi along the motion without qdd: that of A is M(pd, pd) = 2 A(pd).
+    !> Second derivatives of Phi along the motion for qdd = 0: that of A is M(pd, pd) = 2 A(pd).
     pure subroutine set_gamma(group, n, q, qd, m, gamma)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: n, m
@@ -307,7 +307,7 @@ contains
         end do
     end subroutine take_turn
 
-    !> Their places, and a fourth entry that stands for nothing.
+    !> Positions of the bodies of a side, padded to four entries.
     pure subroutine take_place(group, side, n, q, r)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: side, n
@@ -322,7 +322,7 @@ contains
         end do
     end subroutine take_place
 
-    !> Five entries of each hinge where its rows are.
+    !> Store five entries of each hinge in its rows.
     pure subroutine put_each(group, w, m, x)
         type(hinge_group_type), intent(in) :: group
         real(wp), intent(in) :: w(lane, 5)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Which bodies each row of a mechanism touches, for the pattern of C; the norms of Euler parameters are not among these rows.
+!> Bodies in each row of a mechanism, for the pattern of C, without the rows of the norms of Euler parameters.
 module tandem_mechanism_incidence
     use tandem_mechanism_drawing, only: drawing_type
     implicit none (type, external)
@@ -9,17 +9,17 @@ module tandem_mechanism_incidence
 
 contains
 
-    !> Pairs of a row and a body, 0 for the ground; the rows have their final numbers.
+    !> Pairs of a row and a body, 0 for the ground; rows have their final numbers.
     subroutine list_incidence(drawing, n_more, rows, bodies)
         class(drawing_type), intent(in) :: drawing
-        !> So many entries behind these are left to be set: longer copies would leave holes in the memory.
+        !> Number of spare entries at the end: later longer copies would fragment the memory.
         integer, intent(in) :: n_more
-        !> As many of one as of the other.
+        !> Of equal size.
         integer, allocatable, intent(out) :: rows(:), bodies(:)
         integer :: i, k, n, pass, n_meeting
 
         n_meeting = merge(2, 3, drawing%planar)
-        ! Counted first, then listed.
+        ! Count in the first pass, list in the second.
         do pass = 1, 2
             n = 0
             do i = 1, size(drawing%meetings)
@@ -70,7 +70,7 @@ contains
 
     contains
 
-        !> Two pairs more.
+        !> Append two pairs.
         subroutine add(row, one, two)
             integer, intent(in) :: row, one, two
 

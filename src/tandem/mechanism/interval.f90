@@ -1,8 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Interval arithmetic for the operations of expressions: bounds of values and of first and second partial derivatives, where
-!> operands vary within bounds. Results are widened by more than their rounding errors, so that the bounds hold for exact
-!> arithmetic and for values as they are computed. An empty interval, whose bounds are not numbers, stands for a result that
-!> does not exist.
+!> Interval arithmetic for the operations of expressions: bounds of values and of first and second partial derivatives for operands
+!> within bounds. Results are widened by more than their rounding errors, so that the bounds hold for exact arithmetic and for
+!> computed values. An empty interval, whose bounds are not numbers, represents a result that does not exist.
 module tandem_mechanism_interval
     use tandem_kinds, only: long, wp
     use tandem_mechanism_operations, only: branch_of, op_abs, op_acos, op_add, op_asin, op_atan, op_atan2, op_cos, op_cosh, &
@@ -19,11 +18,11 @@ module tandem_mechanism_interval
         real(wp) :: low, high
     end type interval_type
 
-    !> A quiet NaN by its bits, since each procedure that takes one from `ieee_arithmetic` saves and restores the state of the
-    !> processor; the empty interval, between two of them.
+    !> A quiet NaN from its bits, because a procedure that takes one from `ieee_arithmetic` saves and restores the state of the
+    !> processor; the empty interval, with two of them as bounds.
     real(wp), parameter :: not_a_number = transfer(int(z'7FF8000000000000', long), 1.0_wp)
     type(interval_type), parameter :: nothing = interval_type(not_a_number, not_a_number)
-    !> No bound is known.
+    !> The unbounded interval.
     type(interval_type), parameter :: whole = interval_type(-huge(1.0_wp), huge(1.0_wp))
     real(wp), parameter :: rounding = 2.0_wp*epsilon(1.0_wp), half_pi = pi/2
 
@@ -34,7 +33,7 @@ contains
         real(wp), intent(in) :: low, high
 
         f = interval_type(low - rounding*abs(low), high + rounding*abs(high))
-        ! What overflows is beyond the largest number; what is not a number stays that.
+        ! Overflow becomes a bound beyond the largest number; a NaN remains one.
         if (low > huge(low)) f%low = huge(low)
         if (high < -huge(high)) f%high = -huge(high)
         if (f%low < -huge(low)) f%low = -huge(low)
@@ -88,7 +87,7 @@ contains
         f = widened(smallest_size(a)**2, max(abs(a%low), abs(a%high))**2)
     end function square
 
-    !> The distance of an interval from zero.
+    !> Distance of an interval from zero.
     elemental real(wp) function smallest_size(a)
         type(interval_type), intent(in) :: a
 
@@ -117,7 +116,7 @@ contains
         f = interval_type(x, x)
     end function exact
 
-    !> All that lies in two intervals, of which one may be wider by rounding: where they miss each other, the first.
+    !> Intersection of two intervals, one of which may be wider by rounding; the first one if they are disjoint.
     elemental type(interval_type) function common_part(a, b) result(f)
         type(interval_type), intent(in) :: a, b
 
@@ -145,7 +144,7 @@ contains
 
     contains
 
-        !> True if an angle, or one that differs from it by whole turns, lies within a.
+        !> True if an angle, up to full turns, lies within a.
         pure logical function passes(angle)
             real(wp), intent(in) :: angle
 
@@ -185,7 +184,7 @@ contains
         f = widened(f%low, f%high)
     end function power
 
-    !> Logarithm of what of a is above zero.
+    !> Logarithm of the positive part of a.
     elemental type(interval_type) function logarithm(a) result(f)
         type(interval_type), intent(in) :: a
 
@@ -202,7 +201,7 @@ contains
         f = widened(f%low, f%high)
     end function exponential
 
-    !> The branches of an operation with a kink that its operands may take: lowest and highest.
+    !> Lowest and highest branch of an operation with a kink for given operands.
     pure function branches_between(operation, a, b) result(branches)
         integer, intent(in) :: operation
         !> The operands.
@@ -216,7 +215,7 @@ contains
     pure type(interval_type) function enclose_value(operation, a, b, branches) result(f)
         integer, intent(in) :: operation
         type(interval_type), intent(in) :: a, b
-        !> The lowest and the highest branch that it may be on.
+        !> Lowest and highest possible branch.
         integer, intent(in) :: branches(2)
         real(wp) :: low, high
 
@@ -264,7 +263,7 @@ contains
             f = widened(atan(a%low), atan(a%high))
         case (op_atan2)
             f = interval_type(-2*half_pi, 2*half_pi)
-            ! Monotonic in each operand, unless the origin or the jump behind it is among them.
+            ! Monotonic in each operand, unless the operands include the origin or the jump behind it.
             if (b%low > 0.0_wp .or. smallest_size(a) > 0.0_wp) then
                 associate (corners => [atan2(a%low, b%low), atan2(a%low, b%high), atan2(a%high, b%low), atan2(a%high, b%high)])
                     f = widened(minval(corners), maxval(corners))
@@ -306,7 +305,7 @@ contains
                 piece = merge(a, exact(0.0_wp), branch == 1)
             case (op_smooth_step)
                 piece = exact(real(branch/2, wp))
-                ! It ascends.
+                ! Increasing.
                 if (branch == 1) piece = widened(value_of(operation, a%low, 0.0_wp, 1), value_of(operation, a%high, 0.0_wp, 1))
             case default
                 piece = exact(value_of(operation, 0.0_wp, 0.0_wp, branch))
@@ -318,7 +317,7 @@ contains
             end if
         end do
         if (branches(1) == branches(2)) return
-        ! Beyond their kinks, pieces do not count.
+        ! Pieces are restricted to their side of the kink.
         select case (operation)
         case (op_abs, op_ramp)
             f%low = max(f%low, 0.0_wp)
@@ -335,7 +334,7 @@ contains
         end select
     end subroutine enclose_kinked
 
-    !> Bounds of the partial derivatives of an operation; unbounded where its value may jump.
+    !> Bounds of the partial derivatives of an operation; unbounded if its value may jump.
     pure subroutine enclose_slopes(operation, a, b, f, branches, by_a, by_b)
         integer, intent(in) :: operation
         !> The operands, and the value.
@@ -424,7 +423,7 @@ contains
             by_a = exact(0.0_wp)
             if (.not. is_sure) by_a = whole
         case default
-            ! 30 (a (1 - a))^2, between its kinks no more than 15/8.
+            ! 30 (a (1 - a))^2, at most 15/8 between its kinks.
             by_a = exact(0.0_wp)
             if (is_sure .and. branches(1) == 1) then
                 by_a = multiply(exact(30.0_wp), square(multiply(a, subtract(exact(1.0_wp), a))))

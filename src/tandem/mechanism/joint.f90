@@ -1,10 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> The joint primitive: a frame on each body, the same frame in the drawing, and for each of its six freedoms (in the plane three)
-!> whether it is free or held. Which of them a joint of a given name holds, and which one a motion may drive, is the table here.
+!> The joint primitive: a frame on each body, which coincide in the reference configuration, and for each of its six freedoms (in
+!> the plane three) free or constrained. The table of this module lists the constrained freedoms of each kind of joint, and the
+!> freedom that a motion may drive.
 !>
-!> In space the freedoms are the ways along x1, y1, z1 and the turns about x, y, z. Turns are held by directions a1.b2 = 0: two
-!> held turns leave the third axis common, one held turn about z is a cross of x1 and y2 (a universal joint). In the plane they
-!> are the ways along x1 and y1 and the angle.
+!> In space the freedoms are the displacements along x1, y1, z1 and the rotations about x, y, z. Rotations are constrained by
+!> directions a1.b2 = 0: two constrained rotations leave the third axis common, one constrained rotation about z keeps x1 and y2
+!> perpendicular (a universal joint). In the plane they are the displacements along x1 and y1 and the angle.
 module tandem_mechanism_joint
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -14,42 +15,42 @@ module tandem_mechanism_joint
 
     !> Length of the names of bodies, points and other elements.
     integer, parameter :: name_length = 64
-    !> Freedoms of a joint in the drawing's space.
+    !> Entry of a free freedom in the table of kinds.
     logical, parameter :: free = .false.
 
-    !> What a joint of some name holds.
+    !> Freedoms of a kind of joint.
     type :: kind_type
         character(len=16) :: name
-        !> Whether each of the six freedoms is held, or of the three in the plane.
+        !> True for each constrained freedom, six in space, three in the plane.
         logical :: held(6)
-        !> The freedom that a motion drives, 0 for none.
+        !> Freedom that a motion drives; 0 if none.
         integer :: driven
-        !> Whether an axis has to be given.
+        !> True if an axis is required.
         logical :: has_axis
     end type kind_type
 
-    !> A joint, what is asked of it after it was added.
+    !> A joint, as used after the definition.
     type :: joint_type
         character(len=name_length) :: name = ''
-        !> The name of its kind.
+        !> Name of its kind.
         character(len=16) :: kind_name = ''
-        !> The bodies, 0 for the ground, the joint's point on each in that body's own frame, and its axes on the first in columns.
+        !> Bodies, 0 for the ground, the joint's point on each in the frame of that body, and its axes on the first in columns.
         integer :: first = 0, second = 0
         real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp, axes1(3, 3) = 0.0_wp
         !> Its rows of C at position level.
         integer :: row = 0, n_rows = 0
-        !> The numbers of its coordinates: the angle about its axis and the way along it, 0 for none.
+        !> Indices of its coordinates: the angle about its axis and the displacement along it, 0 if none.
         integer :: turn = 0, way = 0
-        !> The freedom that a function of time drives at position level, 0 for none, and the number of the function.
+        !> Freedom that a function of time drives at position level, 0 if none, and index of the function.
         integer :: driven = 0, motion = 0
     end type joint_type
 
-    !> A joint that is added.
+    !> A joint during the definition.
     type, extends(joint_type) :: placed_joint_type
         type(kind_type) :: kind
-        !> The axes on the second body.
+        !> Axes on the second body.
         real(wp) :: axes2(3, 3) = 0.0_wp
-        !> The freedoms that are held at velocity level.
+        !> Freedoms constrained at velocity level.
         logical :: glides(6) = .false.
     end type placed_joint_type
 
@@ -75,7 +76,7 @@ module tandem_mechanism_joint
 
 contains
 
-    !> The kind of a name; its own name is empty where there is none.
+    !> Kind of a name; its own name is empty if there is no such kind.
     pure function find_kind(name, planar) result(kind)
         character(len=*), intent(in) :: name
         logical, intent(in) :: planar
@@ -94,7 +95,7 @@ contains
         end if
     end function find_kind
 
-    !> The names that there are, for messages.
+    !> Names of all kinds, for messages.
     pure function kind_names(planar) result(names)
         logical, intent(in) :: planar
         character(len=160) :: names

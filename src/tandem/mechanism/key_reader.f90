@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> Reads the keys of a mechanism, element by element: one call a key gives its value, checks it, and remembers it with its unit and
-!> meaning. Thus the same calls make the mechanism, the list of the keys that exist, and the complete mechanism with all defaults.
+!> Reads the keys of a mechanism, element by element: one call per key returns its value, checks it, and stores it with its unit and
+!> meaning. The same calls thus make the mechanism, the list of valid keys, and the complete mechanism with all defaults.
 !>
-!> The first error is kept, with the place of the entry that it is about, and the calls after it do nothing.
+!> The first error is stored with the place of its entry; later calls then do nothing.
 module tandem_mechanism_key_reader
     use tandem_error, only: error_type, to_text
     use tandem_kinds, only: wp
@@ -21,39 +21,39 @@ module tandem_mechanism_key_reader
 
     public :: key_reader_type, shown_type, anything, positive, not_negative
 
-    !> What a number may be.
+    !> Ranges of numbers.
     integer, parameter :: anything = 0, positive = 1, not_negative = 2
 
     !> A line of the complete mechanism.
     type :: shown_type
-        !> Such as `body.rod`, and `mass`; a repeated element stands under its template.
+        !> Such as `body.rod`, and `mass`; a repeated element is listed under its template.
         character(len=:), allocatable :: table, key
         type(value_type) :: value
         !> Unit and meaning.
         character(len=:), allocatable :: comment
     end type shown_type
 
-    !> Reads the keys of one element after the other, checks them, and keeps the first error.
+    !> Reads and checks the keys of one element after the other, and stores the first error.
     type :: key_reader_type
-        !> The first error, and the place of its entry, 0 for none.
+        !> First error, and the place of its entry, 0 if none.
         type(error_type), allocatable :: error
         integer :: place = 0
         !> Parameters and their values.
         character(len=key_length), allocatable :: names(:)
         real(wp), allocatable :: values(:)
-        !> The complete mechanism, as far as it was read: the first `n_shown`.
+        !> Lines of the complete mechanism so far: the first `n_shown`.
         type(shown_type), allocatable :: shown(:)
         integer :: n_shown = 0
-        !> The name of the element that is open.
+        !> Name of the current element.
         character(len=:), allocatable :: name
         type(entries_type), private :: entries
         type(element_type), allocatable, private :: elements(:)
         integer, private :: n_elements = 0, current = 0
-        !> Elements by kind and name, and the number in its kind of the one that was opened last.
+        !> Elements by kind and name; index, within its kind, of the last opened element.
         type(name_index_type), private :: by_name
         integer, private :: opened = 0
         logical, allocatable, private :: used(:)
-        !> The keys that were asked for of it: the first `n_known`.
+        !> Requested keys of this element: the first `n_known`.
         character(len=key_length), allocatable, private :: known(:)
         integer, private :: n_known = 0
         !> Tables that functions and laws may name.
@@ -72,35 +72,35 @@ module tandem_mechanism_key_reader
     end type key_reader_type
 
     interface
-        !> A number, or an expression of parameters; the value stays as it is where the key is not given.
+        !> Read a number, or an expression of parameters; the value is unchanged if the key is absent.
         module subroutine get_number(self, key, value, check, unit, help, required)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
-            !> The default before, the value after; not allocated where there is none.
+            !> Default on entry, value on return; not allocated if there is neither.
             real(wp), allocatable, intent(inout) :: value
             integer, intent(in), optional :: check
             character(len=*), intent(in), optional :: unit, help
             logical, intent(in), optional :: required
         end subroutine get_number
 
-        !> A list of numbers or expressions of one of some lengths.
+        !> Read a list of numbers or expressions of one of several lengths.
         module subroutine get_numbers(self, key, lengths, values, check, unit, help, required, row_length)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
-            !> How many there may be; a single number will do where that is 1.
+            !> Valid lengths; a single number is accepted for a length of 1.
             integer, intent(in) :: lengths(:)
-            !> The default before, the values after; not allocated where there are none.
+            !> Default on entry, values on return; not allocated if there are neither.
             real(wp), allocatable, intent(inout) :: values(:)
             integer, intent(in), optional :: check
             character(len=*), intent(in), optional :: unit, help
             logical, intent(in), optional :: required
-            !> Of a matrix, which may be given by its rows too: how long they are.
+            !> Length of the rows of a matrix, which may also be given by its rows.
             integer, intent(in), optional :: row_length
         end subroutine get_numbers
 
-        !> A text; where it is not given and has no default, it is not allocated.
+        !> Read a text; not allocated if the key is absent and has no default.
         module subroutine get_text(self, key, text, help, required)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
@@ -110,7 +110,7 @@ module tandem_mechanism_key_reader
             logical, intent(in), optional :: required
         end subroutine get_text
 
-        !> One of some texts.
+        !> Read a text from a list of choices.
         module subroutine get_choice(self, key, text, choices, help, required)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
@@ -121,26 +121,26 @@ module tandem_mechanism_key_reader
             logical, intent(in), optional :: required
         end subroutine get_choice
 
-        !> A list of some texts.
+        !> Read a list of texts.
         module subroutine get_texts(self, key, length, texts, help, required)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
-            !> How many there must be, 0 for any number.
+            !> Required number of texts, 0 for any number.
             integer, intent(in) :: length
             character(len=text_length), allocatable, intent(inout) :: texts(:)
             character(len=*), intent(in), optional :: help
             logical, intent(in), optional :: required
         end subroutine get_texts
 
-        !> Texts that are for others: they stay in the complete mechanism as they are given.
+        !> Copy texts that other modules read to the complete mechanism.
         module subroutine pass(self, key, help)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key, help
         end subroutine pass
 
-        !> True or false.
+        !> Read a truth value.
         module subroutine get_truth(self, key, truth, help)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
@@ -149,12 +149,12 @@ module tandem_mechanism_key_reader
             character(len=*), intent(in), optional :: help
         end subroutine get_truth
 
-        !> Keep a line of the complete mechanism: what was given as it was given, else the default.
+        !> Append a line to the complete mechanism: the value as given, or the default.
         module subroutine remember(self, key, entry, value, unit, help)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
-            !> The entry that gives it, 0 for none.
+            !> Entry with the value, 0 if none.
             integer, intent(in) :: entry
             type(value_type), intent(in) :: value
             character(len=*), intent(in), optional :: unit, help
@@ -162,17 +162,17 @@ module tandem_mechanism_key_reader
     end interface
 
     interface
-        !> A function of time: a number, or an expression of t and parameters.
+        !> Read a function of time: a number, or an expression of t and parameters.
         module subroutine get_function(self, key, f, unit, help)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
-            !> Not allocated where the key is not given.
+            !> Not allocated if the key is absent.
             class(function_type), allocatable, intent(out) :: f
             character(len=*), intent(in), optional :: unit, help
         end subroutine get_function
 
-        !> Let functions and laws name a table.
+        !> Add a table that functions and laws may name.
         module subroutine add_table(self, name, table)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
@@ -180,50 +180,50 @@ module tandem_mechanism_key_reader
             type(table_type), intent(in) :: table
         end subroutine add_table
 
-        !> The number of the table that an entry names by a text, 0 for none.
+        !> Index of the table that the text of an entry names; 0 if none.
         pure integer module function table_at(self, entry) result(number)
             implicit none (type, external)
             class(key_reader_type), intent(in) :: self
             integer, intent(in) :: entry
         end function table_at
 
-        !> A law of time, a coordinate and its rate.
+        !> Read a law of time, a coordinate and its rate.
         module subroutine get_law(self, key, coordinate, law, unit, help)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
-            !> What the coordinate is called.
+            !> Name of the coordinate.
             character(len=*), intent(in) :: coordinate
-            !> Not allocated where the key is not given.
+            !> Not allocated if the key is absent.
             class(law_type), allocatable, intent(out) :: law
             character(len=*), intent(in), optional :: unit, help
         end subroutine get_law
 
-        !> A list of numbers or expressions of variables, of one of some lengths.
+        !> Read a list of numbers or expressions of variables, of one of several lengths.
         module subroutine get_expressions(self, key, lengths, variables, expressions, unit, help, required)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
-            !> How many there may be; a single one will do where that is 1.
+            !> Valid lengths; a single expression is accepted for a length of 1.
             integer, intent(in) :: lengths(:)
             character(len=*), intent(in) :: variables(:)
-            !> Not allocated where the key is not given.
+            !> Not allocated if the key is absent.
             type(expression_type), allocatable, intent(out) :: expressions(:)
             character(len=*), intent(in), optional :: unit, help
             logical, intent(in), optional :: required
         end subroutine get_expressions
 
-        !> The number that an atom is, or that its expression gives.
+        !> Value of an atom that is a number or an expression.
         module subroutine evaluate(self, entry, atom, number)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
-            !> Whose entry it is, for messages and the index of a repeated element.
+            !> Entry of the atom, for messages and for the index of a repeated element.
             integer, intent(in) :: entry
             type(atom_type), intent(in) :: atom
             real(wp), intent(out) :: number
         end subroutine evaluate
 
-        !> The number that an expression within the text of a key gives.
+        !> Value of an expression within the text of a key.
         module subroutine evaluate_text(self, key, text, number)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
@@ -242,42 +242,42 @@ module tandem_mechanism_key_reader
     end interface
 
     interface
-        !> An error about a key of the element; about the element where the key is not given.
+        !> Set an error about a key of the element, or about the element if the key is absent.
         module subroutine fail(self, key, problem, advice)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key, problem, advice
         end subroutine fail
 
-        !> An error about no key of an element; `place` stays as it is.
+        !> Set an error that concerns no key of an element; `place` is unchanged.
         module subroutine refuse(self, problem, advice)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
             character(len=*), intent(in) :: problem, advice
         end subroutine refuse
 
-        !> Keep the error of a word, which names the element: its place is that of the key, or of the text, that the message names.
+        !> Store the error of a builder procedure, which names the element. Its place is that of the key or text in the message.
         module subroutine blame(self, error)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
             type(error_type), allocatable, intent(inout) :: error
         end subroutine blame
 
-        !> Keep the error of what is made of all elements: its place is in the one that the message names.
+        !> Store an error about all elements. Its place is in the element that the message names.
         module subroutine blame_named(self, error)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
             type(error_type), allocatable, intent(inout) :: error
         end subroutine blame_named
 
-        !> Where in an element the error is: at a key that the message names, else at a text that it names, else at the first key.
+        !> Place of an error in an element: the key in the message, else the text in the message, else the first key.
         pure integer module function place_in(self, element) result(place)
             implicit none (type, external)
             class(key_reader_type), intent(in) :: self
             type(element_type), intent(in) :: element
         end function place_in
 
-        !> An error about an entry, 0 for none.
+        !> Set an error about an entry, 0 if none.
         module subroutine fail_at(self, entry, problem, advice)
             implicit none (type, external)
             class(key_reader_type), intent(inout) :: self
@@ -288,11 +288,11 @@ module tandem_mechanism_key_reader
 
 contains
 
-    !> Take the entries, in which nothing is repeated any more, and sort them to elements.
+    !> Take the entries, which contain no repetitions, and assign them to elements.
     subroutine take(self, entries, kinds, singles)
         class(key_reader_type), intent(inout) :: self
         type(entries_type), intent(in) :: entries
-        !> The kinds of elements: those with a name, and those that there are once.
+        !> Kinds of elements with names, and kinds of which there is one element.
         character(len=*), intent(in) :: kinds(:), singles(:)
         character(len=:), allocatable :: key, kind, name
         integer :: i, j, k
@@ -341,7 +341,7 @@ contains
     !> Refuse a name that is too long for an element or a point.
     subroutine check_length(self, entry, name)
         class(key_reader_type), intent(inout) :: self
-        !> The entry that has it in its key.
+        !> Entry with this name in its key.
         integer, intent(in) :: entry
         character(len=*), intent(in) :: name
 
@@ -349,7 +349,7 @@ contains
             to_text(name_length)//' characters', 'shorten it')
     end subroutine check_length
 
-    !> The element of a name, a new one where there is none.
+    !> Find the element of a name; append a new one if there is none.
     subroutine find_element(self, kind, name, k)
         class(key_reader_type), intent(inout) :: self
         character(len=*), intent(in) :: kind, name
@@ -371,7 +371,7 @@ contains
         call self%by_name%put(joined(trim(kind), trim(name)), k)
     end subroutine find_element
 
-    !> How many elements of a kind there are.
+    !> Number of elements of a kind.
     pure integer function n_of(self, kind)
         class(key_reader_type), intent(in) :: self
         character(len=*), intent(in) :: kind
@@ -379,16 +379,16 @@ contains
         n_of = count(self%elements(:self%n_elements)%kind == kind)
     end function n_of
 
-    !> The calls of `get` that follow are about this element. One that there is once may have no entries at all.
+    !> Select the element of the following calls of `get`. A kind with one element need not have entries.
     subroutine open(self, kind, number)
         class(key_reader_type), intent(inout) :: self
         character(len=*), intent(in) :: kind
-        !> Which one of its kind.
+        !> Index of the element in its kind.
         integer, intent(in) :: number
         integer :: k, n
 
         if (self%failed()) return
-        ! From the last one on where it is of the same kind: all of a kind are opened one after the other.
+        ! Search from the last element of the same kind on, because all elements of a kind are opened in order.
         n = 0
         k = 1
         if (self%current > 0 .and. self%opened < number) then
@@ -409,7 +409,7 @@ contains
         self%n_known = 0
     end subroutine open
 
-    !> All keys of the element have been asked for: refuse the others.
+    !> Refuse all keys of the element that have not been requested.
     subroutine close(self)
         class(key_reader_type), intent(inout) :: self
         character(len=:), allocatable :: key
@@ -428,14 +428,14 @@ contains
         end associate
     end subroutine close
 
-    !> Whether an error was met.
+    !> True after an error.
     pure logical function failed(self)
         class(key_reader_type), intent(in) :: self
 
         failed = allocated(self%error)
     end function failed
 
-    !> Whether a key of the element is given.
+    !> True if a key of the element is given.
     pure logical function gives(self, key)
         class(key_reader_type), intent(in) :: self
         character(len=*), intent(in) :: key
@@ -443,7 +443,7 @@ contains
         gives = self%find(key) > 0
     end function gives
 
-    !> Whether a key of the element is given by one text.
+    !> True if a key of the element is given by one text.
     pure logical function is_text_at(self, key)
         class(key_reader_type), intent(in) :: self
         character(len=*), intent(in) :: key
@@ -458,7 +458,7 @@ contains
         end associate
     end function is_text_at
 
-    !> Whether a key of the element is given by a text, or by a list with one in it.
+    !> True if a key of the element is given by a text, or by a list that contains one.
     pure logical function has_text(self, key)
         class(key_reader_type), intent(in) :: self
         character(len=*), intent(in) :: key
@@ -470,7 +470,7 @@ contains
         if (k > 0) has_text = any(self%entries%list(k)%value%atoms%kind == is_text)
     end function has_text
 
-    !> The names below a key of the element, which now count as known.
+    !> Names below a key of the element, which become known.
     subroutine keys_below(self, key, names)
         class(key_reader_type), intent(inout) :: self
         character(len=*), intent(in) :: key
@@ -491,7 +491,7 @@ contains
         end associate
     end subroutine keys_below
 
-    !> How many entries the list of a key has, 0 where it is not given.
+    !> Number of entries of the list of a key; 0 if the key is absent.
     pure integer function count_of(self, key) result(n)
         class(key_reader_type), intent(in) :: self
         character(len=*), intent(in) :: key
@@ -503,13 +503,12 @@ contains
         if (k > 0) n = size(self%entries%list(k)%value%atoms)
     end function count_of
 
-    !> The entry of a key that is asked for, which is known from now on; 0 where it is not given. Missing is an error where it is
-    !> required.
+    !> Entry of a requested key, which becomes known; 0 if absent. A missing required key is an error.
     integer function index_of(self, key, required, row_length) result(k)
         class(key_reader_type), intent(inout) :: self
         character(len=*), intent(in) :: key
         logical, intent(in), optional :: required
-        !> How long the rows of a matrix are, which may be a list of lists; without it a list of lists is an error.
+        !> Length of the rows of a matrix, which may be a list of lists; if absent, a list of lists is an error.
         integer, intent(in), optional :: row_length
 
         k = 0
@@ -526,11 +525,11 @@ contains
         if (required) call self%fail('', 'the key '//key//' is missing', 'give it')
     end function index_of
 
-    !> Refuse a list of lists that is no matrix, or one with other rows.
+    !> Refuse a list of lists that is not a matrix, or has rows of another length.
     subroutine check_rows(self, key, given, expected)
         class(key_reader_type), intent(inout) :: self
         character(len=*), intent(in) :: key
-        !> The length of the rows that are given, 0 for none, and the one that they must have.
+        !> Given length of the rows, 0 if none, and expected length.
         integer, intent(in) :: given
         integer, intent(in), optional :: expected
 
@@ -542,7 +541,7 @@ contains
         end if
     end subroutine check_rows
 
-    !> The entry of a key of the element, or 0.
+    !> Entry of a key of the element; 0 if none.
     pure integer function find(self, key) result(k)
         class(key_reader_type), intent(in) :: self
         character(len=*), intent(in) :: key
@@ -557,7 +556,7 @@ contains
         k = 0
     end function find
 
-    !> A key more that was asked for.
+    !> Append a requested key.
     pure subroutine note_known(self, key)
         class(key_reader_type), intent(inout) :: self
         character(len=*), intent(in) :: key

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The errors of keys, with the place of the entry that each is about.
+!> Errors of keys, with the place of the entry of each.
 submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_errors
     use tandem_error, only: set_error
     use tandem_status, only: status_invalid_model
@@ -70,7 +70,7 @@ contains
         call set_error(self%error, status_invalid_model, problem, advice)
         if (entry > 0) self%place = self%entries%list(entry)%place
     end procedure fail_at
-    !> Whether a message has a word.
+    !> True if a message contains a word.
     pure logical function says(message, word)
         character(len=*), intent(in) :: message, word
 
@@ -78,7 +78,7 @@ contains
 
     contains
 
-        !> Whether it stands before a sign.
+        !> True if the word is followed by a sign.
         pure logical function scan_word(sign)
             character(len=1), intent(in) :: sign
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Functions, laws and expressions that keys give.
+!> Functions, laws and expressions in keys.
 submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_functions
     use tandem_mechanism_entries, only: is_number, is_truth
     use tandem_mechanism_expression, only: parse_expression

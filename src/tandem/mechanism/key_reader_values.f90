@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The values that keys give, by their kind: the default before the call, what the mechanism says after it.
+!> Values of keys by kind: the default before the call, the given value after it.
 submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_values
     use tandem_mechanism_entries, only: is_truth, number_value, text_value
     implicit none (type, external)
@@ -152,7 +152,7 @@ contains
         shown%atoms(1)%truth = truth
         call self%remember(key, k, shown, help=help)
     end procedure get_truth
-    !> Refuse a number that is out of its range.
+    !> Refuse a number outside its range.
     subroutine check_number(self, key, number, check)
         class(key_reader_type), intent(inout) :: self
         character(len=*), intent(in) :: key

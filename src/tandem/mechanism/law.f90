@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Laws of forces along a coordinate, such as the length of a spring or the angle of a joint: f(t, x, xd), with its derivatives by
-!> x and xd, which is all that the gradient blocks need. Along the length of a spring f is a traction, positive where it shortens
+!> Laws of forces along a coordinate, such as the length of a spring or the angle of a joint: f(t, x, xd) with its derivatives with
+!> respect to x and xd, which suffice for the gradient blocks. Along the length of a spring f is a tension, positive if it shortens
 !> the spring; along the coordinate of a joint a positive f accelerates the coordinate.
 module tandem_mechanism_law
     use tandem_error, only: error_type
@@ -14,18 +14,18 @@ module tandem_mechanism_law
     public :: law_type, law_item_type, expression_law_type, expression_law, table_law_type, table_law, friction_law_type, &
         law_rate_type
 
-    !> A law; extend it for another one.
+    !> A law; extend this type for others.
     type, abstract :: law_type
     contains
         procedure(evaluate_interface), deferred :: evaluate
-        !> Only of a law with kinks in time: where they are, and the smooth piece that is held; and whether steps may miss a value.
+        !> For laws with kinks in time only: the kinks, the current smooth piece, and a check for values that steps may miss.
         procedure :: find_kinks => find_no_kinks, hold => hold_nothing, hides => hides_nothing
-        !> The derivative of the force with respect to the time alone; zero unless overridden.
+        !> Partial derivative of the force with respect to time; zero unless overridden.
         procedure :: by_time => not_by_time
     end type law_type
 
     abstract interface
-        !> The force and its derivatives.
+        !> Force and its derivatives.
         pure subroutine evaluate_interface(self, t, x, v, f)
             import :: law_type, wp
             implicit none (type, external)
@@ -37,7 +37,7 @@ module tandem_mechanism_law
         end subroutine evaluate_interface
     end interface
 
-    !> One of a list of laws.
+    !> Element of a list of laws.
     type :: law_item_type
         class(law_type), allocatable :: law
     end type law_item_type
@@ -51,27 +51,27 @@ module tandem_mechanism_law
         procedure :: by_time => expression_by_time
     end type expression_law_type
 
-    !> The derivative of a law with respect to the time alone, as a law whose own derivatives nobody asks for.
+    !> Partial derivative of a law with respect to time, as a law whose own derivatives are never needed.
     type, extends(law_type) :: law_rate_type
         class(law_type), allocatable :: law
     contains
         procedure :: evaluate => evaluate_rate
     end type law_rate_type
 
-    !> A table over the coordinate.
+    !> A table with respect to the coordinate.
     type, extends(law_type) :: table_law_type
         type(table_type) :: table
     contains
         procedure :: evaluate => evaluate_table
     end type table_law_type
 
-    !> Friction under a given normal force N, regularised: it grows steeply with the rate v, has its largest value where v is the
-    !> transition speed, and falls to that of sliding: N (mu_d tanh 4 u + (mu_s - mu_d) u/(u^2/4 + 3/4)^2) + c v, u = v/v_t. Source:
-    !> P. Brown, J. McPhee, A continuous velocity-based friction model for dynamics and control with physically meaningful
-    !> parameters, J. Comput. Nonlinear Dynam. 11 (2016) 054502, eq. 6. As a law along the coordinate of a joint, f has the opposite
-    !> sign: it acts against the rate.
+    !> Regularised friction for a given normal force N: it grows steeply with the rate v, has its maximum at the transition speed,
+    !> and decreases to sliding friction: N (mu_d tanh 4 u + (mu_s - mu_d) u/(u^2/4 + 3/4)^2) + c v, u = v/v_t. Source: P. Brown, J.
+    !> McPhee, A continuous velocity-based friction model for dynamics and control with physically meaningful parameters, J. Comput.
+    !> Nonlinear Dynam. 11 (2016) 054502, eq. 6. As a law along the coordinate of a joint, f has the opposite sign: it acts against
+    !> the rate.
     type, extends(law_type) :: friction_law_type
-        !> N (N; N m of what turns: force times radius), mu_s, mu_d, v_t (m/s, rad/s), and the viscous part c (N s/m, N m s).
+        !> N (N; N m for a rotation: force times radius), mu_s, mu_d, v_t (m/s, rad/s), and the viscous part c (N s/m, N m s).
         real(wp) :: normal = 0.0_wp, static = 0.0_wp, dynamic = 0.0_wp, speed = 1.0_wp, viscous = 0.0_wp
     contains
         procedure :: evaluate => evaluate_friction
@@ -82,11 +82,10 @@ contains
     !> None.
     subroutine find_no_kinks(self, from, to, places, orders, error)
         class(law_type), intent(in) :: self
-        !> The interval of time (s); its start does not count. The end is lowered where a search ends early, with those kinks that
-        !> come first.
+        !> Interval of time without its start (s). If the search ends early, the end is lowered, and the kinks are those up to it.
         real(wp), intent(in) :: from
         real(wp), intent(inout) :: to
-        !> The times of the kinks in any order, and the lowest derivative that jumps at each: 0 is the value.
+        !> Times of the kinks in any order, and the lowest derivative that jumps at each: 0 is the value.
         real(wp), allocatable, intent(out) :: places(:)
         integer, allocatable, intent(out) :: orders(:)
         type(error_type), allocatable, intent(out) :: error
@@ -97,14 +96,14 @@ contains
     !> A law without kinks in time is one piece.
     pure subroutine hold_nothing(self, t)
         class(law_type), intent(inout) :: self
-        !> A time within the piece, which is no kink (s).
+        !> A time inside the piece, not at a kink (s).
         real(wp), intent(in) :: t
     end subroutine hold_nothing
 
-    !> Whether values between two times are far from those that a step from one to the other sees: they are not.
+    !> True if the law takes values between two times that a step does not sample; false for a law without kinks in time.
     logical function hides_nothing(self, from, to, between) result(hides)
         class(law_type), intent(inout) :: self
-        !> Two times within the piece that is held (s).
+        !> Two times within the current piece (s).
         real(wp), intent(in) :: from, to
         !> True if the step evaluates at times between its ends.
         logical, intent(in) :: between
@@ -112,7 +111,7 @@ contains
         hides = .false.
     end function hides_nothing
 
-    !> The law of a parsed expression of the variables time, coordinate, rate, in this order.
+    !> Law of a parsed expression of the variables time, coordinate, rate, in this order.
     function expression_law(expression) result(law)
         type(expression_type), intent(in) :: expression
         type(expression_law_type) :: law
@@ -120,7 +119,7 @@ contains
         call law%pieces%initialize(expression, 1)
     end function expression_law
 
-    !> The law of a table over the coordinate.
+    !> Law of a table with respect to the coordinate.
     function table_law(table) result(law)
         type(table_type), intent(in) :: table
         type(table_law_type) :: law

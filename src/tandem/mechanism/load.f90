@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Given forces and torques on a body: numbers times a function of time, and expressions of the state.
+!> Given forces and torques on a body: constants times a function of time, and expressions of the state.
 module tandem_mechanism_load
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type
@@ -14,19 +14,19 @@ module tandem_mechanism_load
 
     public :: load_type, add_loads, differentiate_loads, find_push
 
-    !> A force (N) at a point of a body and a torque (N m), in the world's axes or the body's: numbers times a function of time, and
-    !> one expression each of their six entries beside it.
+    !> A force (N) at a point of a body and a torque (N m), in world axes or axes of the body: constants times a function of time,
+    !> plus one expression for each of the six components.
     type :: load_type
         integer :: body = 0
         real(wp) :: point(3) = 0.0_wp, force(3) = 0.0_wp, torque(3) = 0.0_wp
         logical :: in_body = .false.
-        !> The number of the function, and of the expressions, 0 for none.
+        !> Indices of the function and of the expressions, 0 if none.
         integer :: motion = 0, formula(6) = 0
     end type load_type
 
 contains
 
-    !> Given forces and torques. In the body's axes a force F at s has the part 2 G' (s x F) of p, and a torque T 2 G' T.
+    !> Add given forces and torques. In body axes a force F at s adds 2 G' (s x F) to the force on p, and a torque T adds 2 G' T.
     pure subroutine add_loads(loads, t, pose, f, formulas, coordinates, force)
         type(load_type), intent(in) :: loads(:)
         real(wp), intent(in) :: t
@@ -34,7 +34,7 @@ contains
         !> Values and derivatives of the functions of time.
         real(wp), intent(in), contiguous :: f(0:, :)
         type(formula_type), intent(inout) :: formulas(:)
-        !> Of the joints.
+        !> Coordinates of the joints.
         type(coordinate_type), intent(inout) :: coordinates(:)
         real(wp), intent(inout) :: force(:)
         real(wp) :: push(6), along(3), row(4)
@@ -54,7 +54,7 @@ contains
         end do
     end subroutine add_loads
 
-    !> The force and the torque, in the axes that they are given in.
+    !> Force and torque, in the axes in which they are given.
     pure subroutine find_push(load, t, pose, f, formulas, coordinates, push)
         type(load_type), intent(in) :: load
         real(wp), intent(in) :: t
@@ -75,7 +75,7 @@ contains
         end do
     end subroutine find_push
 
-    !> The generalised force of a force and a torque.
+    !> Generalised force of a force and a torque.
     pure subroutine resolve(load, body, push, along, row)
         type(load_type), intent(in) :: load
         type(pose_type), intent(in) :: body
@@ -99,7 +99,7 @@ contains
         end if
     end subroutine resolve
 
-    !> Their part of the gradient blocks that are asked for.
+    !> Add the requested gradient blocks of loads.
     pure subroutine differentiate_loads(loads, need, t, pose, f, formulas, coordinates, derivatives)
         type(load_type), intent(in) :: loads(:)
         integer, intent(in) :: need
@@ -130,7 +130,7 @@ contains
                             d(body%place + k - 1, body%turn + j - 1) = d(body%place + k - 1, body%turn + j - 1) - b(k, j)
                         end do
                     end do
-                    ! In the plane the moment of a force that turns with the body is constant.
+                    ! In the plane the moment of a force fixed to the body is constant.
                     h = 0.0_wp
                     moment = push(4:6) + cross(load%point, push(1:3))
                     if (body%n_turn == 4) h = 2*t_matrix(moment)
@@ -147,10 +147,10 @@ contains
         end do
     end subroutine differentiate_loads
 
-    !> What an entry's expression changes with the state: its direction times its gradient.
+    !> Add the derivatives of the expression of one component: its direction times its gradient.
     pure subroutine differentiate_entry(load, entry, need, t, pose, formula, coordinates, value, derivatives)
         type(load_type), intent(in) :: load
-        !> Which of the six.
+        !> Component, 1 to 6.
         integer, intent(in) :: entry, need
         real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
@@ -177,7 +177,7 @@ contains
 
     contains
 
-        !> The force stands on the right side.
+        !> The force is on the right-hand side.
         pure subroutine add(column, factor)
             real(wp), intent(inout) :: column(:)
             real(wp), intent(in) :: factor

@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> Wheels without mass: what a wheel whose own inertia does not matter does to the body that carries it. It stands on a plane, does
-!> not slip sideways, and turns freely about its axle, which costs two rows and no coordinates. It may be steered, by a function of
-!> time about a line through its centre, and it may slide on the body along a strut; how far is a coordinate of its own, which has
-!> no mass and which springs act on.
+!> Massless wheels: constraints of a wheel of negligible inertia on the body that carries it. The wheel touches a plane, does not
+!> slip sideways, and rotates freely about its axle; this takes two rows and no coordinates. It may be steered by a function of time
+!> about a line through its centre. It may slide on the body along a strut; the displacement is then a massless coordinate, on which
+!> springs act.
 !>
 !> With the axle a = A a'(t), the centre w = r + A (c' + x s'), s' along the strut, sigma = a.n and g = sqrt(1 - sigma^2) the wheel
-!> of radius R touches at w - R (n - sigma a)/g. Its height is n.w - R g, and across it, along e = (a - sigma n)/g, the point in
-!> contact has the velocity V = e.w_t + R sigma_t: the turn of the plane of the wheel about its own heading is sigma_t/g. A rim that
-!> is round across adds -c n to the contact and c sigma_t/g to V.
+!> of radius R touches at w - R (n - sigma a)/g. Its height is n.w - R g, and across it, along e = (a - sigma n)/g, the contact
+!> point has the velocity V = e.w_t + R sigma_t: the plane of the wheel rotates about its own heading by sigma_t/g. A round rim adds
+!> -c n to the contact and c sigma_t/g to V.
 module tandem_mechanism_massless_wheel
     use tandem_kinds, only: wp
     use tandem_mechanism_glide, only: put_nonholonomic
@@ -20,49 +20,49 @@ module tandem_mechanism_massless_wheel
 
     public :: massless_wheel_type, set_slides, find_place, evaluate_massless_wheels, differentiate_massless_wheels
 
-    !> A wheel without mass on a body: it stands on a plane, does not slip across, spins freely, and may steer and slide on a strut.
+    !> A massless wheel on a body: it touches a plane, does not slip across, spins freely, and may steer and slide on a strut.
     type :: massless_wheel_type
         integer :: body = 0
-        !> The rows of the height and of the velocity across.
+        !> Rows of the height and of the velocity across.
         integer :: height_row = 0, row = 0
-        !> The numbers of the pose whose place is how far it has slid, and of the coordinate that this is; 0 where it does not
-        !> slide.
+        !> Index of the pose whose position is the displacement of the wheel, and index of this coordinate; 0 for a wheel that does
+        !> not slide.
         integer :: slide = 0, way = 0
-        !> Of the middle line of the rim, and the radius of the rim's section.
+        !> Radius of the middle line of the rim, and of the section of the rim.
         real(wp) :: radius = 1.0_wp, crown = 0.0_wp
-        !> Centre, axle, and the direction of the strut, in the body's frame of the drawing.
+        !> Centre, axle, and direction of the strut, in the frame of the body.
         real(wp) :: centre(3) = 0.0_wp, axle(3) = 0.0_wp, along(3) = 0.0_wp
-        !> The number of the function that steers, 0 for none; the part of the axle that this leaves, and what its other part turns
-        !> towards.
+        !> Index of the steering function, 0 if none; component of the axle along the steering axis, and direction towards which the
+        !> other component rotates.
         integer :: steer = 0
         real(wp) :: fixed(3) = 0.0_wp, towards(3) = 0.0_wp
-        !> The angle that it was steered by last, its cosine and its sine.
+        !> Last steering angle, its cosine and its sine.
         real(wp) :: angle = 0.0_wp, cosine = 1.0_wp, sine = 0.0_wp
-        !> Unit normal of the plane, its distance from the origin along n, and the number of the function by which it rises.
+        !> Unit normal of the plane, its distance from the origin along n, and index of the function of its rise.
         real(wp) :: normal(3) = [0.0_wp, 0.0_wp, 1.0_wp], height = 0.0_wp
         integer :: rise = 0
     end type massless_wheel_type
 
-    !> Where a wheel is in its body's frame and in the world's, with derivatives by time and along the motion.
+    !> Axle and centre of a wheel in the frame of the body with derivatives with respect to time, and in the world along the motion.
     type :: way_type
         real(wp) :: axle(3, 0:2) = 0.0_wp, centre(3, 0:2) = 0.0_wp
         real(wp) :: a(3, 0:2) = 0.0_wp, w(3, 0:2) = 0.0_wp, sigma(0:2) = 0.0_wp
     end type way_type
 
-    !> A wheel whose g is smaller lies flat on the plane, and has no contact point.
+    !> A wheel with a smaller g lies flat on the plane and has no contact point.
     real(wp), parameter :: flat = 1.0e-7_wp
-    !> k over i.
+    !> binomial(i, k) = k over i.
     real(wp), parameter :: binomial(0:2, 0:2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, &
         1.0_wp, 2.0_wp, 1.0_wp], [3, 3])
 
 contains
 
-    !> How far wheels have slid, or a derivative of that.
+    !> Set the displacements of wheels, or a derivative of them.
     pure subroutine set_slides(wheels, k, values, pose)
         type(massless_wheel_type), intent(in) :: wheels(:)
-        !> Which derivative, 0 for none. With the first one the second is what it is without qdd.
+        !> Order of the derivative, 0 for the value. Order 1 also sets the second derivative for qdd = 0.
         integer, intent(in) :: k
-        !> Of all coordinates.
+        !> Values of all coordinates.
         real(wp), intent(in) :: values(:)
         type(pose_type), intent(inout) :: pose(0:)
         integer :: i
@@ -76,7 +76,7 @@ contains
         end do
     end subroutine set_slides
 
-    !> The axle in the body's frame, with its derivatives by time.
+    !> Axle in the frame of the body, with its derivatives with respect to time.
     pure subroutine steer_axle(wheel, f, axle)
         type(massless_wheel_type), intent(inout) :: wheel
         !> Values and derivatives of the functions of time.
@@ -103,7 +103,7 @@ contains
         axle(:, 2) = angle(2)*turned_on - angle(1)**2*across
     end subroutine steer_axle
 
-    !> The axle and the centre, with derivatives along the motion up to `last`.
+    !> Axle and centre, with derivatives along the motion up to `last`.
     pure subroutine find_way(wheel, body, slide, f, last, way)
         type(massless_wheel_type), intent(inout) :: wheel
         type(pose_type), intent(in) :: body, slide
@@ -130,7 +130,7 @@ contains
         end do
     end subroutine find_way
 
-    !> Where a wheel touches its plane, at a pose of which place and rotation are known.
+    !> Contact point of a wheel, at a pose with given position and rotation.
     pure subroutine find_place(wheel, body, slide, f, place)
         type(massless_wheel_type), intent(inout) :: wheel
         type(pose_type), intent(in) :: body, slide
@@ -144,7 +144,7 @@ contains
         end associate
     end subroutine find_place
 
-    !> The height and the velocity across.
+    !> Add the rows of the height and of the velocity across.
     pure subroutine evaluate_massless_wheels(wheels, need, pose, f, terms, stat)
         type(massless_wheel_type), intent(inout) :: wheels(:)
         integer, intent(in) :: need
@@ -165,7 +165,7 @@ contains
                     stat = 1
                     return
                 end if
-                ! 1/g and sigma/g, and what multiplies sigma_t in V.
+                ! 1/g and sigma/g, and the coefficient of sigma_t in V.
                 v = 1/sqrt(1 - sigma(0)**2)
                 u = sigma(0)*v
                 weight = radius + wheel%crown*v
@@ -181,7 +181,7 @@ contains
                         weight*gradient_of(body, 0, way%axle(:, 0), n), dot3(e, turned(body, 0, wheel%along)), terms%jacobian)
                 end if
                 if (iand(need, need_nu) /= 0 .and. max(wheel%steer, wheel%rise) > 0) then
-                    ! sigma_t while q stands still.
+                    ! sigma_t for constant q.
                     turning = dot3(n, turned(body, 0, way%axle(:, 1)))
                     terms%nu(wheel%height_row) = rise(1) - radius*u*turning
                     terms%nu(wheel%row) = -weight*turning
@@ -214,8 +214,8 @@ contains
         if (slide%place > 0) jacobian(row, slide%place_column) = by_slide
     end subroutine put_entries
 
-    !> The gradient blocks: those of the height as of any holonomic row; of V = E qd - e its gradient V_q, and the derivatives of
-    !> E and V_q along the motion (section 15 of doc/theory.md). m is the velocity of the centre along the plane: V = m.a/g + k
+    !> Add the gradient blocks: those of the height as for any holonomic row; for V = E qd - e its gradient V_q, and the derivatives
+    !> of E and V_q along the motion (section 15 of doc/theory.md). m is the velocity of the centre along the plane: V = m.a/g + k
     !> sigma_t with k = R + c/g.
     pure subroutine differentiate_massless_wheels(wheels, need, pose, f, lambda, derivatives)
         type(massless_wheel_type), intent(inout) :: wheels(:)

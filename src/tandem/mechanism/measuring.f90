@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What a mechanism tells of its motion: what the sensors show, the work that is done on it, which reactions are undetermined. Of
-!> all this only what sensors ask for is computed.
+!> Output of a mechanism about its motion: values of sensors, work done on it, undetermined reactions. Only quantities required by
+!> sensors are computed.
 submodule(tandem_mechanism) tandem_mechanism_measuring
     use tandem_linalg_dependence, only: split_rows
     use tandem_mechanism_body, only: kinetic_energy_of
@@ -16,11 +16,11 @@ submodule(tandem_mechanism) tandem_mechanism_measuring
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
 
-    !> Rows of unit length depend on each other where less than this is left of one; as the rank decision of charts.
+    !> Rows of unit length are dependent if the remainder of one is smaller than this, as in the rank decision of charts.
     real(wp), parameter :: dependent = 1.0e-10_wp
-    !> What redundant rows may do to an entry of a reaction, of what their multipliers do at most, before it is undetermined.
+    !> A component of a reaction is undetermined if redundant rows change it by more than this part of their largest effect.
     real(wp), parameter :: open = 1.0e-8_wp
-    !> Entries of C up to which undetermined reactions are looked for: a second of work.
+    !> Largest number of entries of C for the search for undetermined reactions: a second of work.
     real(wp), parameter :: most_examined = 1.0e6_wp
 
 contains
@@ -38,7 +38,7 @@ contains
                 self%sensors(i)%width = sum(max(1, list%width))
                 self%sensors(i)%first = n + 1
                 self%sensors(i)%n_quantities = size(list)
-                ! Room for many more: a sensor more must not cost a copy of all before.
+                ! Allocate spare room, so that adding a sensor does not copy the list each time.
                 if (n + size(list) > size(all_of_them)) all_of_them = [quantity_type :: all_of_them, all_of_them, list]
                 all_of_them(n + 1:n + size(list)) = list
                 n = n + size(list)
@@ -55,7 +55,7 @@ contains
         m = self%n_constraints()
         allocate (self%at_row%nu(m), source=0.0_wp)
         if (any(self%sensors%kind == sensed_reaction)) then
-            ! Of many bodies a full C would take more memory than all else.
+            ! For many bodies a full C would take more memory than everything else.
             self%at_row%is_compressed = allocated(self%pattern)
             k = self%n
             if (allocated(self%pattern)) k = self%pattern%width
@@ -68,7 +68,7 @@ contains
         self%integrals = [0.0_wp, 0.0_wp]
     end procedure list_quantities
 
-    !> What the sensors show.
+    !> Evaluate the sensors.
     subroutine measure(self, t, q, qd, qdd, values, stat, lambda)
         class(model_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
@@ -120,7 +120,7 @@ contains
         end select
     end subroutine measure
 
-    !> Whether all is asked for, or a quantity of this sensor.
+    !> True if all quantities are requested, or one of this sensor.
     pure logical function is_asked_for(self, sensor)
         type(mechanism_type), intent(in) :: self
         type(sensor_type), intent(in) :: sensor
@@ -129,14 +129,14 @@ contains
         if (.not. is_asked_for) is_asked_for = any(self%asked(sensor%first:sensor%first + sensor%n_quantities - 1))
     end function is_asked_for
 
-    !> The poses with their rates, and the functions of time.
+    !> Set the poses with their rates, and the functions of time.
     subroutine set_poses(self, t, q, qd, stat)
         type(mechanism_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:)
         integer, intent(out) :: stat
         integer :: i
 
-        ! No term of it, but what all terms need.
+        ! Evaluate no term, only the common quantities of all terms.
         call self%evaluate(0, t, q, qd, self%at_row, stat)
         do i = 1, size(self%bodies)
             call set_rates(self%pose(i), qd)
@@ -144,7 +144,7 @@ contains
         call set_slides(self%massless_wheels, 1, qd, self%pose)
     end subroutine set_poses
 
-    !> Kinetic and potential energy where a sensor shows them: of all, or of a body.
+    !> Kinetic and potential energy for a sensor: of the mechanism, or of a body.
     function energies_of(self, sensor, t, q, stat) result(energies)
         type(mechanism_type), intent(inout) :: self
         type(sensor_type), intent(in) :: sensor
@@ -170,7 +170,7 @@ contains
         end select
     end function energies_of
 
-    !> The reaction of an element, and the power of its motion; C and nu are known.
+    !> Measure the reaction of an element, and the power of its motion; C and nu are set.
     subroutine measure_reaction(self, sensor, lambda, values)
         type(mechanism_type), intent(inout) :: self
         type(sensor_type), intent(in) :: sensor
@@ -208,7 +208,7 @@ contains
                 values(1:4) = [sign(norm2(d), lambda(rows(1))), -d]
                 n = 4
             case default
-                ! The reaction -C' lambda along the sum whose gradient C is.
+                ! Reaction -C' lambda along the sum with the gradient C.
                 values(1) = -lambda(rows(1))
                 n = 1
                 if (sensor%can_be_freed) then
@@ -216,12 +216,12 @@ contains
                     n = 2
                 end if
             end select
-            ! The reaction's -C' lambda times qd, with C qd = nu.
+            ! Power of the reaction, -C' lambda times qd, with C qd = nu.
             if (sensor%is_driven) values(n + 1) = -dot_product(lambda(rows), self%at_row%nu(rows))
         end associate
     end subroutine measure_reaction
 
-    !> Force and torque of a joint on its second body, about its point of that.
+    !> Force and torque of a joint on its second body, about the joint's point on it.
     subroutine find_wrench(self, sensor, lambda, force, torque)
         type(mechanism_type), intent(in) :: self
         type(sensor_type), intent(in) :: sensor
@@ -235,7 +235,7 @@ contains
             if (two%n_place > 0) then
                 call reaction_on(two, rows, lambda, self%at_row%jacobian, point, force, torque)
             else
-                ! The ground has no coordinates: the opposite of what the first body gets.
+                ! The ground has no coordinates: take the opposite of the reaction on the first body.
                 call reaction_on(one, rows, lambda, self%at_row%jacobian, point, force, torque)
                 force = -force
                 torque = -torque
@@ -243,11 +243,11 @@ contains
         end associate
     end subroutine find_wrench
 
-    !> What a force does.
+    !> Measure the force and the energy of a force element.
     subroutine measure_force(self, sensor, t, lambda, values)
         type(mechanism_type), intent(inout) :: self
         type(sensor_type), intent(in) :: sensor
-        !> Multipliers are looked at where it is friction on a reaction.
+        !> Multipliers are used for friction on a reaction.
         real(wp), intent(in) :: t, lambda(:)
         real(wp), intent(out) :: values(:)
         type(effort_type) :: effort
@@ -268,7 +268,7 @@ contains
         end select
     end subroutine measure_force
 
-    !> The balance of energies; the integrals are those of the time.
+    !> Measure the energy balance; the work is integrated over time.
     subroutine measure_balance(self, sensor, t, q, values, stat)
         type(mechanism_type), intent(inout) :: self
         type(sensor_type), intent(inout) :: sensor
@@ -283,7 +283,7 @@ contains
         values(5) = values(1) + values(2) - sensor%first_energy - sum(self%integrals)
     end subroutine measure_balance
 
-    !> The power of imposed motions, and that of forces without a potential.
+    !> Power of imposed motions, and power of forces without a potential.
     subroutine powers(self, t, q, qd, lambda, values, stat)
         class(model_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
@@ -322,8 +322,8 @@ contains
         end select
     end subroutine powers
 
-    !> Name the entries of reactions that redundant rows leave undetermined: those that a combination of multipliers changes for
-    !> which C' lambda = 0.
+    !> Report the components of reactions that redundant rows leave undetermined: those that a combination of multipliers with C'
+    !> lambda = 0 changes.
     subroutine find_undetermined(self, t, q, qd, lambda, values, stat)
         class(model_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
@@ -373,10 +373,10 @@ contains
         end select
     end subroutine find_undetermined
 
-    !> Name the entries of forces, torques and multipliers of a reaction that are not small.
+    !> Report the components of the force, torque and multipliers of a reaction that are not small.
     subroutine mark(self, before, sensor, shown, small)
         type(mechanism_type), intent(inout) :: self
-        !> Quantities before those of the sensor.
+        !> Number of quantities before those of the sensor.
         integer, intent(in) :: before
         type(sensor_type), intent(in) :: sensor
         real(wp), intent(in) :: shown(:), small

@@ -1,13 +1,15 @@
 ! SPDX-License-Identifier: MIT
-!> A mechanism as a model: what was drawn by words (`tandem_mechanism_drawing`) becomes coordinates, rows and forces, with a gamma
-!> and gradient blocks that are exact.
+!> A mechanism as a model: its definition (`tandem_mechanism_drawing`) is converted to coordinates, rows and forces, with an exact
+!> gamma and exact gradient blocks.
 !>
-!> q holds the bodies in their order: (x, y, angle) in the plane, (r, Euler parameters) in space, the place alone for a point mass;
-!> behind them how far massless wheels have slid, and the slacks of couplings.
-!> Rows: the joints and distances as they were added, one for the Euler parameters of each turning body, then those at velocity
-!> level.
-!> Every body's rotation and every function of time is computed once a point, where an element takes them; then a loop over the
-!> elements of each type.
+!> q contains the bodies in their order: (x, y, angle) in the plane, (r, Euler parameters) in space, the position only for a point
+!> mass; then the displacements of massless wheels, and the slacks of couplings.
+!>
+!> Rows: joints and distances in the order of their definition, one row for the Euler parameters of each rotating body, then the
+!> rows at velocity level.
+!>
+!> The rotation of every body and every function of time are computed once per point if an element uses them; then the elements are
+!> evaluated in one loop per type.
 module tandem_mechanism
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
@@ -45,49 +47,49 @@ module tandem_mechanism
 
     public :: mechanism_type
 
-    !> Add bodies, joints and forces, call `define`, then `start` gives the state of the drawing.
+    !> Add bodies, joints and forces, and call `define`; then `start` returns the state of the reference configuration.
     type, extends(drawing_type) :: mechanism_type
-        !> The bodies' poses at the last point, 0 the ground, behind them those of what slides without being a body, whose places
-        !> have one coordinate; values and derivatives of the functions of time.
+        !> Poses at the last point: 0 is the ground, then bodies, then sliding parts that are not bodies, whose positions have one
+        !> coordinate; values and derivatives of the functions of time.
         type(pose_type), allocatable, private :: pose(:)
         real(wp), allocatable, private :: f(:, :)
-        !> The first coordinate of each of them but the ground, behind the last the next one.
+        !> First coordinate of each pose except the ground; the last entry is the next coordinate.
         integer, allocatable, private :: first(:)
         !> The force of gravity (n).
         real(wp), allocatable, private :: weight(:)
-        !> A typical length of the bodies and rods (m).
+        !> Typical length of the bodies and rods (m).
         real(wp), private :: size_of_bodies = 1.0_wp
-        !> Meetings and dots that are hinges in space, one by one or in groups, and the numbers of the others.
+        !> Hinges in space, single or in groups, and the indices of the remaining coincident points and perpendicularity rows.
         type(hinge_type), allocatable, private :: hinges(:)
         type(hinge_group_type), allocatable, private :: hinge_groups(:)
         integer, allocatable, private :: loose_meetings(:), loose_dots(:)
-        !> In the plane all meetings as pins, and the bodies' angles.
+        !> In the plane all coincident points as pins, and the angles of bodies.
         type(pin_type), allocatable, private :: pins(:)
         type(angles_type), private :: angles_of_bodies
-        !> Rows of the Euler parameters begin after this one, and bodies that have them.
+        !> Offset of the rows of Euler parameters, and the bodies with these rows.
         integer, private :: before_norms = 0
         integer, allocatable, private :: turning(:)
-        !> These bodies in groups; how many there are where they are not, and all bodies that are in no group.
+        !> The same bodies in groups; their number if they are not grouped; all bodies outside groups.
         type(turning_group_type), allocatable, private :: turning_groups(:)
         integer, private :: n_turning_alone = 0
         integer, allocatable, private :: alone(:)
-        !> Whether an element takes poses; groups do not. Whether there are always poses, for elements and sensors: otherwise they
-        !> are made when they are first asked for.
+        !> True if an element uses poses; groups do not. True if poses always exist, for elements and sensors: otherwise they are
+        !> made at the first request.
         logical, private :: takes_poses = .true., keeps_poses = .true.
-        !> Rows at position and at velocity level in the lists of elements are counted by `define` once.
+        !> True once `define` has renumbered the rows in the lists of elements, which it does once.
         logical, private :: is_defined = .false.
-        !> The segment between breakpoints whose smooth pieces functions hold, 0 for none.
+        !> Segment between breakpoints to which the smooth pieces of functions belong; 0 if none.
         integer, private :: held_segment = 0
-        !> Whether the terms that are set are compressed.
+        !> True if the stored terms are compressed.
         logical :: is_compressed = .false.
-        !> Whether elements or sensors count turns, and whether they do so at every point, since a start is being looked for.
+        !> True if elements or sensors count turns; true if they count at every point, as in the search for a start.
         logical, private :: counts_turns = .false., follows_turns = .true.
-        !> The time that the functions were evaluated at.
+        !> Time of the last evaluation of the functions.
         real(wp), private :: time_of_f = huge(1.0_wp)
         integer, private :: inputs_of_f = 0
-        !> C and nu at a row of a file; only where a sensor looks at reactions.
+        !> C and nu at an output time; only for sensors of reactions.
         type(terms_type), private :: at_row
-        !> The gradient blocks of one element, in the coordinates of the bodies that it joins.
+        !> Gradient blocks of one element, in the coordinates of its bodies.
         type(derivatives_type), private :: window
     contains
         procedure :: define, start, composed, note_blocks, find_body_motions, pack_state, arrive, is_idle, hides, list_imposed
@@ -95,20 +97,20 @@ module tandem_mechanism
     end type mechanism_type
 
     interface
-        !> Columns of the coordinates, the blocks of M, and the weights of the bodies.
+        !> Set columns of the coordinates, blocks of M, and weights of the bodies.
         module subroutine number_coordinates(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine number_coordinates
 
-        !> The scales of the coordinates; these have their numbers.
+        !> Set the scales of the numbered coordinates.
         module subroutine set_scales(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine set_scales
 
-        !> Sizes of the coordinates in rows of Phi. Of a body in the plane that has turned often, rounding of the angle moves its
-        !> points as far as rounding of so large a place.
+        !> Sizes of the coordinates in rows of Phi. After many turns of a body in the plane, rounding of its angle moves its points
+        !> as far as rounding of an equally large position.
         pure module subroutine set_magnitudes(self, q, magnitude)
             implicit none (type, external)
             class(mechanism_type), intent(in) :: self
@@ -123,7 +125,7 @@ module tandem_mechanism
             real(wp), intent(in) :: t, q(:), qd(:)
         end subroutine set_time_scale
 
-        !> Rows; those at velocity level come behind all others.
+        !> Number the rows; rows at velocity level come last.
         module subroutine number_rows(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
@@ -137,56 +139,55 @@ module tandem_mechanism
             character(len=label_length) :: label
         end function composed
 
-        !> Bodies, what their rows touch, and the columns of C and M.
+        !> Declare the bodies, the pattern of rows, and the columns of C and M.
         module subroutine declare_pattern(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine declare_pattern
 
-        !> Poses with the columns of the coordinates, unless they are there.
+        !> Make the poses with the columns of the coordinates, unless they exist.
         pure module subroutine make_poses(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine make_poses
 
-        !> Where the bodies' coordinates stand in the terms.
+        !> Set the places of the bodies' coordinates in the terms.
         pure module subroutine set_columns(self, is_compressed)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
             logical, intent(in) :: is_compressed
         end subroutine set_columns
 
-        !> Elements that are evaluated together; the rows have their numbers.
+        !> Group elements that are evaluated together; the rows are numbered.
         pure module subroutine form_groups(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine form_groups
 
-        !> Which rows of C go into the blocks that a chart wants.
+        !> Mark the rows of C that are set in the blocks of a chart.
         pure module subroutine note_blocks(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine note_blocks
 
-        !> What the sensors give; the coordinates and rows have their numbers.
+        !> List the quantities of sensors; the coordinates and rows are numbered.
         module subroutine list_quantities(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine list_quantities
 
-        !> A small motion of the coordinates as motions of the bodies: how their places move, and the vectors by which they turn, in
-        !> the world's axes.
+        !> Convert a small motion of the coordinates to motions of the bodies: displacements, and rotation vectors in world axes.
         module subroutine find_body_motions(self, q, shape, motions)
             implicit none (type, external)
             class(mechanism_type), intent(in) :: self
-            !> Coordinates, and what is added to them (n).
+            !> Coordinates, and their small changes (n).
             real(wp), intent(in) :: q(:)
             complex(wp), intent(in) :: shape(:)
-            !> x, y, z and the turns about these (6, bodies).
+            !> x, y, z and the rotations about these axes (6, bodies).
             complex(wp), intent(out) :: motions(:, :)
         end subroutine find_body_motions
 
-        !> What rubs on the reactions of joints; the rows have their numbers.
+        !> List the frictions on reactions of joints; the rows are numbered.
         module subroutine list_frictions(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
@@ -198,13 +199,13 @@ module tandem_mechanism
             class(mechanism_type), intent(inout) :: self
         end subroutine allow_changes
 
-        !> Which bodies' forces depend on each other, and the room for an element's gradient blocks.
+        !> List the pairs of bodies with coupled forces, and allocate the gradient blocks of one element.
         module subroutine list_coupled(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine list_coupled
 
-        !> Add the elements to the five gradient blocks, at the point that the poses are set for.
+        !> Add the elements to the five gradient blocks, at the current poses.
         module subroutine add_derivatives(self, need, t, qd, qdd, lambda, derivatives)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
@@ -213,7 +214,7 @@ module tandem_mechanism
             type(derivatives_type), intent(inout) :: derivatives
         end subroutine add_derivatives
 
-        !> The angles from which turns are counted, and what events may change.
+        !> Pack the angles from which turns are counted, and the changes by events.
         module subroutine pack_state(self, pack)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
@@ -228,20 +229,20 @@ module tandem_mechanism
             logical, intent(in) :: starts
         end subroutine arrive
 
-        !> Rows of motions, and of couplings, which follow these.
+        !> Mark the rows of motions, and of couplings, which depend on them.
         pure module subroutine list_imposed(self, is_imposed, is_angle)
             implicit none (type, external)
             class(mechanism_type), intent(in) :: self
             logical, intent(out) :: is_imposed(:), is_angle(:)
         end subroutine list_imposed
 
-        !> Count them at the point that the poses are set for.
+        !> Count turns at the current poses.
         pure module subroutine follow_turns(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine follow_turns
 
-        !> The blocks of the elements at the point that the poses are set for.
+        !> Add the blocks of the elements at the current poses.
         module subroutine add_stiffness(self, t, lambda, stiffness)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
@@ -256,7 +257,7 @@ module tandem_mechanism
             type(affine_motion_type), allocatable, intent(out) :: motions(:)
         end subroutine list_motions
 
-        !> How the forces change with the time alone, exactly.
+        !> Partial time derivative of the forces, exact.
         module subroutine force_rate(self, t, q, qd, value, stat)
             implicit none (type, external)
             class(model_type), intent(inout) :: self
@@ -265,7 +266,7 @@ module tandem_mechanism
             integer, intent(out) :: stat
         end subroutine force_rate
 
-        !> Slacks of couplings that are locked.
+        !> True for the slacks of locked couplings.
         pure module function is_idle(self)
             implicit none (type, external)
             class(mechanism_type), intent(in) :: self
@@ -332,11 +333,11 @@ contains
         call list_frictions(self)
         call allow_changes(self)
         if (.not. self%keeps_poses) deallocate (self%pose)
-        ! Elements that act along coordinates of joints have them; only expressions look for them.
+        ! Elements along joint coordinates have copies of them; only expressions use the list.
         if (size(self%formulas) == 0) self%coordinates = [coordinate_type ::]
     end subroutine define
 
-    !> The functions of time, once for all that is asked at a time.
+    !> Evaluate the functions of time, once per time.
     pure subroutine evaluate_functions(self, t)
         class(mechanism_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -351,7 +352,7 @@ contains
         if (allocated(self%input)) self%f = self%f + self%input
     end subroutine evaluate_functions
 
-    !> Whether there may be forces: of gravity, of elements, or of the inertia of what turns in space. Events add none.
+    !> True if there may be forces: gravity, force elements, or inertia forces of bodies rotating in space. Events add none.
     pure logical function has_forces(self)
         class(mechanism_type), intent(in) :: self
 
@@ -359,7 +360,7 @@ contains
             size(self%bushings) > 0 .or. size(self%loads) > 0 .or. maxval(abs(self%weight)) > 0.0_wp
     end function has_forces
 
-    !> Before rows are set: of compressed ones every entry is set again, but for rows that are sums.
+    !> Clear rows before they are set: in compressed rows every entry is set again, except in rows that are sums.
     pure subroutine clear_jacobian(self, terms)
         class(mechanism_type), intent(in) :: self
         type(terms_type), intent(inout) :: terms
@@ -377,7 +378,7 @@ contains
         end do
     end subroutine clear_jacobian
 
-    !> The state of the drawing; `define` was called.
+    !> State of the reference configuration; `define` has been called.
     subroutine start(self, q, qd)
         class(mechanism_type), intent(in) :: self
         !> Coordinates and velocities (n).
@@ -402,7 +403,7 @@ contains
         end do
     end subroutine start
 
-    !> Any set of terms.
+    !> Evaluate any set of terms.
     subroutine evaluate(self, need, t, q, qd, terms, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need
@@ -417,7 +418,7 @@ contains
         end select
     end subroutine evaluate
 
-    !> Let the functions hold the smooth pieces of the current segment.
+    !> Set the smooth pieces of functions to the current segment.
     pure subroutine hold_segment(self)
         class(mechanism_type), intent(inout) :: self
 
@@ -446,8 +447,8 @@ contains
 
         if (self%segment /= self%held_segment) call hold_segment(self)
         if (terms%is_compressed .neqv. self%is_compressed) call set_columns(self, terms%is_compressed)
-        ! A call that asks for no term wants the poses themselves.
-        ! A search goes by Phi and by forces; a call for no term is an arrival.
+        ! A call for no term needs the poses themselves.
+        ! A search evaluates Phi and forces; a call for no term is an arrival.
         follows = self%counts_turns .and. self%follows_turns .and. (need == 0 .or. iand(need, need_phi + need_force) /= 0)
         if (self%takes_poses .or. need == 0 .or. follows) then
             call set_places(self, q)
@@ -500,7 +501,7 @@ contains
             end do
         end if
         if (iand(need, need_mass) /= 0) then
-            ! Of a compressed M every entry that may differ from zero is set again.
+            ! In a compressed M every entry that may be nonzero is set again.
             if (.not. terms%is_compressed) terms%mass = 0.0_wp
             if (size(self%turning_groups) > 0) call set_masses(self%turning_groups, self%n, size(terms%mass, 2), q, terms%mass)
             do i = 1, size(self%alone)
@@ -531,7 +532,7 @@ contains
         if (size(self%loads) > 0) call add_loads(self%loads, t, self%pose, self%f, self%formulas, self%coordinates, terms%force)
     end subroutine evaluate_mechanism
 
-    !> Poses at q.
+    !> Set the poses at q.
     pure subroutine set_places(self, q)
         type(mechanism_type), intent(inout) :: self
         real(wp), intent(in) :: q(:)
@@ -609,7 +610,7 @@ contains
         end select
     end subroutine evaluate_stiffness
 
-    !> Poses with all derivatives, and the functions of time.
+    !> Set the poses with all derivatives, and the functions of time.
     subroutine set_motion(self, t, q, qd, qdd)
         type(mechanism_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
@@ -627,7 +628,7 @@ contains
         call evaluate_functions(self, t)
     end subroutine set_motion
 
-    !> V of gravity, and of what springs and bushings have by numbers; laws have none.
+    !> Potential energy of gravity and of linear springs and bushings; laws have none.
     subroutine potential_energy(self, t, q, value, stat)
         class(model_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:)

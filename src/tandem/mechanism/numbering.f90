@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The numbers of a mechanism's coordinates and rows: columns of bodies, rows of elements, their names and units when they are asked
-!> for, and the pattern.
+!> Numbers of the coordinates and rows of a mechanism: columns of bodies, rows of elements, names and units on request, and the
+!> pattern.
 submodule(tandem_mechanism) tandem_mechanism_numbering
     use tandem_kinds, only: lane
     use tandem_model, only: its_unit, name_of_coordinate, unit_of_its_multiplier
@@ -20,7 +20,7 @@ contains
 
         call number_slides(self)
         if (allocated(self%pose)) deallocate (self%pose)
-        ! At most seven a body, and one a coupling or a wheel that slides.
+        ! At most seven per body, and one per coupling or sliding wheel.
         allocate (blocks(7*size(self%bodies) + size(self%couplings) + size(self%massless_wheels)), source=0)
         self%turning = pack([(i, i=1, size(self%bodies))], self%bodies%turns .and. .not. self%planar)
         self%first = spread(1, 1, size(self%bodies) + count(self%massless_wheels%slide > 0) + 1)
@@ -78,7 +78,7 @@ contains
         call place_poses(self)
     end procedure make_poses
 
-    !> Where the bodies' coordinates stand in the terms.
+    !> Set the places of the bodies' coordinates in the terms.
     pure subroutine place_poses(self)
         class(mechanism_type), intent(inout) :: self
         integer :: i
@@ -123,7 +123,7 @@ contains
         end select
     end procedure composed
 
-    !> The name of a coordinate, or its unit.
+    !> Name or unit of a coordinate.
     pure function label_of_coordinate(self, i, is_unit) result(label)
         class(mechanism_type), intent(in) :: self
         integer, intent(in) :: i
@@ -166,7 +166,7 @@ contains
         end if
     end function label_of_coordinate
 
-    !> Let the poses of what slides stand behind those of the bodies.
+    !> Move the poses of sliding parts behind those of the bodies.
     subroutine number_slides(self)
         class(mechanism_type), intent(inout) :: self
         integer :: i, k
@@ -206,7 +206,7 @@ contains
         end subroutine put_behind
     end subroutine number_slides
 
-    !> The element that a row is of, with which its name begins.
+    !> Element of a row, whose name begins with that of the element.
     pure function element_name(self, row) result(name)
         class(mechanism_type), intent(in) :: self
         integer, intent(in) :: row
@@ -227,7 +227,7 @@ contains
         self%massless_wheels%row = self%massless_wheels%row + self%n_holonomic
     end procedure number_rows
 
-    !> Elements that are evaluated together: pins in the plane, and where there are so many that it pays hinges and bodies in space.
+    !> Group elements that are evaluated together: pins in the plane; hinges and bodies in space if they are numerous enough.
     module procedure form_groups
         integer, parameter :: many = lane
         type(hinge_type), allocatable :: hinges(:)
@@ -310,7 +310,7 @@ contains
     end procedure set_columns
 
     module procedure note_blocks
-        ! Such a chart holds terms compressed.
+        ! A chart with such blocks stores the terms compressed.
         if (.not. self%is_compressed) call set_columns(self, .true.)
         self%pattern%in_blocks = spread(.false., 1, self%pattern%n_rows)
         call find_hinge_blocks(self%pattern, self%hinge_groups)

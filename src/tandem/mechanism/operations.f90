@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> The operations of which expressions are made: their names and numbers of arguments, their values, and their partial derivatives
-!> of first and second order.
+!> Operations of expressions: their names and numbers of arguments, their values, and their partial derivatives of first and second
+!> order.
 !>
-!> Some have kinks or jumps. Each of those looks at the sign of the difference between its left and its right operand (the right
-!> one of abs is zero); `branch` says on which side it is. The branch is an argument of its own, so that a run may hold it within a
-!> smooth piece, and each branch goes on smoothly beyond its end.
+!> Some have kinks or jumps, at the zeros of the difference between left and right operand (the right one of abs is zero); `branch`
+!> selects the side. The branch is a separate argument, so that a run may keep it constant within a smooth piece, and each branch
+!> extends smoothly beyond its end.
 module tandem_mechanism_operations
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -17,7 +17,7 @@ module tandem_mechanism_operations
     public :: op_abs, op_sign, op_step, op_ramp, op_min, op_max, op_smooth_step
     public :: pi
 
-    !> The constant of the language.
+    !> The constant pi of expressions.
     real(wp), parameter :: pi = acos(-1.0_wp)
 
     !> The operations; those from `op_abs` on have kinks.
@@ -26,17 +26,17 @@ module tandem_mechanism_operations
         op_cosh = 16, op_tanh = 17, op_exp = 18, op_log = 19, op_sqrt = 20, op_abs = 21, op_sign = 22, op_step = 23, op_ramp = 24, &
         op_min = 25, op_max = 26, op_smooth_step = 27
 
-    !> A function of the language.
+    !> A function of expressions.
     type :: function_type
         character(len=11) :: name
         integer :: operation
-        !> The fewest and the most arguments.
+        !> Smallest and largest number of arguments.
         integer :: least, most
-        !> The lowest derivative that jumps where the operands are equal; 0 is the value, none is -1.
+        !> Lowest derivative that jumps where the operands are equal; 0 is the value, -1 none.
         integer :: kink = -1
     end type function_type
 
-    !> How many arguments min and max may have.
+    !> Largest number of arguments of min and max.
     integer, parameter :: many = 20
 
     type(function_type), parameter :: functions(*) = [ &
@@ -51,7 +51,7 @@ module tandem_mechanism_operations
 
 contains
 
-    !> The place of a function in the table, 0 if there is none of this name.
+    !> Place of a function in the table; 0 if the name is unknown.
     pure integer function find_function(name)
         character(len=*), intent(in) :: name
 
@@ -60,21 +60,21 @@ contains
         end do
     end function find_function
 
-    !> Whether the operands may be swapped.
+    !> True if the operands may be swapped.
     pure logical function is_commutative(operation)
         integer, intent(in) :: operation
 
         is_commutative = operation == op_add .or. operation == op_multiply
     end function is_commutative
 
-    !> Whether an operation has a kink or a jump.
+    !> True if an operation has a kink or a jump.
     pure logical function has_kink(operation)
         integer, intent(in) :: operation
 
         has_kink = operation >= op_abs
     end function has_kink
 
-    !> The lowest derivative that jumps at the kink of an operation; 0 is the value, -1 for none.
+    !> Lowest derivative that jumps at the kink of an operation; 0 is the value, -1 none.
     pure integer function kink_order(operation)
         integer, intent(in) :: operation
         integer :: i
@@ -85,8 +85,8 @@ contains
         end do
     end function kink_order
 
-    !> The branch where nothing holds another one: 1 where left >= right, else 0. The second kink of a smooth step is one above
-    !> its first; behind it, the branch is 2.
+    !> Branch for given operands: 1 if left >= right, else 0. The second kink of a smooth step is at the first one plus 1; above it
+    !> the branch is 2.
     pure integer function branch_of(operation, left, right)
         integer, intent(in) :: operation
         real(wp), intent(in) :: left, right
@@ -95,12 +95,12 @@ contains
         if (operation == op_smooth_step .and. left >= right + 1.0_wp) branch_of = 2
     end function branch_of
 
-    !> The value of an operation. What is no number stays that on every branch: hence the products with zero.
+    !> Value of an operation. The products with zero keep a NaN on every branch.
     pure real(wp) function value_of(operation, a, b, branch) result(f)
         integer, intent(in) :: operation
-        !> The operands. That of a function of one argument is a; its b is zero, the place of its kink.
+        !> Operands. The operand of a function of one argument is a; its b is zero, the place of its kink.
         real(wp), intent(in) :: a, b
-        !> The side of the kink.
+        !> Side of the kink.
         integer, intent(in) :: branch
 
         select case (operation)
@@ -160,12 +160,12 @@ contains
         end select
     end function value_of
 
-    !> The value of an operation, and its partial derivatives by a, b, aa, ab, bb.
+    !> Value of an operation, and its partial derivatives with respect to a, b, aa, ab, bb.
     pure subroutine differentiate(operation, a, b, branch, f, d)
         integer, intent(in) :: operation
         !> The operands.
         real(wp), intent(in) :: a, b
-        !> The side of the kink.
+        !> Side of the kink.
         integer, intent(in) :: branch
         real(wp), intent(out) :: f, d(5)
         real(wp) :: s, c
@@ -188,7 +188,7 @@ contains
             d(4) = -1.0_wp/(b*b)
             d(5) = -2.0_wp*d(2)/b
         case (op_power)
-            ! Below zero, a power is defined at integers alone: it has a value there and no derivative.
+            ! For a < 0 a power is defined for integer exponents only: it has a value there and no derivative with respect to b.
             s = log(a)
             c = power(a, b - 1.0_wp)
             d = [b*c, f*s, b*(b - 1.0_wp)*power(a, b - 2.0_wp), c*(1.0_wp + b*s), f*s*s]

@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> What elements between two bodies share: a scalar function of their coordinates has a gradient of 14 entries, (r, p) of the first
-!> body and (r, p) of the second, and `columns` says where they stand in the mechanism. Entries of the ground, of coordinates
-!> that the plane does not have and of rotations that a point mass does not have go nowhere.
+!> Common procedures for elements between two bodies: a scalar function of their coordinates has a gradient of 14 entries, (r, p) of
+!> the first body and (r, p) of the second, and `columns` maps them to columns of the mechanism. Entries without a column are
+!> ignored: those of the ground, of coordinates absent in the plane, and of rotations of point masses.
 !>
-!> A holonomic row gives all five gradient blocks by its gradient and the derivatives of that along the motion (section 14 of
-!> doc/theory.md): (Phi_q qd + Phi_t)_q = d/dt Phi_q, (Phi_q qdd + gamma)_q = d2/dt2 Phi_q, gamma_qd = 2 d/dt Phi_q.
+!> The gradient of a holonomic row and its derivatives along the motion give all five gradient blocks (section 14 of doc/theory.md):
+!> (Phi_q qd + Phi_t)_q = d/dt Phi_q, (Phi_q qdd + gamma)_q = d2/dt2 Phi_q, gamma_qd = 2 d/dt Phi_q.
 module tandem_mechanism_pair
     use tandem_kinds, only: wp
     use tandem_mechanism_pose, only: pose_type
@@ -17,12 +17,12 @@ module tandem_mechanism_pair
         put_holonomic, &
         add_holonomic, put_force
 
-    !> Entries of a gradient, and before which one the parts of it begin.
+    !> Number of entries of a gradient, and offsets of its parts.
     integer, parameter :: n_local = 14, place_1 = 0, turn_1 = 3, place_2 = 7, turn_2 = 10
 
 contains
 
-    !> The columns of the gradient's entries, 0 for one that goes nowhere.
+    !> Columns of the entries of a gradient, 0 for ignored entries.
     pure function columns(first, second) result(c)
         type(pose_type), intent(in) :: first, second
         integer :: c(n_local), i
@@ -42,7 +42,7 @@ contains
         end do
     end function columns
 
-    !> The same in the C that is set, which may be compressed.
+    !> Columns in the stored C, which may be compressed.
     pure function columns_of_c(first, second) result(c)
         type(pose_type), intent(in) :: first, second
         integer :: c(n_local), i
@@ -75,7 +75,7 @@ contains
         end do
     end subroutine put_row
 
-    !> Add the entries of a gradient to a row, where several elements share columns of it.
+    !> Add the entries of a gradient to a row whose columns several elements share.
     pure subroutine add_row(c, weight, gradient, row, matrix)
         integer, intent(in) :: c(n_local)
         real(wp), intent(in) :: weight, gradient(n_local)
@@ -95,7 +95,7 @@ contains
         real(wp), intent(inout) :: matrix(:, :)
         integer :: at(n_local), i, j, k, n
 
-        ! The entries that go somewhere.
+        ! Entries with a column.
         n = 0
         do i = 1, n_local
             if (c(i) == 0) cycle
@@ -122,7 +122,7 @@ contains
         end do
     end subroutine add_outer
 
-    !> All that a holonomic row has in the gradient blocks, which were zero before the first row.
+    !> Set the gradient blocks of a holonomic row; the blocks are zero before the first row.
     pure subroutine put_holonomic(need, row, c, gradient, second, lambda, derivatives)
         integer, intent(in) :: need, row, c(n_local)
         !> Phi_q with first and second derivatives along the motion; Phi_qq.
@@ -137,7 +137,7 @@ contains
         if (iand(need, need_dynamics_q) /= 0) call add_block(c, lambda, second, derivatives%dynamics_q)
     end subroutine put_holonomic
 
-    !> The part of a holonomic row that is a weighted scalar function, where the row is a sum of them.
+    !> Add a weighted scalar function as part of a holonomic row that is a sum of them.
     pure subroutine add_holonomic(need, row, c, weight, gradient, second, lambda, derivatives)
         integer, intent(in) :: need, row, c(n_local)
         real(wp), intent(in) :: weight, gradient(n_local, 0:2), second(n_local, n_local), lambda
@@ -149,7 +149,7 @@ contains
         if (iand(need, need_dynamics_q) /= 0) call add_block(c, lambda*weight, second, derivatives%dynamics_q)
     end subroutine add_holonomic
 
-    !> All that a force -f(x, xd) x_q has in the gradient blocks, for a scalar coordinate x.
+    !> Add the gradient blocks of a force -f(x, xd) x_q along a scalar coordinate x.
     pure subroutine put_force(need, c, gradient, second, f, derivatives)
         integer, intent(in) :: need, c(n_local)
         !> x_q with its first derivative along the motion; x_qq.

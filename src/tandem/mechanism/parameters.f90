@@ -11,12 +11,12 @@ module tandem_mechanism_parameters
 
     public :: resolve_parameters, check_parameter_name, reserved_names
 
-    !> The variables of functions of time and of laws, which would hide a parameter of the same name.
+    !> Variables of functions of time and of laws, which would hide a parameter of the same name.
     character(len=6), parameter :: reserved_names(4) = [character(len=6) :: 't', 'length', 'angle', 'rate']
 
 contains
 
-    !> Refuse what cannot be the name of a parameter, or of the number of a copy.
+    !> Refuse invalid names of parameters and of repetition indices.
     subroutine check_parameter_name(name, error)
         character(len=*), intent(in) :: name
         type(error_type), allocatable, intent(out) :: error
@@ -27,14 +27,14 @@ contains
             '" has a meaning of its own in expressions, as the variable of a function or of a law', 'choose another name')
     end subroutine check_parameter_name
 
-    !> The values of all parameters.
+    !> Evaluate all parameters.
     subroutine resolve_parameters(names, texts, values, error, key)
-        !> One name and one text each; blanks at their ends are dropped.
+        !> One name and one text each; trailing blanks are ignored.
         character(len=*), intent(in) :: names(:), texts(:)
-        !> One each, finite where there is no error.
+        !> One value each, finite unless there is an error.
         real(wp), intent(out) :: values(:)
         type(error_type), allocatable, intent(out) :: error
-        !> What stands before the names in messages, such as 'parameters.'.
+        !> Prefix of names in messages, such as 'parameters.'.
         character(len=*), intent(in), optional :: key
         type(expression_type), allocatable :: expressions(:)
         logical :: is_known(size(names))
@@ -82,7 +82,7 @@ contains
             'give one of them by a number')
     end subroutine resolve_parameters
 
-    !> A circle among the parameters that are not known, as names joined by arrows; long ones are cut.
+    !> A circle among the unknown parameters, as names joined by arrows; long ones are cut.
     pure subroutine find_circle(names, expressions, is_known, text)
         character(len=*), intent(in) :: names(:)
         type(expression_type), intent(in) :: expressions(:)
@@ -96,7 +96,7 @@ contains
         do i = 1, size(names)
             first = expressions(first)%first_not_in(is_known)
         end do
-        ! It is told from the parameter on that was given first.
+        ! Report the circle from its first parameter in the given order.
         i = first
         do n = 1, size(names)
             i = expressions(i)%first_not_in(is_known)

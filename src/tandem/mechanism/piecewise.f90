@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Expressions with kinks that depend on time alone: where they are, and the smooth piece between two of them that is held while a
-!> step is within it. Kinks that depend on something else are where the state says.
+!> Expressions with kinks that depend on time only: the times of these kinks, and the smooth piece between two of them that is kept
+!> while a step is within it. The state decides the side of all other kinks.
 module tandem_mechanism_piecewise
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -13,21 +13,21 @@ module tandem_mechanism_piecewise
 
     public :: piecewise_type
 
-    !> An expression, and of each kink whether it depends on time alone, and its side.
+    !> An expression; for each kink true if it depends on time only, and its side.
     type :: piecewise_type
         type(expression_type) :: expression
-        !> Which variable is the time, 0 for none.
+        !> Index of the variable that is the time; 0 if none.
         integer :: time = 0
-        !> The highest place of a variable that is used, or of the time.
+        !> Highest place of a variable that occurs, or of the time.
         integer :: n_variables = 0
         logical, allocatable :: is_timed(:)
         integer, allocatable :: sides(:)
-        !> Its parts that depend on time alone, see `expression_type`.
+        !> Parts that depend on time only, see `expression_type`.
         integer, allocatable :: parts(:)
-        !> Whether sides are held, and whether all of them are.
+        !> True if sides are fixed; true if all sides are.
         logical :: holds = .false., holds_all = .false.
-        !> Times between which the parts are monotonic, so that no step hides a value; how long a time is examined next, and how
-        !> many steps pass before that.
+        !> Times between which the parts are monotonic, so that no step misses a value; length of the next examined time, and number
+        !> of steps before it.
         real(wp), private :: clear(2) = [huge(1.0_wp), -huge(1.0_wp)], examined = 0.0_wp
         integer, private :: n_waits = 0, n_left = 0
     contains
@@ -36,16 +36,16 @@ module tandem_mechanism_piecewise
         procedure, private :: current_sides
     end type piecewise_type
 
-    !> How often a part with a kink is divided.
+    !> Largest number of halvings of a part with a kink.
     integer, parameter :: n_halvings = 80
 
 contains
 
-    !> Keep an expression.
+    !> Store an expression.
     subroutine initialize(self, expression, time)
         class(piecewise_type), intent(out) :: self
         type(expression_type), intent(in) :: expression
-        !> Which of its variables is the time, 0 for none.
+        !> Index of the variable that is the time; 0 if none.
         integer, intent(in) :: time
         type(expression_type) :: copy
         integer, allocatable :: used(:)
@@ -68,24 +68,24 @@ contains
         end do
     end subroutine initialize
 
-    !> The times of the kinks within an interval, in no order, and the lowest derivative that jumps there: every change of sign of
-    !> the argument of a kink. The interval is halved until in each part each argument keeps its sign, is monotonic, or differs
-    !> from zero by no more than rounding, by bounds from interval arithmetic; then its signs at the ends of parts show the kinks.
-    !> After many kinks or much work the search ends early.
+    !> Times of the kinks within an interval, unsorted, and the lowest derivative that jumps there: every change of sign of the
+    !> argument of a kink. The interval is halved until, by bounds from interval arithmetic, each argument in each part keeps its
+    !> sign, is monotonic, or is zero up to rounding; then its signs at the ends of parts give the kinks. The search ends early
+    !> after many kinks or much work.
     subroutine find_kinks(self, from, to, places, orders, error)
         class(piecewise_type), intent(in) :: self
-        !> The interval, whose ends do not count; on return the second is how far the search went.
+        !> Interval without its ends; on return `to` is the end of the searched part.
         real(wp), intent(in) :: from
         real(wp), intent(inout) :: to
         real(wp), allocatable, intent(out) :: places(:)
         integer, allocatable, intent(out) :: orders(:)
-        !> Kinks follow each other so closely that they cannot be told apart.
+        !> Set if kinks are too close to be distinguished.
         type(error_type), allocatable, intent(out) :: error
-        !> After so many kinks or parts the search ends where signs are certain, or a little later.
+        !> The search ends after so many kinks or parts as soon as signs are certain, or a little later.
         integer, parameter :: enough = 512, much = 20000, later = 64
-        !> So many parts as narrow as numbers allow, side by side, are refused.
+        !> Largest number of adjacent parts of the smallest possible width.
         integer, parameter :: most_narrow = 64
-        !> Ends of parts on the right that are still to be searched.
+        !> Right ends of the parts that remain to be searched.
         real(wp) :: ends(200), left, right, middle, of_sign(size(self%is_timed))
         integer :: signs(size(self%is_timed)), n, n_parts, n_narrow, n_late, k
         logical :: is_narrow
@@ -132,7 +132,7 @@ contains
 
     contains
 
-        !> A kink is where the sign of an argument changes.
+        !> Record a kink at each change of sign of an argument.
         subroutine compare_signs()
             integer :: now(size(signs))
             real(wp) :: t
@@ -153,12 +153,12 @@ contains
         end subroutine compare_signs
     end subroutine find_kinks
 
-    !> Whether each argument of a kink that depends on time alone keeps its sign within an interval, is monotonic there, or is zero
-    !> all along as far as rounding allows to say.
+    !> True if each argument of a kink that depends on time only keeps its sign within an interval, is monotonic there, or is zero
+    !> throughout up to rounding.
     pure logical function is_simple(self, left, right)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: left, right
-        !> Bounds that are no wider than those of one point by this factor are due to rounding.
+        !> Largest ratio, due to rounding, of the width of bounds to that at one point.
         real(wp), parameter :: little = 4.0_wp
         type(interval_type), dimension(size(self%is_timed)) :: arguments, rates, middle
         integer :: k
@@ -170,14 +170,14 @@ contains
             if (arguments(k)%low > 0.0_wp .or. arguments(k)%high < 0.0_wp) cycle
             if (rates(k)%low > 0.0_wp .or. rates(k)%high < 0.0_wp) cycle
             if (arguments(k)%low >= little*middle(k)%low .and. arguments(k)%high <= little*middle(k)%high) cycle
-            ! It exists nowhere.
+            ! The argument does not exist.
             if (.not. arguments(k)%low <= arguments(k)%high) cycle
             is_simple = .false.
             return
         end do
     end function is_simple
 
-    !> The signs of the arguments at a time, zero where rounding hides them and for those that depend on something else.
+    !> Signs of the arguments at a time; zero within rounding, and for arguments that depend on other variables.
     pure subroutine find_signs(self, t, signs)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: t
@@ -189,21 +189,21 @@ contains
             merge(1, 0, self%is_timed .and. arguments%high < 0.0_wp)
     end subroutine find_signs
 
-    !> Whether the parts that depend on time alone take values between two times that are far from those at times that a step
-    !> looks at, such as a pulse that is narrower than the step. What a step meets by chance is not seen at other times: each
-    !> of two groups of times has to show what bounds from interval arithmetic allow. Nothing is hidden while the parts are
-    !> monotonic, which is examined for many steps at once.
+    !> True if the parts that depend on time only take values between two times that are far from the values that a step samples,
+    !> such as a pulse narrower than the step. A step may sample such a value by chance, so each of two groups of times must reach
+    !> the bounds of interval arithmetic. No value is missed while the parts are monotonic, which is examined for many steps at
+    !> once.
     logical function hides(self, from, to, between, rates)
         class(piecewise_type), intent(inout) :: self
-        !> Two times within a smooth piece, which is held.
+        !> Two times within the current smooth piece.
         real(wp), intent(in) :: from, to
         !> True if the step evaluates at times between its ends; true if derivatives count too.
         logical, intent(in) :: between, rates
         !> The two groups besides the ends, as parts of the step.
         real(wp), parameter :: looks(3, 2) = reshape([0.5_wp, 0.29_wp, 0.77_wp, 0.62_wp, 0.13_wp, 0.91_wp], [3, 2])
-        !> How many parts of the step are looked at more closely.
+        !> Largest number of parts of the step that are examined more closely.
         integer, parameter :: most = 40
-        !> Of fixed size, since nothing is allocated in a step: values of the parts, then their derivatives.
+        !> Of fixed size, because a step allocates nothing: values of the parts, then their derivatives.
         type(interval_type), dimension(2*max_slots) :: now, at_ends, seen, allowed
         integer :: i, j, k, m, n
 
@@ -234,7 +234,7 @@ contains
 
     contains
 
-        !> By how much bounds exceed what is allowed, relative to that.
+        !> Excess of bounds over the allowed ones, relative to the allowed ones.
         real(wp) function violation(left, right)
             real(wp), intent(in) :: left, right
 
@@ -242,7 +242,7 @@ contains
             violation = largest_excess()
         end function violation
 
-        !> The same of values or bounds that were taken.
+        !> Largest excess of the current values or bounds.
         real(wp) function largest_excess()
             real(wp) :: excess
 
@@ -253,7 +253,7 @@ contains
             end do
         end function largest_excess
 
-        !> Look for a value that was not seen, in the part with the widest bounds first, until bounds show that there is none.
+        !> Search for an unsampled value, in the part with the widest bounds first, until bounds exclude one.
         subroutine search()
             real(wp) :: places(2, most + 1), violations(2), middle, left, right
             integer :: n_places, n_halvings, first
@@ -293,8 +293,8 @@ contains
         is_clear = from >= self%clear(1) .and. to <= self%clear(2)
     end function is_clear
 
-    !> Examine the parts from a time on, twice as long a time after success and a quarter of it after failure. In vain, steps pass
-    !> until the next look, so that the work stays small where functions are never monotonic within a step.
+    !> Examine the parts from a time on, for twice as long a time after success and a quarter after failure. After a failure some
+    !> steps pass before the next attempt, which limits the work if functions are never monotonic within a step.
     subroutine examine(self, from, step, rates)
         class(piecewise_type), intent(inout) :: self
         real(wp), intent(in) :: from, step
@@ -302,7 +302,7 @@ contains
         logical, intent(in) :: rates
         integer, parameter :: most_waits = 15
         real(wp), parameter :: most_steps = 1000.0_wp
-        !> Of fixed size, since nothing is allocated in a step.
+        !> Of fixed size, because a step allocates nothing.
         type(interval_type), dimension(max_slots) :: values, slopes, curvatures
         logical :: is_monotonic
         integer :: m
@@ -335,7 +335,7 @@ contains
         self%n_left = self%n_waits
     end subroutine examine
 
-    !> The values of the parts that depend on time alone at one time, then their derivatives.
+    !> Values of the parts that depend on time only at one time, then their derivatives.
     pure subroutine take_values(self, t, values)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: t
@@ -375,10 +375,10 @@ contains
         range = interval_type(min(range%low, other%low), max(range%high, other%high))
     end subroutine include
 
-    !> What is not far from a range.
+    !> Range of values close to a range.
     elemental type(interval_type) function around(range)
         type(interval_type), intent(in) :: range
-        !> So many ranges beyond, and rounding.
+        !> Margin in widths of the range; margin for rounding.
         real(wp), parameter :: beyond = 2.0_wp, rounding = 1.0e-9_wp, smallest = 1.0e-200_wp
         real(wp) :: margin
 
@@ -386,7 +386,7 @@ contains
         around = interval_type(range%low - margin, range%high + margin)
     end function around
 
-    !> The argument of a kink and its rate.
+    !> Argument of a kink and its rate.
     pure subroutine look(self, k, t, value, rate)
         class(piecewise_type), intent(in) :: self
         integer, intent(in) :: k
@@ -394,7 +394,7 @@ contains
         real(wp), intent(out) :: value, rate
         real(wp) :: values(size(self%is_timed)), rates(size(self%is_timed)), x(self%n_variables), v(self%n_variables)
 
-        ! This kink does not look at others than the time.
+        ! This kink depends on time only.
         x = 0.0_wp
         v = 0.0_wp
         x(self%time) = t
@@ -404,7 +404,7 @@ contains
         rate = rates(k)
     end subroutine look
 
-    !> Where the argument changes its sign.
+    !> Zero of the argument.
     pure real(wp) function zero_between(self, k, from_here, to_there, at_first)
         class(piecewise_type), intent(in) :: self
         integer, intent(in) :: k
@@ -423,7 +423,7 @@ contains
             else
                 high = zero_between
             end if
-            ! Newton's step where it stays inside, so that straight arguments give the time itself.
+            ! Take Newton's step if it stays inside, which is exact for linear arguments.
             guess = zero_between - value/rate
             if (.not. (guess > low .and. guess < high) .or. mod(halving, 4) == 0) guess = (low + high)/2
             if (.not. (guess > low .and. guess < high)) return
@@ -431,7 +431,7 @@ contains
         end do
     end function zero_between
 
-    !> Hold the smooth piece that a time lies in, which is no kink.
+    !> Select the smooth piece around a time, which is not a kink.
     pure subroutine hold(self, t)
         class(piecewise_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -450,7 +450,7 @@ contains
         self%clear = [huge(t), -huge(t)]
     end subroutine hold
 
-    !> The sides of all kinks: those of the state, and those that are held.
+    !> Sides of all kinks: those of the state, and fixed ones.
     pure function current_sides(self, x) result(sides)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: x(:)

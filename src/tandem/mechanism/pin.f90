@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Pins, points that meet in the plane,
+!> Pins, coincident points in the plane,
 !>     Phi = r2 + A2 s2' - r1 - A1 s1',
 !> by the arms A s' of the points, and the angles of bodies in the plane with their cosines and sines, `lane` at a time.
 module tandem_mechanism_pin
@@ -14,30 +14,30 @@ module tandem_mechanism_pin
 
     public :: pin_type, angles_type, gather_pins, place_pins, find_pin_blocks, evaluate_pins
 
-    !> The bodies that turn in the plane.
+    !> Bodies with a rotation in the plane.
     type :: angles_type
-        !> How many, and their numbers.
+        !> Number of bodies, and their indices.
         integer :: n = 0
         integer, allocatable :: body(:)
-        !> Of each the coordinate that is its angle; then the last one again and again, up to a multiple of `lane`.
+        !> Coordinate that is the angle of each body; the last one is repeated up to a multiple of `lane`.
         integer, allocatable :: coordinate(:)
-        !> Its value at the last point, cosine and sine; what does not turn has 0 as its number.
+        !> Angle at the last point, cosine and sine; index 0 is for sides without a rotation.
         real(wp), allocatable :: angle(:), c(:), s(:)
     contains
         procedure :: gather => gather_angles, set => set_angles
     end type angles_type
 
-    !> A pin of two bodies in the plane: their points meet, two rows.
+    !> A pin of two bodies in the plane: coincident points, two rows.
     type :: pin_type
-        !> The first row; whether each side is a body or the ground; its number among the angles, 0 where it does not turn; before
-        !> which coordinate it begins, and before which column of the C that is set.
+        !> First row; true for each side that is a body, not the ground; index of its angle, 0 for a side without a rotation; offset
+        !> of its coordinates, and offset of its columns in the stored C.
         integer :: row = 0
         logical :: is_body(2) = .false.
         integer :: angle(2) = 0, before(2) = 0, column(2) = 0
-        !> Whether a chart wants the rows in blocks, and before which entry the block of each body begins.
+        !> True if a chart uses the rows as blocks; offset of the block of each body.
         logical :: has_blocks = .false.
         integer :: block(2) = -1
-        !> The bodies, 0 for the ground.
+        !> Bodies, 0 for the ground.
         integer :: body(2) = 0
         !> -s1' and s2'.
         real(wp) :: arm(2, 2) = 0.0_wp
@@ -45,7 +45,7 @@ module tandem_mechanism_pin
 
 contains
 
-    !> List the bodies that turn in the plane.
+    !> List the bodies with a rotation in the plane.
     pure subroutine gather_angles(self, pose)
         class(angles_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
@@ -60,7 +60,7 @@ contains
         allocate (self%c(0:n), source=1.0_wp)
     end subroutine gather_angles
 
-    !> The angles at q. Those of the last point are kept, as one point is asked for several sets of terms.
+    !> Set the angles at q. They are kept from the last point, because several sets of terms are evaluated at one point.
     pure subroutine set_angles(self, n, q)
         class(angles_type), intent(inout) :: self
         integer, intent(in) :: n
@@ -81,10 +81,10 @@ contains
         end do
     end subroutine set_angles
 
-    !> The pins of a mechanism in the plane.
+    !> Collect the pins of a mechanism in the plane.
     pure subroutine gather_pins(meetings, pose, angles, pins)
         type(span_type), intent(in) :: meetings(:)
-        !> Of the bodies, whose coordinates are numbered; 0 the ground.
+        !> Poses of the bodies, whose coordinates are numbered; 0 is the ground.
         type(pose_type), intent(in) :: pose(0:)
         type(angles_type), intent(in) :: angles
         type(pin_type), allocatable, intent(out) :: pins(:)
@@ -108,7 +108,7 @@ contains
         end do
     end subroutine gather_pins
 
-    !> Take note of the columns of C that the poses say.
+    !> Copy the columns of C from the poses.
     pure subroutine place_pins(pose, pins)
         type(pose_type), intent(in) :: pose(0:)
         type(pin_type), intent(inout) :: pins(:)
@@ -121,7 +121,7 @@ contains
         end do
     end subroutine place_pins
 
-    !> Take note of the blocks that a chart wants, and say which rows are set there: those of bodies that turn.
+    !> Store the offsets of the blocks that a chart uses, and mark the rows that are set there: those of bodies with a rotation.
     pure subroutine find_pin_blocks(pattern, pins)
         type(pattern_type), intent(inout) :: pattern
         type(pin_type), intent(inout) :: pins(:)
@@ -138,13 +138,13 @@ contains
         end do
     end subroutine find_pin_blocks
 
-    !> Every pin's part of the terms. What of C is not set here stays zero, as it was allocated.
+    !> Add the terms of every pin. Entries of C that are not set here stay zero, as allocated.
     pure subroutine evaluate_pins(pins, need, angles, n, q, qd, terms)
         type(pin_type), intent(in) :: pins(:)
         integer, intent(in) :: need, n
-        !> At q.
+        !> Angles at q.
         type(angles_type), intent(in) :: angles
-        !> (n) each; qd may be anything where gamma is not wanted.
+        !> (n) each; qd is not used unless gamma is needed.
         real(wp), intent(in) :: q(n), qd(n)
         type(terms_type), intent(inout) :: terms
 
@@ -186,7 +186,7 @@ contains
         end do
     end subroutine set_phi
 
-    !> The two rows of C of the pins whose rows a chart wants in blocks, which knows the columns of places.
+    !> Set the two rows of C of the pins with blocks of a chart, in which the columns of positions are constant.
     pure subroutine set_blocks(n_pins, pins, n_angles, c, s, n_entries, blocks)
         integer, intent(in) :: n_pins, n_angles, n_entries
         type(pin_type), intent(in) :: pins(n_pins)
@@ -206,14 +206,14 @@ contains
         end do
     end subroutine set_blocks
 
-    !> The two rows of C of the others.
+    !> Set the two rows of C of the other pins.
     pure subroutine set_rows(n_pins, pins, with_blocks, n_angles, c, s, m, width, jacobian)
         integer, intent(in) :: n_pins, n_angles
         type(pin_type), intent(in) :: pins(n_pins)
-        !> Whether those rows are set.
+        !> True if pins with blocks are skipped, because their blocks are set.
         logical, intent(in) :: with_blocks
         real(wp), intent(in) :: c(0:n_angles - 1), s(0:n_angles - 1)
-        !> The shape of the C that is set, which may be compressed.
+        !> Shape of the stored C, which may be compressed.
         integer, intent(in) :: m, width
         real(wp), intent(inout) :: jacobian(m, width)
         integer :: i, side
@@ -233,7 +233,7 @@ contains
         end do
     end subroutine set_rows
 
-    !> The second derivatives of Phi along the motion without qdd.
+    !> Second derivatives of Phi along the motion for qdd = 0.
     pure subroutine set_gamma(n_pins, pins, n_angles, c, s, n, qd, m, gamma)
         integer, intent(in) :: n_pins, n_angles, n, m
         type(pin_type), intent(in) :: pins(n_pins)

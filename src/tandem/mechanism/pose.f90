@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Where a body is, and how that changes: its place and its rotation with their first and second derivatives along a motion, made
-!> once a point and used by every element on the body.
+!> Pose of a body and its change: position and rotation with their first and second derivatives along a motion, set once per point
+!> and used by every element on the body.
 !>
-!> Planar and spatial bodies look alike from outside: vectors have three components (the third is zero in the plane), and a turning
-!> body has one or four coordinates for it. What depends on that is here and nowhere else: A a, its gradient with respect
-!> to these coordinates, and its second gradient. The ground, and a point mass, have none of them.
+!> Planar and spatial bodies have the same interface: vectors have three components (the third is zero in the plane), and a rotation
+!> has one or four coordinates. Everything that depends on this number is here: A a, its gradient with respect to these coordinates,
+!> and its second gradient. The ground has no coordinates, and a point mass has none for a rotation.
 module tandem_mechanism_pose
     use tandem_kinds, only: wp
     use tandem_rigid_euler_parameters, only: b_matrix, b_row, k_matrix, rotation, rotation_rate, set_rotation, &
@@ -14,19 +14,19 @@ module tandem_mechanism_pose
 
     public :: pose_type, turn, turned, set_angle, set_place, set_rates, set_curve, gradient_of, gradient_matrix, second_gradient
 
-    !> A body's pose; as it is declared, that of the ground.
+    !> Pose of a body; by default that of the ground.
     type :: pose_type
-        !> How many coordinates the place has (0, 2 or 3), and how many the rotation (0, 1 or 4).
+        !> Numbers of coordinates of the position (0, 2 or 3) and of the rotation (0, 1 or 4).
         integer :: n_place = 0, n_turn = 0
-        !> The first column of either, 0 for none.
+        !> First column of each, 0 if none.
         integer :: place = 0, turn = 0
-        !> The same in the C that is set, which may be compressed; the first columns in M, and how far apart those of the place are.
+        !> First columns in the stored C, which may be compressed; first columns in M, and distance of the columns of the position.
         integer :: place_column = 0, turn_column = 0, place_mass = 0, turn_mass = 0, mass_step = 1
-        !> Whether the rotation belongs to the Euler parameters.
+        !> True if the rotation matrix is that of the Euler parameters.
         logical :: has_turn = .false.
-        !> Place, angle or Euler parameters, with first and second derivatives.
+        !> Position; angle or Euler parameters; with first and second derivatives.
         real(wp) :: r(3, 0:2) = 0.0_wp, p(4, 0:2) = 0.0_wp
-        !> The rotation from the body's frame to the world's, with first and second derivatives.
+        !> Rotation from the body to the world, with first and second derivatives.
         real(wp) :: a(3, 3, 0:2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, &
             0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
             0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [3, 3, 3])
@@ -34,7 +34,7 @@ module tandem_mechanism_pose
 
 contains
 
-    !> The angle of a body in the plane, with its cosine and sine.
+    !> Set the angle of a body in the plane, with its cosine and sine.
     pure subroutine set_angle(self, angle, c, s)
         type(pose_type), intent(inout) :: self
         real(wp), intent(in) :: angle, c, s
@@ -43,8 +43,8 @@ contains
         call set_plane(self%a(:, :, 0), c, s)
     end subroutine set_angle
 
-    !> The pose at q, but for angles in the plane. The rotation is kept where it is that of before, as one point is asked for
-    !> several sets of terms.
+    !> Set the pose at q, except angles in the plane. The rotation is kept if its parameters are unchanged, because several sets of
+    !> terms are evaluated at one point.
     pure subroutine set_place(self, q)
         type(pose_type), intent(inout) :: self
         real(wp), intent(in) :: q(:)
@@ -72,7 +72,7 @@ contains
 
     contains
 
-        !> Whether two numbers are equal; a NaN is not.
+        !> True if two numbers are equal; false for a NaN.
         pure logical function same(x, y)
             real(wp), intent(in) :: x, y
 
@@ -80,14 +80,14 @@ contains
         end function same
     end subroutine set_place
 
-    !> First derivatives along qd, and what the second ones are without qdd.
+    !> Set first derivatives along qd, and second ones for qdd = 0.
     pure subroutine set_rates(self, qd)
         type(pose_type), intent(inout) :: self
         real(wp), intent(in) :: qd(:)
         integer :: i
         real(wp) :: w
 
-        ! A loop of variable length would be two calls.
+        ! A loop of variable length would become two calls.
         if (self%n_place == 3) then
             do i = 1, 3
                 self%r(i, 1) = qd(self%place + i - 1)
@@ -105,7 +105,7 @@ contains
                 self%p(i, 2) = 0.0_wp
             end do
             call set_rotation_rate(self%p(:, 0), self%p(:, 1), self%a(:, :, 1))
-            ! A is quadratic in p: what is left of its second derivative is 2 A(pd), M(pd, pd).
+            ! A is quadratic in p: the remainder of its second derivative is 2 A(pd), M(pd, pd).
             call set_rotation_rate(self%p(:, 1), self%p(:, 1), self%a(:, :, 2))
         else if (self%n_turn == 1) then
             w = qd(self%turn)
@@ -116,7 +116,7 @@ contains
         end if
     end subroutine set_rates
 
-    !> Second derivatives with qdd; the first ones are there.
+    !> Set second derivatives with qdd; the first ones are set.
     pure subroutine set_curve(self, qdd)
         type(pose_type), intent(inout) :: self
         real(wp), intent(in) :: qdd(:)
@@ -151,10 +151,10 @@ contains
         a(2, 2) = c
     end subroutine set_plane
 
-    !> A a, or a derivative of it, for a fixed a in the body's frame.
+    !> A a, or a derivative of it, for a constant a in the frame of the body.
     pure function turned(self, k, a) result(v)
         type(pose_type), intent(in) :: self
-        !> Which derivative, 0 for none.
+        !> Order of the derivative, 0 for the value.
         integer, intent(in) :: k
         real(wp), intent(in) :: a(3)
         real(wp) :: v(3)
@@ -164,9 +164,9 @@ contains
         v(3) = self%a(3, 1, k)*a(1) + self%a(3, 2, k)*a(2) + self%a(3, 3, k)*a(3)
     end function turned
 
-    !> m a, in place: what loops over joints do most often.
+    !> m a, in place: the most frequent operation of loops over joints.
     pure subroutine turn(m, a, v)
-        !> A rotation or a derivative of it, and a vector in the body's frame.
+        !> A rotation or a derivative of it, and a vector in the frame of the body.
         real(wp), intent(in) :: m(3, 3), a(3)
         real(wp), intent(out) :: v(3)
 
@@ -175,18 +175,18 @@ contains
         v(3) = m(3, 1)*a(1) + m(3, 2)*a(2) + m(3, 3)*a(3)
     end subroutine turn
 
-    !> n' (A a)_p for a fixed n; in the plane the first entry alone counts. The k-th derivative of (A a)_p along the motion, where
-    !> k is not 0.
+    !> n' (A a)_p for a constant n; in the plane only the first entry matters. For k > 0 the k-th derivative of (A a)_p along the
+    !> motion is used.
     pure function gradient_of(self, k, a, n) result(row)
         type(pose_type), intent(in) :: self
         integer, intent(in) :: k
-        !> In the body's frame, and in the world's.
+        !> In the frame of the body, and in that of the world.
         real(wp), intent(in) :: a(3), n(3)
         real(wp) :: row(4)
 
         select case (self%n_turn)
         case (4)
-            ! It is linear in p.
+            ! Linear in p.
             row = b_row(self%p(:, k), a, n)
         case (1)
             row(1) = (self%a(1, 1, k)*a(1) + self%a(1, 2, k)*a(2))*n(2) - (self%a(2, 1, k)*a(1) + self%a(2, 2, k)*a(2))*n(1)
@@ -196,7 +196,7 @@ contains
         end select
     end function gradient_of
 
-    !> (A a)_p (3, 4), or its k-th derivative along the motion; columns that there are not are zero.
+    !> (A a)_p (3, 4), or its k-th derivative along the motion; unused columns are zero.
     pure function gradient_matrix(self, k, a) result(b)
         type(pose_type), intent(in) :: self
         integer, intent(in) :: k

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> How the reaction of a joint presses its sides together, for friction: N = |(w_i lambda_i)|, with the weight 1 for a multiplier
-!> that is a force and 1/arm for one that is a torque, where torques count. Rows of joints are of unit axes and of directions
-!> that are perpendicular, so that multipliers are forces (N) and torques (N m) in the joint's frame at any position.
+!> Normal force of a joint with friction from its reaction: N = |(w_i lambda_i)|, with the weight 1 for a multiplier that is a force
+!> and 1/arm for one that is a torque, if torques count. Rows of joints use unit axes and perpendicular directions, so that
+!> multipliers are forces (N) and torques (N m) in the frame of the joint at any position.
 module tandem_mechanism_press
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -9,11 +9,11 @@ module tandem_mechanism_press
 
     public :: press_type, most_pressing, normal_force
 
-    !> Most rows of a joint: six freedoms, and the row of a screw.
+    !> Largest number of rows of a joint: six freedoms, and the row of a screw.
     integer, parameter :: most_pressing = 7
 
     type :: press_type
-        !> How many rows press, none where friction is under a given normal force; the rows of C, and their weights (1, 1/m).
+        !> Number of rows, 0 for a given normal force; rows of C, and their weights (1, 1/m).
         integer :: n = 0
         integer :: rows(most_pressing) = 0
         real(wp) :: weights(most_pressing) = 0.0_wp
@@ -21,7 +21,7 @@ module tandem_mechanism_press
 
 contains
 
-    !> N (N).
+    !> Normal force N (N).
     pure real(wp) function normal_force(press, lambda) result(normal)
         type(press_type), intent(in) :: press
         real(wp), intent(in) :: lambda(:)

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> Rows at velocity level by expressions: V = sum of c_i(t, q) v_i - e(t, q), where each v_i is an entry of qd or, in space, of an
-!> angular velocity in the world's frame, w = 2 E(p) pd.
+!> angular velocity in the world frame, w = 2 E(p) pd.
 !>
-!> An entry of w is g(p)'pd with g = 2 E(p)'a, a the axis. As E(p) x = -E(x) p, its derivative with respect to p is -2 E(pd)'a, that
-!> of its rate g(p)'pdd is -2 E(pdd)'a, and the part of its rate that is quadratic in pd vanishes.
+!> An entry of w is g(p)'pd with g = 2 E(p)'a, a the axis. As E(p) x = -E(x) p, its derivative with respect to p is -2 E(pd)'a, the
+!> derivative of its rate g(p)'pdd is -2 E(pdd)'a, and the part of its rate that is quadratic in pd vanishes.
 module tandem_mechanism_rate_row
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type
@@ -19,9 +19,9 @@ module tandem_mechanism_rate_row
     public :: rate_row_type, evaluate_rate_rows, differentiate_rate_rows
 
     type :: rate_row_type
-        !> The row of C.
+        !> Row of C.
         integer :: row = 0
-        !> v_i, and the numbers of the expressions of c_i and of e, 0 for none.
+        !> v_i, and the indices of the expressions of c_i and of e, 0 if none.
         type(variable_type), allocatable :: velocities(:)
         integer, allocatable :: coefficients(:)
         integer :: rhs = 0
@@ -29,7 +29,7 @@ module tandem_mechanism_rate_row
 
 contains
 
-    !> The column of a coordinate or of its velocity, the first one of an angular velocity in space; 0 for the time.
+    !> Column of a coordinate or of its velocity, the first one of an angular velocity in space; 0 for the time.
     pure integer function column(variable, pose)
         type(variable_type), intent(in) :: variable
         type(pose_type), intent(in) :: pose(0:)
@@ -46,7 +46,7 @@ contains
         end select
     end function column
 
-    !> The column of a velocity in the C that is set, which may be compressed.
+    !> Column of a velocity in the stored C, which may be compressed.
     pure integer function column_of_c(variable, pose)
         type(variable_type), intent(in) :: variable
         type(pose_type), intent(in) :: pose(0:)
@@ -61,7 +61,7 @@ contains
         end select
     end function column_of_c
 
-    !> How many columns a velocity has, and its coefficients there.
+    !> Number of columns of a velocity, and its coefficients there.
     pure subroutine find_direction(variable, pose, n, g)
         type(variable_type), intent(in) :: variable
         type(pose_type), intent(in) :: pose(0:)
@@ -75,7 +75,7 @@ contains
         g = e_transposed_product(pose(variable%of)%p(:, 0), twice_axis(variable))
     end subroutine find_direction
 
-    !> 2 a, where a is the axis of an entry of an angular velocity.
+    !> 2 a, where a is the axis of a component of an angular velocity.
     pure function twice_axis(variable) result(a)
         type(variable_type), intent(in) :: variable
         real(wp) :: a(3)
@@ -84,7 +84,7 @@ contains
         a(variable%entry) = 2.0_wp
     end function twice_axis
 
-    !> Every row's part of the terms; the Jacobian is zero before.
+    !> Add the terms of every row; the Jacobian is zero on entry.
     pure subroutine evaluate_rate_rows(rows, need, t, pose, qd, formulas, coordinates, terms)
         type(rate_row_type), intent(in) :: rows(:)
         integer, intent(in) :: need
@@ -92,7 +92,7 @@ contains
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in) :: qd(:)
         type(formula_type), intent(inout) :: formulas(:)
-        !> Of the joints, which such rows do not look at.
+        !> Coordinates of the joints, which these rows do not use.
         type(coordinate_type), intent(inout) :: coordinates(:)
         type(terms_type), intent(inout) :: terms
         real(wp) :: value, rate, curve, gamma, g(4)
@@ -139,7 +139,7 @@ contains
         end do
     end subroutine evaluate_rate_rows
 
-    !> Every row's part of the gradient blocks, which are zero before.
+    !> Add the gradient blocks of every row; the blocks are zero on entry.
     pure subroutine differentiate_rate_rows(rows, need, t, pose, qd, qdd, lambda, formulas, coordinates, derivatives)
         type(rate_row_type), intent(in) :: rows(:)
         integer, intent(in) :: need
@@ -170,14 +170,14 @@ contains
         end do
     end subroutine differentiate_rate_rows
 
-    !> The part c v of V due to the derivatives of c, or the part -e.
+    !> Add the part c v of V due to the derivatives of c, or the part -e.
     pure subroutine add_part(row, need, t, pose, formula, coordinates, v, v_rate, c, g, lambda, derivatives)
         integer, intent(in) :: row, need
         real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
         type(formula_type), intent(inout) :: formula
         type(coordinate_type), intent(inout) :: coordinates(:)
-        !> The velocity v = g'qd(c:), its rate, its first column with its coefficients, none for -e; and the row's multiplier.
+        !> Velocity v = g'qd(c:), its rate, its first column with its coefficients, none for -e; and the multiplier of the row.
         real(wp), intent(in) :: v, v_rate
         integer, intent(in) :: c
         real(wp), intent(in) :: g(:), lambda
@@ -209,15 +209,15 @@ contains
         end do
     end subroutine add_part
 
-    !> The part c v of V due to the derivatives of v, an entry of an angular velocity. The formula of c was evaluated by `add_part`,
-    !> which leaves its variables and their rates.
+    !> Add the part c v of V due to the derivatives of v, an entry of an angular velocity. `add_part` has evaluated the formula of c
+    !> with its variables and their rates.
     pure subroutine add_turning(row, need, velocity, pose, formula, qdd, c, lambda, derivatives)
         integer, intent(in) :: row, need
         type(variable_type), intent(in) :: velocity
         type(pose_type), intent(in) :: pose(0:)
         type(formula_type), intent(inout) :: formula
         real(wp), intent(in) :: qdd(:)
-        !> The first column of the Euler parameters.
+        !> First column of the Euler parameters.
         integer, intent(in) :: c
         real(wp), intent(in) :: lambda
         type(derivatives_type), intent(inout) :: derivatives

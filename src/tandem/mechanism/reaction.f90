@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> What the rows of an element do to a body: the force and the torque of -C' lambda. It is read from C, so that it holds for every
-!> element: a generalised force Q on the place of a body is a force at its centre of mass, and 2 E' T on its Euler parameters a
-!> torque T, so that T = E Q/2 (E E' = 1); in the plane the torque is Q itself.
+!> Effect of the rows of an element on a body: the force and the torque of -C' lambda, from the columns of C, so that it holds for
+!> every element: a generalised force Q on the position of a body is a force at its centre of mass, and 2 E' T on its Euler
+!> parameters a torque T, so that T = E Q/2 (E E' = 1); in the plane the torque is Q itself.
 module tandem_mechanism_reaction
     use tandem_kinds, only: wp
     use tandem_mechanism_pose, only: pose_type
@@ -14,13 +14,13 @@ module tandem_mechanism_reaction
 
 contains
 
-    !> The force on a body and the torque about a point of space, in the world's axes.
+    !> Force on a body and torque about a point in space, in world axes.
     pure subroutine reaction_on(body, rows, lambda, jacobian, point, force, torque)
-        !> A body, which is not the ground.
+        !> Pose of a body other than the ground.
         type(pose_type), intent(in) :: body
-        !> The rows of C that count.
+        !> Rows of C of the element.
         integer, intent(in) :: rows(:)
-        !> Multipliers, and C with the columns that the poses say.
+        !> Multipliers, and C with the columns of the poses.
         real(wp), intent(in) :: lambda(:), jacobian(:, :), point(3)
         real(wp), intent(out) :: force(3), torque(3)
         real(wp) :: along(3), turning(4)
@@ -39,7 +39,7 @@ contains
         call wrench_of(body, along, turning, point, force, torque)
     end subroutine reaction_on
 
-    !> The same for a generalised force on place and rotation.
+    !> The same for a generalised force on position and rotation.
     pure subroutine wrench_of(body, along, turning, point, force, torque)
         type(pose_type), intent(in) :: body
         real(wp), intent(in) :: along(3), turning(4), point(3)
@@ -55,7 +55,7 @@ contains
         if (body%n_turn > 0) torque = torque - cross(point - body%r(:, 0), force)
     end subroutine wrench_of
 
-    !> A vector of the world's frame in that of a body.
+    !> Rotate a vector from the world frame to that of a body.
     pure function turned_back(body, v) result(u)
         type(pose_type), intent(in) :: body
         real(wp), intent(in) :: v(3)

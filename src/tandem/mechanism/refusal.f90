@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What the words of mechanisms say where they are given what cannot be.
+!> Errors of the builder procedures for invalid arguments.
 module tandem_mechanism_refusal
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -13,7 +13,7 @@ module tandem_mechanism_refusal
 
 contains
 
-    !> The error of an element, with what to do.
+    !> Set the error of an element, with its remedy.
     subroutine refuse(problem, advice, error)
         character(len=*), intent(in) :: problem, advice
         type(error_type), allocatable, intent(inout) :: error
@@ -21,7 +21,7 @@ contains
         call set_error(error, status_invalid_model, problem, advice)
     end subroutine refuse
 
-    !> Two entries in the plane, three in space.
+    !> Read two components in the plane, three in space.
     subroutine take_vector(planar, label, what, given, vector, error)
         logical, intent(in) :: planar
         character(len=*), intent(in) :: label, what

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Repeated elements: `repeat.bay.count` = "n", `repeat.bay.index` = "i", and below `repeat.bay` elements as they stand elsewhere,
-!> with `{i}` or `{i - 1}` in names and texts, and i in expressions. Each copy becomes elements of its own. Among the elements there
-!> may be repetitions in their turn, `repeat.bay.repeat.floor`, for each copy of what they are in, whose index they know.
+!> Repeated elements: `repeat.bay.count` = "n", `repeat.bay.index` = "i", and below `repeat.bay` elements as elsewhere, with `{i}`
+!> or `{i - 1}` in names and texts, and i in expressions. Each copy becomes a separate element. The elements may include
+!> repetitions, `repeat.bay.repeat.floor`, which are carried out for each copy of the outer one and may use its index.
 module tandem_mechanism_repetition
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -14,13 +14,13 @@ module tandem_mechanism_repetition
 
     public :: repeat_elements
 
-    !> Most copies that a repetition may make, with those in it, so that a wrong count ends with an error; and how deep repetitions
-    !> may stand in each other.
+    !> Largest number of copies of a repetition, including nested ones, so that a wrong count ends with an error; and largest depth
+    !> of nested repetitions.
     integer, parameter :: most = 100000, deepest = 4
 
-    !> What is known while copies are made.
+    !> State during copying.
     type :: copying_type
-        !> Entries that have a copy, copies so far, and whether these are only counted.
+        !> True for each entry with a copy; copies so far; true if copies are only counted.
         logical, allocatable :: is_copied(:)
         integer :: n_copies = 0
         logical :: is_counting = .false.
@@ -28,7 +28,7 @@ module tandem_mechanism_repetition
 
 contains
 
-    !> The length of the first parts of a key, of all of it where it has no more. Dots in braces do not count.
+    !> Length of the first parts of a key, or of the whole key if it has no more parts. Dots in braces do not count.
     pure integer function length_of(key, n_parts) result(length)
         character(len=*), intent(in) :: key
         integer, intent(in) :: n_parts
@@ -45,7 +45,7 @@ contains
         length = len(key)
     end function length_of
 
-    !> The first parts of a key, all of it where it has no more.
+    !> First parts of a key, or the whole key if it has no more parts.
     pure function heading(key, n_parts) result(head)
         character(len=*), intent(in) :: key
         integer, intent(in) :: n_parts
@@ -54,7 +54,7 @@ contains
         head = key
     end function heading
 
-    !> Entries in which nothing is repeated. What `repeat` says of itself is left in `repeats`, with its defaults.
+    !> Expand all repetitions. The keys of the repetitions themselves are returned in `repeats`, with their defaults.
     subroutine repeat_elements(entries, names, values, expanded, repeats, error, place)
         type(entries_type), intent(in) :: entries
         !> Parameters.
@@ -62,7 +62,7 @@ contains
         real(wp), intent(in) :: values(:)
         type(entries_type), intent(out) :: expanded, repeats
         type(error_type), allocatable, intent(out) :: error
-        !> The place of the entry that the error is about, 0 for none.
+        !> Place of the entry that caused the error; 0 if none.
         integer, intent(out) :: place
         type(copying_type) :: state
         character(len=:), allocatable :: head
@@ -78,7 +78,7 @@ contains
                 end if
                 head = heading(entry%key, 2)
                 if (repeats%find(head//'.count') > 0) cycle
-                ! Too many copies are noticed before they are made.
+                ! The first pass counts, so that too many copies are refused before they are made.
                 do k = merge(1, 2, any([(index(entries%list(j)%key, head//'.repeat.') == 1, j=i, entries%n)])), 2
                     state%n_copies = 0
                     state%is_counting = k == 1
@@ -87,20 +87,20 @@ contains
                 end do
             end associate
         end do
-        ! What has no copies is shown all the same.
+        ! Show elements without copies too.
         do i = 1, entries%n
             if (index(entries%list(i)%key, 'repeat.') /= 1 .or. state%is_copied(i)) cycle
             if (repeats%find(entries%list(i)%key) == 0) call repeats%append(entries%list(i))
         end do
     end subroutine repeat_elements
 
-    !> The copies of what is below one head.
+    !> Make the copies of the elements below one heading.
     recursive subroutine expand(entries, head, depth, names, values, indices, state, expanded, repeats, error, place)
         type(entries_type), intent(in) :: entries
-        !> Such as `repeat.bay.`, or `repeat.bay.repeat.floor.`, and how many repetitions that are.
+        !> Heading, such as `repeat.bay.`, or `repeat.bay.repeat.floor.`, and depth of its repetitions.
         character(len=*), intent(in) :: head
         integer, intent(in) :: depth
-        !> Parameters, and behind them the indices of the repetitions that this one is in; the latter as integers.
+        !> Parameters, followed by the indices of the enclosing repetitions; the latter also as integers.
         character(len=*), intent(in) :: names(:)
         real(wp), intent(in) :: values(:)
         integer, intent(in) :: indices(:)
@@ -166,7 +166,7 @@ contains
             place, error)
     end subroutine expand
 
-    !> Each element below the head, once for each value of the index.
+    !> Copy each element below the heading once for each value of the index.
     recursive subroutine copy_elements(entries, head, depth, index_name, first, count, names, values, indices, state, expanded, &
         repeats, place, error)
         type(entries_type), intent(in) :: entries
@@ -214,7 +214,7 @@ contains
                     deallocate (copy%index_names)
                 end associate
             end do
-            ! What is repeated in it comes behind its own elements, wherever it stands.
+            ! Nested repetitions follow the elements of the copy, wherever they are given.
             do k = 1, entries%n
                 if (index(entries%list(k)%key, head//'repeat.') /= 1) cycle
                 inner = head//heading(entries%list(k)%key(len(head) + 1:), 2)//'.'
@@ -228,7 +228,7 @@ contains
         end do
     end subroutine copy_elements
 
-    !> An integer, which parameters may give.
+    !> Read an integer, which may be an expression of parameters.
     subroutine get_count(entries, head, key, default, names, values, repeats, number, place, error)
         type(entries_type), intent(in) :: entries
         character(len=*), intent(in) :: head, key, names(:)
@@ -264,7 +264,7 @@ contains
         end if
     end subroutine get_count
 
-    !> Where something of this repetition stands.
+    !> Place of an entry of this repetition.
     integer function place_below(entries, head)
         type(entries_type), intent(in) :: entries
         character(len=*), intent(in) :: head
@@ -276,7 +276,7 @@ contains
         end do
     end function place_below
 
-    !> The integer that a number is.
+    !> Convert a number to an integer.
     subroutine round(number, key, whole, error)
         type(error_type), allocatable, intent(inout) :: error
         real(wp), intent(in) :: number
@@ -294,7 +294,7 @@ contains
         end if
     end subroutine round
 
-    !> The integer that an expression gives.
+    !> Integer value of an expression.
     subroutine evaluate(text, key, known, numbers, whole, error)
         type(error_type), allocatable, intent(inout) :: error
         character(len=*), intent(in) :: text, key, known(:)
@@ -307,10 +307,10 @@ contains
         if (.not. allocated(error)) call round(expression%value([real(wp) ::]), key//': "'//text//'"', whole, error)
     end subroutine evaluate
 
-    !> A text with numbers in the place of what stands in braces.
+    !> Replace braces in a text by numbers.
     subroutine fill(text, key, known, numbers, filled, error)
         character(len=*), intent(in) :: text, key
-        !> What braces may name, and what that is.
+        !> Names that braces may contain, and their values.
         character(len=*), intent(in) :: known(:)
         real(wp), intent(in) :: numbers(:)
         type(error_type), allocatable, intent(inout) :: error
@@ -337,7 +337,7 @@ contains
         filled = filled//text(at:)
     end subroutine fill
 
-    !> The same in all texts of a value.
+    !> Replace braces in all texts of a value.
     subroutine fill_texts(value, key, known, numbers, error)
         type(value_type), intent(inout) :: value
         character(len=*), intent(in) :: key, known(:)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The rigid motions of a mechanism: of the world as a whole (`world.x`, `world.turn_z`), and of each body about its own centre of
-!> mass (`BODY.spin_y`, about the body's axis y). Those of them that leave the equations as they are make steady motions.
+!> Rigid motions of a mechanism: of the world as a whole (`world.x`, `world.turn_z`), and of each body about its own centre of mass
+!> (`BODY.spin_y`, about the body's axis y). Those that leave the equations invariant give steady motions.
 module tandem_mechanism_rigid_motions
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: body_type
@@ -19,14 +19,14 @@ contains
     pure subroutine list_rigid_motions(planar, bodies, pose, motions)
         logical, intent(in) :: planar
         type(body_type), intent(in) :: bodies(:)
-        !> Where the coordinates of each body are; 0 the ground.
+        !> Poses of the bodies, whose coordinates are numbered; 0 is the ground.
         type(pose_type), intent(in) :: pose(0:)
         type(affine_motion_type), allocatable, intent(out) :: motions(:)
         integer :: first, i, k, n, n_axes
 
         n_axes = merge(2, 3, planar)
         first = merge(3, 1, planar)
-        ! Each is made in its place: what a constructor of an array takes of such objects, gfortran 12 forgets to give back.
+        ! Set each motion in place: gfortran 12 leaks components of such objects in an array constructor.
         allocate (motions(n_axes + (4 - first)*(1 + count(pose(1:size(bodies))%n_turn > 0))))
         n = 0
         do k = 1, n_axes
@@ -46,7 +46,7 @@ contains
         end do
     end subroutine list_rigid_motions
 
-    !> All bodies along an axis of the world.
+    !> Translation of all bodies along an axis of the world.
     pure subroutine translation(k, pose, motion)
         integer, intent(in) :: k
         type(pose_type), intent(in) :: pose(0:)
@@ -59,7 +59,7 @@ contains
         end do
     end subroutine translation
 
-    !> All bodies about an axis of the world through its origin.
+    !> Rotation of all bodies about an axis of the world through its origin.
     pure subroutine rotation_of_world(planar, k, pose, motion)
         logical, intent(in) :: planar
         integer, intent(in) :: k
@@ -75,7 +75,7 @@ contains
         a = modulo(k, 3)
         b = modulo(k + 1, 3)
         do i = 1, ubound(pose, 1)
-            ! omega x r about axis k: axis k + 1 moves along k + 2, and that back.
+            ! omega x r about axis k: axis k + 1 moves along k + 2, and axis k + 2 against k + 1.
             call motion%add_entry(pose(i)%place + b, pose(i)%place + a, 1.0_wp)
             call motion%add_entry(pose(i)%place + a, pose(i)%place + b, -1.0_wp)
             if (pose(i)%n_turn == 1) call motion%add_constant(pose(i)%turn, 1.0_wp)
@@ -83,7 +83,7 @@ contains
         end do
     end subroutine rotation_of_world
 
-    !> A body about one of its axes through its centre of mass.
+    !> Rotation of a body about one of its axes through its centre of mass.
     pure subroutine spin(name, planar, k, pose, motion)
         character(len=*), intent(in) :: name
         logical, intent(in) :: planar
@@ -103,7 +103,7 @@ contains
     !> pd = E(p)' omega / 2 for an axis of the world (side 1), G(p)' omega / 2 for one of the body (side -1): both are linear in p.
     pure subroutine add_turn(motion, turn, k, side)
         type(affine_motion_type), intent(inout) :: motion
-        !> The first of the Euler parameters.
+        !> First of the Euler parameters.
         integer, intent(in) :: turn, k
         real(wp), intent(in) :: side
         real(wp), parameter :: half = 0.5_wp

@@ -2,13 +2,13 @@
 !> Nonholonomic elements: a knife edge (a wheel that does not slip sideways), and a disk with a sharp or a round rim, a sphere or an
 !> ellipsoid that rolls on a plane, which may rise, turn about its normal, and slide within itself with time.
 !>
-!> A row is V = E qd - e = 0. With V_q and the derivatives of E and V_q along the motion it gives all gradient blocks:
-!> (C qd - nu)_q = V_q, (C qdd + gamma)_q = d/dt V_q, gamma_qd = V_q + d/dt E (section 15 of doc/theory.md).
+!> A row is V = E qd - e = 0. V_q and the derivatives of E and V_q along the motion give all gradient blocks: (C qd - nu)_q = V_q,
+!> (C qdd + gamma)_q = d/dt V_q, gamma_qd = V_q + d/dt E (section 15 of doc/theory.md).
 !>
-!> The disk of radius R, centre A s, axis a: with sigma = a.n and g = sqrt(1 - sigma^2) the way from r to the contact point is
-!> y = A s - R (n/g - a sigma/g), the height n.r + n.A s - R g. The sphere has no axis: sigma = 0, g = 1. The point of the body in
-!> contact moves with the plane: t.(rd + w x y) = e for the two tangents t of the plane, w = 2 E(p) pd. A round rim of radius c adds
-!> -c n to y. The ellipsoid with semi-axes A has its contact at A^2 m/|A m| from its centre, m the normal downwards in the body.
+!> The disk of radius R, centre A s, axis a: with sigma = a.n and g = sqrt(1 - sigma^2) the vector from r to the contact point is y
+!> = A s - R (n/g - a sigma/g), the height n.r + n.A s - R g. A sphere has no axis: sigma = 0, g = 1. The contact point of the body
+!> moves with the plane: t.(rd + w x y) = e for the two tangents t of the plane, w = 2 E(p) pd. A round rim of radius c adds -c n to
+!> y. The ellipsoid with semi-axes A has its contact at A^2 m/|A m| from its centre, m the downward normal in the body.
 module tandem_mechanism_rolling
     use tandem_kinds, only: wp
     use tandem_mechanism_glide, only: put_nonholonomic, spin_of, spinning_part, turning_part
@@ -24,41 +24,41 @@ module tandem_mechanism_rolling
     public :: edge_type, evaluate_edges, differentiate_edges
     public :: roller_type, find_contact, evaluate_rollers, differentiate_rollers
 
-    !> The velocity of a point of a body along a direction of it (across the edge, along a wheel's axle) is zero.
+    !> The velocity of a point of a body along a direction fixed to it (across the edge, along the axle of a wheel) is zero.
     type :: edge_type
         integer :: body = 0
-        !> The row of C.
+        !> Row of C.
         integer :: row = 0
-        !> Point and direction in the body's frame, and their product s' x a'.
+        !> Point and direction in the frame of the body, and their product s' x a'.
         real(wp) :: point(3) = 0.0_wp, across(3) = 0.0_wp, moment(3) = 0.0_wp
-        !> The number of the function by which the direction turns in the body, 0 for none, and the one that it turns towards.
+        !> Index of the function by which the direction rotates in the body, 0 if none; the direction at 90 degrees of this
+        !> rotation.
         integer :: steer = 0
         real(wp) :: towards(3) = 0.0_wp
-        !> The angle that it was turned by last, its cosine and its sine.
+        !> Last steering angle, its cosine and its sine.
         real(wp) :: angle = 0.0_wp, cosine = 1.0_wp, sine = 0.0_wp
     end type edge_type
 
-    !> A disk, or where `axis` is zero a sphere, or an ellipsoid.
+    !> A disk, a sphere (zero `axis`), or an ellipsoid.
     type :: roller_type
         integer :: body = 0
-        !> The row of the height, and the first of the two rows without slip.
+        !> Row of the height, and first of the two rows without slip.
         integer :: height_row = 0, row = 0
-        !> Of a disk that of the middle line of the rim, and the radius of the rim's section; of an ellipsoid the squares of its
-        !> semi-axes.
+        !> Disk: radius of the middle line of the rim, and of the section of the rim; ellipsoid: squares of the semi-axes.
         real(wp) :: radius = 1.0_wp, crown = 0.0_wp, squares(3) = 1.0_wp
         logical :: is_ellipsoid = .false.
-        !> Centre and unit axis in the body's frame.
+        !> Centre and unit axis in the frame of the body.
         real(wp) :: centre(3) = 0.0_wp, axis(3) = 0.0_wp
         !> Unit normal of the plane, two tangents, and the plane's distance from the origin along n.
         real(wp) :: normal(3) = [0.0_wp, 0.0_wp, 1.0_wp], height = 0.0_wp
         real(wp) :: tangent(3, 2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp], [3, 2])
-        !> The numbers of the functions by which the plane rises, turns and slides, 0 for none; what it turns about, and along what
-        !> it slides.
+        !> Indices of the functions by which the plane rises, turns and slides, 0 if none; pivot of its rotation, and direction of
+        !> its sliding.
         integer :: rise = 0, turn = 0, slide = 0
         real(wp) :: pivot(3) = 0.0_wp, along(3) = 0.0_wp
     end type roller_type
 
-    !> A disk whose g is smaller lies flat on the plane, and has no contact point.
+    !> A disk with a smaller g lies flat on the plane and has no contact point.
     real(wp), parameter :: flat = 1.0e-7_wp
 
 contains
@@ -104,7 +104,7 @@ contains
         end do
     end subroutine evaluate_edges
 
-    !> a' and s' x a' of an edge that is steered, with their derivatives by time.
+    !> a' and s' x a' of a steered edge, with their derivatives with respect to time.
     pure subroutine steer(edge, f, across, moment, across_t, moment_t)
         type(edge_type), intent(inout) :: edge
         real(wp), intent(in), contiguous :: f(0:, :)
@@ -121,7 +121,7 @@ contains
         moment_t = cross(edge%point, across_t)
     end subroutine steer
 
-    !> Their part of the gradient blocks that are asked for.
+    !> Add the requested gradient blocks of knife edges.
     pure subroutine differentiate_edges(edges, need, pose, f, lambda, derivatives)
         type(edge_type), intent(inout) :: edges(:)
         integer, intent(in) :: need
@@ -172,7 +172,7 @@ contains
         end do
     end subroutine differentiate_edges
 
-    !> The way from a body's centre of mass to the point of contact, at a pose of which place and rotation are known.
+    !> Vector from a body's centre of mass to the contact point, at a pose with given position and rotation.
     pure subroutine find_contact(roller, body, y)
         type(roller_type), intent(in) :: roller
         type(pose_type), intent(in) :: body
@@ -190,7 +190,7 @@ contains
         end if
     end subroutine find_contact
 
-    !> The plane's normal downwards in the body's frame, or its k-th derivative along the motion.
+    !> Downward normal of the plane in the frame of the body, or its k-th derivative along the motion.
     pure function down(roller, body, k) result(m)
         type(roller_type), intent(in) :: roller
         type(pose_type), intent(in) :: body
@@ -203,7 +203,7 @@ contains
         end do
     end function down
 
-    !> The height and the two rows without slip.
+    !> Add the height and the two rows without slip.
     pure subroutine evaluate_rollers(rollers, need, pose, f, terms, stat)
         type(roller_type), intent(in) :: rollers(:)
         integer, intent(in) :: need
@@ -234,7 +234,7 @@ contains
                         terms%jacobian(roller%row, body%place_column + k - 1) = roller%tangent(k, 1)
                         terms%jacobian(roller%row + 1, body%place_column + k - 1) = roller%tangent(k, 2)
                     end do
-                    ! The contact's place on the body changes along the plane: it counts as fixed to the body.
+                    ! The contact point moves on the body along the plane, so that it counts as fixed to the body.
                     row = gradient_of(body, 0, lever, n)
                     do k = 1, 4
                         terms%jacobian(roller%height_row, body%turn_column + k - 1) = row(k)
@@ -261,13 +261,13 @@ contains
         end do
     end subroutine evaluate_rollers
 
-    !> The contact of a disk or a sphere.
+    !> Contact of a disk or a sphere.
     pure subroutine contact_of_disk(roller, body, need, y, y1, lever, lift, stat)
         type(roller_type), intent(in) :: roller
         type(pose_type), intent(in) :: body
         integer, intent(in) :: need
-        !> The way from the centre of mass to it, and its rate, in the world's frame; the vector in the body's frame that has the
-        !> gradient of the height; the second derivative of the height without qdd. What gamma alone needs is left alone without it.
+        !> Vector from the centre of mass to the contact, and its rate, in the world; vector in the body with the gradient of the
+        !> height; second derivative of the height for qdd = 0. Quantities for gamma are set only if it is needed.
         real(wp), intent(out) :: y(3)
         real(wp), intent(inout) :: y1(3), lever(3), lift
         integer, intent(inout) :: stat
@@ -296,7 +296,7 @@ contains
         end associate
     end subroutine contact_of_disk
 
-    !> The contact of an ellipsoid: with the normal m downwards in the body's frame and g = |A m|, A the semi-axes, at A^2 m/g.
+    !> Contact of an ellipsoid: with the downward normal m in the body and g = |A m|, A the semi-axes, it is at A^2 m/g.
     pure subroutine contact_of_ellipsoid(roller, body, need, y, y1, lever, lift)
         type(roller_type), intent(in) :: roller
         type(pose_type), intent(in) :: body
@@ -322,7 +322,7 @@ contains
         end associate
     end subroutine contact_of_ellipsoid
 
-    !> What a plane that moves adds: the plane's point in contact has the velocity e along the tangents.
+    !> Add the motion of the plane: its point in contact has the velocity e along the tangents.
     pure subroutine add_plane(roller, need, body, f, y, y1, terms)
         type(roller_type), intent(in) :: roller
         integer, intent(in) :: need
@@ -351,7 +351,7 @@ contains
         end do
     end subroutine add_plane
 
-    !> How the plane has risen, turned and slid, with derivatives.
+    !> Rise, rotation and sliding of the plane, with derivatives.
     pure subroutine plane_motion(roller, f, rise, turn, slide)
         type(roller_type), intent(in) :: roller
         real(wp), intent(in), contiguous :: f(0:, :)
@@ -365,8 +365,8 @@ contains
         if (roller%slide > 0) slide = f(:, roller%slide)
     end subroutine plane_motion
 
-    !> The gradient blocks. With y and its gradient y_p the rows V = t.rd + w.(y x t) - e have, with z = y x t and q = t x w,
-    !> V_p = -2 E(pd)'z + y_p'q, and what the plane's motion adds.
+    !> Add the gradient blocks. With y and its gradient y_p the rows V = t.rd + w.(y x t) - e have, with z = y x t and q = t x w,
+    !> V_p = -2 E(pd)'z + y_p'q, plus the terms of a moving plane.
     pure subroutine differentiate_rollers(rollers, need, pose, f, lambda, derivatives)
         type(roller_type), intent(in) :: rollers(:)
         integer, intent(in) :: need
@@ -420,7 +420,7 @@ contains
                 end do
                 if (iand(need, need_dynamics_q) == 0) cycle
 
-                ! (2 E(p)' (y x t))_p with t of both rows.
+                ! (2 E(p)' (y x t))_p, with t summed over both rows.
                 associate (t => lambda(roller%row)*roller%tangent(:, 1) + lambda(roller%row + 1)*roller%tangent(:, 2))
                     h = 2*e_transposed_gradient(cross(y(:, 0), t))
                     do k = 1, 4
@@ -437,13 +437,13 @@ contains
         end do
     end subroutine differentiate_rollers
 
-    !> The contact of a disk or a sphere.
+    !> Contact of a disk or a sphere.
     pure subroutine differentiate_disk(roller, body, y, y_p, gradient, second)
         type(roller_type), intent(in) :: roller
         type(pose_type), intent(in) :: body
-        !> The way to it and its gradient, with derivatives along the motion.
+        !> Vector to the contact and its gradient, with derivatives along the motion.
         real(wp), intent(out) :: y(3, 0:1), y_p(3, 4, 0:1)
-        !> The gradient of the height by p with derivatives along the motion, and its second gradient.
+        !> Gradient of the height with respect to p with derivatives along the motion, and its second gradient.
         real(wp), intent(out) :: gradient(4, 0:2), second(4, 4)
         real(wp) :: a(3, 0:2), b(4, 0:2), b_a(3, 4, 0:1), b_s(3, 4, 0:1), sigma(0:2), u(0:2), v(0:1), u_s(0:1), v_s(0:1), over
         integer :: k
@@ -483,7 +483,7 @@ contains
         end associate
     end subroutine differentiate_disk
 
-    !> The contact of an ellipsoid. The height has the gradient C'x with x = s + A^2 m/g and C = (A(p)'n)_p, as if x were constant.
+    !> Contact of an ellipsoid. The height has the gradient C'x with x = s + A^2 m/g and C = (A(p)'n)_p, as if x were constant.
     pure subroutine differentiate_ellipsoid(roller, body, y, y_p, gradient, second)
         type(roller_type), intent(in) :: roller
         type(pose_type), intent(in) :: body

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Rows by their numbers, and those of each element, whose names begin with its own, without looking through those of all others.
+!> Rows by number and by element; row names begin with the name of the element. Finding the rows of an element needs no search.
 module tandem_mechanism_row_list
     use tandem_model, only: label_length
     use tandem_name_index, only: name_index_type
@@ -10,15 +10,15 @@ module tandem_mechanism_row_list
 
     !> Rows in the order of their numbers, from 1.
     type :: row_list_type
-        !> How many there are.
+        !> Number of rows.
         integer :: n = 0
-        !> Names are composed when they are asked for: of each row its element, and the number of what follows the element's name
-        !> with its unit, of which there are few.
+        !> Parts of names, which are composed on request: the element of each row, and the index of its suffix and unit, of which
+        !> there are few.
         integer, allocatable, private :: element(:), kind(:)
         integer, private :: n_kinds = 0
         character(len=label_length), allocatable, private :: suffixes(:), units(:)
-        !> Elements with their first rows; the row of the same element that comes behind each, 0 for none; behind the first, the
-        !> last.
+        !> Elements with their first rows; the next row of the same element for each row, 0 if none; for the first row of an
+        !> element, its last.
         type(name_index_type), private :: heads
         integer, allocatable, private :: behind(:), last(:)
     contains
@@ -28,7 +28,7 @@ module tandem_mechanism_row_list
 
 contains
 
-    !> Forget all rows.
+    !> Remove all rows.
     pure subroutine clear(self)
         class(row_list_type), intent(inout) :: self
 
@@ -40,7 +40,7 @@ contains
         allocate (self%behind(16), self%last(16), self%element(16), self%kind(16), self%suffixes(16), self%units(16))
     end subroutine clear
 
-    !> Keep names and units alone: nothing is added any more, and no element looked for.
+    !> Keep names and units only: no row is added and no element is looked up afterwards.
     pure subroutine close(self)
         class(row_list_type), intent(inout) :: self
 
@@ -50,14 +50,14 @@ contains
         deallocate (self%behind, self%last)
     end subroutine close
 
-    !> One row more, after `clear`.
+    !> Append a row, after `clear`.
     pure subroutine add(self, name, unit)
         class(row_list_type), intent(inout) :: self
-        !> An element's name, and what follows behind a blank.
+        !> Name of the element, followed by a suffix after a blank.
         character(len=*), intent(in) :: name, unit
         integer :: head
 
-        ! Room for many more: a row more must not cost a copy of all before.
+        ! Allocate spare room, so that adding a row does not copy the list each time.
         if (self%n == size(self%behind)) then
             self%behind = [self%behind, self%behind]
             self%last = [self%last, self%last]
@@ -79,7 +79,7 @@ contains
         end if
     end subroutine add
 
-    !> The number of a suffix with a unit.
+    !> Index of a suffix with a unit.
     pure subroutine kind_of(self, suffix, unit, kind)
         class(row_list_type), intent(inout) :: self
         character(len=*), intent(in) :: suffix, unit
@@ -97,7 +97,7 @@ contains
         self%units(kind) = unit
     end subroutine kind_of
 
-    !> The name of a row.
+    !> Name of a row.
     pure function name(self, row)
         class(row_list_type), intent(in) :: self
         integer, intent(in) :: row
@@ -106,7 +106,7 @@ contains
         name = self%heads%name(self%element(row))//self%suffixes(self%kind(row))
     end function name
 
-    !> The unit of its multiplier.
+    !> Unit of the multiplier of a row.
     pure function unit(self, row)
         class(row_list_type), intent(in) :: self
         integer, intent(in) :: row
@@ -115,16 +115,16 @@ contains
         unit = self%units(self%kind(row))
     end function unit
 
-    !> The first row of an element, 0 for none.
+    !> First row of an element; 0 if none.
     pure integer function first(self, element)
         class(row_list_type), intent(in) :: self
-        !> What stands behind a blank in it does not count.
+        !> Only the part before the first blank is used.
         character(len=*), intent(in) :: element
 
         first = self%heads%get(element(:word_length(element)))
     end function first
 
-    !> The row of the same element that comes behind a row, 0 for none.
+    !> Next row of the same element; 0 if none.
     pure integer function next(self, row)
         class(row_list_type), intent(in) :: self
         integer, intent(in) :: row
@@ -132,7 +132,7 @@ contains
         next = self%behind(row)
     end function next
 
-    !> How long the first word of a text is.
+    !> Length of the first word of a text.
     pure integer function word_length(text)
         character(len=*), intent(in) :: text
 

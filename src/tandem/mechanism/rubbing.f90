@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Friction on the reactions of joints, as charts ask a model for it: the force of each for a normal force of 1 N, and the normal
-!> forces that multipliers are.
+!> Friction on the reactions of joints, as charts request it from a model: the force of each friction for a normal force of 1 N, and
+!> the normal forces for given multipliers.
 submodule(tandem_mechanism) tandem_mechanism_rubbing
     use tandem_mechanism_press, only: normal_force
     implicit none (type, external)
@@ -12,7 +12,7 @@ contains
 
         do i = 1, size(self%torsions)
             associate (rows => self%torsions(i)%press%rows)
-                ! Those at velocity level come behind all others.
+                ! Rows at velocity level come after all others.
                 where (rows < 0) rows = self%n_holonomic - rows
             end associate
         end do
@@ -34,7 +34,7 @@ contains
         value = 0.0_wp
         select type (self)
         class is (mechanism_type)
-            ! No term, but the places and the current piece of each law.
+            ! Set only the positions and the current piece of each law; evaluate no term.
             call self%evaluate(0, t, q, qd, self%at_row, stat)
             do i = 1, size(self%bodies)
                 call set_rates(self%pose(i), qd)

@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> The scales of a mechanism, taken from its own lengths, so that the same mechanism takes the same steps in any units.
+!> Scales of a mechanism from its own lengths, so that a mechanism takes the same steps in any units.
 submodule(tandem_mechanism) tandem_mechanism_scales
     use tandem_mechanism_coordinate, only: is_angle, is_tilt, pi
     use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_span, only: span_type
     implicit none (type, external)
 
-    !> A geometric mean in the making.
+    !> Accumulator of a geometric mean.
     type :: mean_type
         real(wp) :: total = 0.0_wp
         integer :: n = 0
@@ -22,7 +22,7 @@ contains
         self%coordinate_scale = spread(1.0_wp, 1, self%n)
         do i = 1, size(self%first) - 1
             associate (scale => self%coordinate_scale(self%first(i):self%first(i + 1) - 1))
-                ! What slides without mass moves along a length.
+                ! The displacement of a massless part is a length.
                 if (i > size(self%bodies)) then
                     scale = self%size_of_bodies
                 else
@@ -47,9 +47,9 @@ contains
         end do
     end procedure set_scales
 
-    !> About the time in which a pendulum of the typical length swings from one side to the other. Without gravity the time in which
-    !> bodies and what drives them go 4 rad, or four lengths, by their rates and accelerations at the start; where nothing moves or
-    !> accelerates beyond what rounding leaves of springs in balance, that of springs.
+    !> About half a period of a pendulum of the typical length. Without gravity, the time in which bodies and their drives move 4
+    !> rad, or four lengths, at their rates and accelerations at the start; if these are not larger than rounding of balanced
+    !> springs, the time of the springs.
     module procedure set_time_scale
         real(wp), parameter :: rounding = 1.0e-6_wp, way = 4.0_wp
         real(wp) :: rate, swing
@@ -65,7 +65,7 @@ contains
         if (.not. (self%time_scale > 0.0_wp .and. self%time_scale <= huge(1.0_wp))) self%time_scale = 1.0_wp
     end procedure set_time_scale
 
-    !> The largest velocity on the coordinates' scales.
+    !> Largest velocity relative to the scales of the coordinates.
     pure real(wp) function rate_of_start(self, qd) result(rate)
         class(mechanism_type), intent(in) :: self
         real(wp), intent(in) :: qd(:)
@@ -73,7 +73,7 @@ contains
         rate = maxval([0.0_wp, abs(qd)/self%coordinate_scale])
     end function rate_of_start
 
-    !> The value of a coupling whose angles are 1 and whose displacements are one length scale.
+    !> Value of a coupling whose angles are 1 and whose displacements are one length scale.
     pure real(wp) function size_of_sum(self, it) result(unit)
         class(mechanism_type), intent(in) :: self
         type(coupling_type), intent(in) :: it
@@ -85,7 +85,7 @@ contains
         end do
     end function size_of_sum
 
-    !> How fast functions of time that drive joints and distances change at a time.
+    !> Rate of the functions of time of joints and distances at a time.
     real(wp) function rate_of_motions(self, t) result(rate)
         class(mechanism_type), intent(in) :: self
         real(wp), intent(in) :: t
@@ -109,7 +109,7 @@ contains
 
         subroutine add(motion, unit)
             integer, intent(in) :: motion
-            !> The size of what it drives.
+            !> Scale of the driven quantity.
             real(wp), intent(in) :: unit
             real(wp) :: f(0:2)
 
@@ -119,7 +119,7 @@ contains
         end subroutine add
     end function rate_of_motions
 
-    !> How fast forces would let bodies go if nothing held them.
+    !> Rate of the motion under the given forces if nothing held the bodies.
     real(wp) function rate_of_forces(self, t, q, qd) result(rate)
         class(mechanism_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:)
@@ -153,7 +153,7 @@ contains
         end subroutine add
     end function rate_of_forces
 
-    !> How fast bodies swing on springs of numbers.
+    !> Rate of oscillation of the bodies on linear springs.
     pure real(wp) function rate_of_springs(self) result(rate)
         class(mechanism_type), intent(in) :: self
         real(wp) :: mass, inertia, square
@@ -196,8 +196,8 @@ contains
         end do
     end procedure set_magnitudes
 
-    !> The geometric mean of the sizes of the bodies and of the rods between them: few parts of another size hardly matter. Of point
-    !> masses alone the lengths of springs count, then the distances of the bodies from each other, then those from the origin.
+    !> Geometric mean of the sizes of the bodies and of the rods between them, in which a few parts of another size hardly matter.
+    !> For point masses only: the lengths of springs, else the distances between the bodies, else those from the origin.
     function typical_length(self) result(length)
         class(mechanism_type), intent(in) :: self
         real(wp) :: length
@@ -252,7 +252,7 @@ contains
 
     contains
 
-        !> The points of two bodies.
+        !> Extend the sizes of two bodies to their points.
         subroutine extend(span)
             type(span_type), intent(in) :: span
 

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A mechanism from breakpoint to breakpoint: the kinks of its functions of time, of its laws and of its expressions are found as a
-!> run goes on, each of them from the time that its own search has reached.
+!> Breakpoints of a mechanism: the kinks of its functions of time, laws and expressions are found as a run proceeds, for each from
+!> the time its own search has reached.
 submodule(tandem_mechanism_drawn) tandem_mechanism_segments
     use tandem_error, only: set_error, to_text
     use tandem_mechanism_formula, only: formula_type
@@ -10,7 +10,7 @@ submodule(tandem_mechanism_drawn) tandem_mechanism_segments
 contains
 
     module procedure begin_breakpoints
-        !> More searches than there are functions, before a run: most mechanisms have no more kinks than these find.
+        !> Number of searches before a run, in addition to one per function: enough for all kinks of most mechanisms.
         integer, parameter :: some = 16
         integer :: n
 
@@ -26,7 +26,7 @@ contains
     end procedure begin_breakpoints
 
     module procedure know_breakpoints
-        !> So many more searches than there are functions, without a kink, are refused.
+        !> Largest number of searches without a kink, in addition to one per function.
         integer, parameter :: most = 200
 
         if (.not. allocated(self%searched) .or. .not. allocated(self%breakpoints)) return
@@ -39,11 +39,11 @@ contains
             'where it is zero for a while')
     end procedure know_breakpoints
 
-    !> Search until a number of breakpoints is known or all are.
+    !> Search until a number of breakpoints is known or there are no more.
     subroutine search(self, number, most, error)
         class(drawn_type), intent(inout) :: self
         integer, intent(in) :: number
-        !> The largest number of searches.
+        !> Largest number of searches.
         integer, intent(in) :: most
         type(error_type), allocatable, intent(out) :: error
         real(wp), allocatable :: places(:)
@@ -63,12 +63,12 @@ contains
         end do
     end subroutine search
 
-    !> Search for kinks of one function, from where it has been searched on.
+    !> Search for kinks of one function, from the time reached so far.
     subroutine search_function(self, i, places, jumps, error)
         class(drawn_type), intent(inout) :: self
-        !> Its number among motions, laws and formulas, in this order.
+        !> Index among motions, laws and formulas, in this order.
         integer, intent(in) :: i
-        !> The kinks, and whether qd jumps there.
+        !> Kinks, and true for each at which qd jumps.
         real(wp), allocatable, intent(out) :: places(:)
         logical, allocatable, intent(out) :: jumps(:)
         type(error_type), allocatable, intent(out) :: error
@@ -98,8 +98,8 @@ contains
         end associate
     end subroutine search_function
 
-    !> Take the kinks ahead that no other can precede any more as breakpoints, in their order. Those that differ by rounding alone
-    !> are one.
+    !> Move the kinks that no unknown kink can precede to the breakpoints, in their order. Kinks that differ by rounding only are
+    !> merged.
     subroutine take_ahead(self)
         class(drawn_type), intent(inout) :: self
         real(wp), parameter :: rounding = 64*epsilon(1.0_wp)
@@ -132,7 +132,7 @@ contains
 
     contains
 
-        !> Sort by merging.
+        !> Merge sort.
         recursive subroutine sort(order)
             integer, intent(inout) :: order(:)
             integer :: left(size(order)/2), i, j, k

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Sensors are what is told of a motion besides its coordinates. Points with velocity and acceleration, the coordinates of joints
-!> with turns counted, distances, energies, bodies, reactions, what forces do. Each is measured at a state where the poses of the
-!> bodies with their derivatives are known.
+!> Sensors measure quantities of a motion other than its coordinates: points with velocity and acceleration, coordinates of joints
+!> including full turns, distances, energies, bodies, reactions, forces. They are evaluated at a state for which the poses of the
+!> bodies with their derivatives are set.
 module tandem_mechanism_sensor
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, find_slope
@@ -20,46 +20,44 @@ module tandem_mechanism_sensor
     public :: of_joint, of_wheel, of_edge, of_distance, of_row, of_spring, of_torsion, of_bushing, of_load, &
         of_massless_wheel, most_rows
 
-    !> What a sensor measures.
+    !> Kinds of sensors.
     integer, parameter :: sensed_point = 1, sensed_joint = 2, sensed_distance = 3, sensed_energy = 4, sensed_body = 5
     integer, parameter :: sensed_reaction = 6, sensed_force = 7, sensed_balance = 8
-    !> What has the reaction, or the force; `of_row` is a coupling, or a row by expressions.
+    !> Elements with a reaction or a force; `of_row` is a coupling, or a row by expressions.
     integer, parameter :: of_joint = 1, of_wheel = 2, of_edge = 3, of_distance = 4, of_row = 5
     integer, parameter :: of_spring = 6, of_torsion = 7, of_bushing = 8, of_load = 9, of_massless_wheel = 10
-    !> Most rows of an element: six freedoms, driven or not, and the row of a screw.
+    !> Largest number of rows of an element: six freedoms, driven or not, and the row of a screw.
     integer, parameter :: most_rows = 7
 
     type :: sensor_type
         character(len=name_length) :: name = ''
         integer :: kind = 0
-        !> The bodies and points; a point alone is the first.
+        !> Bodies and points; a single point is the first one.
         type(span_type) :: span
-        !> Of a joint: whether it slides and whether it turns, and its coordinates, which forces and expressions have too.
+        !> Joint: true if it has a displacement; true if it has a rotation; copies of its coordinates.
         logical :: slides = .false., turns = .false.
         type(coordinate_type) :: way, turn
-        !> Whether both bodies move in the plane, so that their angles count the turns.
+        !> True if both bodies move in the plane, so that their angles include full turns.
         logical :: planar = .false.
-        !> What is added to the way and the angle.
+        !> Offset of displacement and angle.
         real(wp) :: zero = 0.0_wp
-        !> The angle at the last time that was looked at, by which turns are counted, with its rate; before that, the coordinate
-        !> counts them.
+        !> Time, angle and rate at the last evaluation, from which turns are counted; before it, the coordinate counts them.
         real(wp) :: last_time = -huge(1.0_wp), last_angle = 0.0_wp, last_rate = 0.0_wp
-        !> How many numbers it gives, its first quantity and how many it has, set when the mechanism is defined; and the group of
-        !> files that it stands in.
+        !> Number of values, index of the first quantity and number of quantities, set by `define`; group of files.
         integer :: width = 0, first = 0, n_quantities = 0
         character(len=16) :: group = 'sensors'
-        !> What a reaction or a force is of, and its number in the list of its type; of a body its number.
+        !> Element of the reaction or force, and its index in the list of its type; for a body its index.
         integer :: of = 0, number = 0
-        !> Of a reaction the rows of C, whether a function of time drives one of them, whether events lock and free it, and the unit
-        !> of a multiplier.
+        !> Reaction: rows of C, true if a function of time drives one of them, true if events lock and free it, and unit of a
+        !> multiplier.
         integer :: n_rows = 0, rows(most_rows) = 0
         logical :: is_driven = .false., can_be_freed = .false.
         character(len=label_length) :: unit = ''
-        !> Whether a force is friction on a reaction.
+        !> True for friction on a reaction.
         logical :: is_pressed = .false.
-        !> The names of the bodies that it is between.
+        !> Names of the two bodies.
         character(len=label_length) :: between(2) = ''
-        !> Of a balance: whether the energy at the start is known, and that.
+        !> Balance: true once the energy at the start is set; this energy.
         logical :: has_begun = .false.
         real(wp) :: first_energy = 0.0_wp
     end type sensor_type
@@ -68,7 +66,7 @@ module tandem_mechanism_sensor
 
 contains
 
-    !> The datasets of a sensor.
+    !> Datasets of a sensor.
     function quantities_of(sensor) result(list)
         type(sensor_type), intent(in) :: sensor
         type(quantity_type), allocatable :: list(:)
@@ -110,7 +108,7 @@ contains
         end select
     end function quantities_of
 
-    !> One quantity more.
+    !> Append a quantity.
     subroutine add(sensor, list, width, what, unit, meaning)
         type(sensor_type), intent(in) :: sensor
         type(quantity_type), allocatable, intent(inout) :: list(:)
@@ -123,7 +121,7 @@ contains
             of_state=sensor%kind /= sensed_balance .and. what /= 'acceleration')]
     end subroutine add
 
-    !> The datasets of a body.
+    !> Datasets of a body.
     subroutine list_body(sensor, list)
         type(sensor_type), intent(in) :: sensor
         type(quantity_type), allocatable, intent(inout) :: list(:)
@@ -141,7 +139,7 @@ contains
         call add(sensor, list, 0, 'potential_energy', 'J', 'potential energy of gravity, 0 at the origin')
     end subroutine list_body
 
-    !> Those of a reaction.
+    !> Datasets of a reaction.
     subroutine list_reaction(sensor, list)
         type(sensor_type), intent(in) :: sensor
         type(quantity_type), allocatable, intent(inout) :: list(:)
@@ -168,7 +166,7 @@ contains
         if (sensor%is_driven) call add(sensor, list, 0, 'power', 'W', 'power that its motion gives to the mechanism')
     end subroutine list_reaction
 
-    !> Those of a force.
+    !> Datasets of a force.
     subroutine list_force(sensor, list)
         type(sensor_type), intent(in) :: sensor
         type(quantity_type), allocatable, intent(inout) :: list(:)
@@ -197,15 +195,16 @@ contains
         call add(sensor, list, 0, 'power', 'W', 'that its dampers, laws, functions of time give to the mechanism')
     end subroutine list_force
 
-    !> Measure. Turns are counted from the last time, which must not be far: no body turns by half a turn more than its rates say.
+    !> Evaluate a sensor. Turns are counted from the last evaluation: bodies rotate by at most half a turn more than their rates
+    !> give.
     pure subroutine measure_sensor(sensor, t, pose, f, energies, values)
         type(sensor_type), intent(inout) :: sensor
         real(wp), intent(in) :: t
-        !> With first and second derivatives.
+        !> First and second derivatives are set.
         type(pose_type), intent(in) :: pose(0:)
         !> Values and derivatives of the functions of time.
         real(wp), intent(in), contiguous :: f(0:, :)
-        !> Kinetic and potential energy, of all or of the body.
+        !> Kinetic and potential energy, of the mechanism or of the body.
         real(wp), intent(in) :: energies(2)
         real(wp), intent(out) :: values(:)
         real(wp) :: d(3, 0:1), x(0:1), gradient(n_local)
@@ -257,7 +256,7 @@ contains
         end select
     end subroutine measure_sensor
 
-    !> The angle about the axis with turns counted, and its rate.
+    !> Angle about the axis including full turns, and its rate.
     pure subroutine measure_angle(sensor, t, pose, f, angle, rate)
         type(sensor_type), intent(inout) :: sensor
         real(wp), intent(in) :: t
@@ -275,7 +274,7 @@ contains
         else
             expected = x(0)
         end if
-        ! In the plane the angle counts turns by itself.
+        ! In the plane the angle includes full turns.
         angle = x(0)
         if (.not. sensor%planar) angle = angle + 2*pi*anint((expected - angle)/(2*pi))
         sensor%last_time = t
@@ -284,14 +283,14 @@ contains
         angle = sensor%zero + angle
     end subroutine measure_angle
 
-    !> A run starts: nothing has been looked at.
+    !> Reset a sensor at the start of a run.
     pure subroutine begin_sensor(sensor)
         type(sensor_type), intent(inout) :: sensor
 
         sensor%last_time = -huge(1.0_wp)
     end subroutine begin_sensor
 
-    !> What a run that goes on needs.
+    !> Pack the state for the continuation of a run.
     subroutine pack_sensor(sensor, pack)
         type(sensor_type), intent(inout) :: sensor
         type(pack_type), intent(inout) :: pack

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Masses and moments of inertia of simple shapes with an equal density.
+!> Masses and moments of inertia of simple shapes of uniform density.
 module tandem_mechanism_shape
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -7,18 +7,18 @@ module tandem_mechanism_shape
 
     public :: shape_names, shape_sizes, set_mass_of_shape
 
-    !> The shapes, and how many lengths each has: in the plane a bar (length, width); in space a box (edges), a cylinder about z
-    !> (radius, length), a sphere (radius).
+    !> Shapes and their numbers of lengths: in the plane a bar (length, width); in space a box (edges), a cylinder about z (radius,
+    !> length), a sphere (radius).
     character(len=8), parameter :: shape_names(4) = [character(len=8) :: 'bar', 'box', 'cylinder', 'sphere']
     integer, parameter :: shape_sizes(4) = [2, 3, 2, 1]
 
 contains
 
-    !> The inertia about the centre of mass in the shape's axes, and the mass where a density is given; no inertia where the shape
-    !> has none in the plane or in space.
+    !> Set the inertia about the centre of mass in the axes of the shape, and the mass if a density is given; the inertia is not
+    !> allocated if the shape does not exist in the plane or in space.
     subroutine set_mass_of_shape(shape, sizes, planar, density, mass, inertia)
         character(len=*), intent(in) :: shape
-        !> m, as the shape has them.
+        !> Lengths of the shape (m).
         real(wp), intent(in) :: sizes(:)
         logical, intent(in) :: planar
         !> kg/m^3, or kg/m^2 in the plane.

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> The way d = r2 + A2 s2' - r1 - A1 s1' from a point of one body to a point of another: where they coincide, d = 0 (two rows or
-!> three along the world's axes); where their distance is given, (d.d - l(t)^2)/(2 w) = 0, w a length that makes the multiplier a
-!> force; and the length |d| that springs see.
+!> The vector d = r2 + A2 s2' - r1 - A1 s1' from a point of one body to a point of another: rows d = 0 of coincident points (two or
+!> three, along the world's axes); row (d.d - l(t)^2)/(2 w) = 0 of a distance, w a length that makes the multiplier a force; and the
+!> length |d| of springs.
 module tandem_mechanism_span
     use tandem_kinds, only: wp
     use tandem_mechanism_pair, only: columns, columns_of_c, n_local, place_1, place_2, put_holonomic, put_row, turn_1, turn_2
@@ -15,11 +15,11 @@ module tandem_mechanism_span
     public :: evaluate_meetings, differentiate_meetings, evaluate_distances, differentiate_distances
 
     type :: span_type
-        !> The two bodies, 0 for the ground, and the (first) row.
+        !> Bodies, 0 for the ground, and (first) row.
         integer :: first = 0, second = 0, row = 0
-        !> The points, each in its body's frame.
+        !> Points, each in the frame of its body.
         real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp
-        !> The length, and the number of the function that it is instead, 0 for none; w.
+        !> Length, and index of the function that replaces it, 0 if none; w.
         real(wp) :: length = 0.0_wp, weight = 1.0_wp
         integer :: motion = 0
     end type span_type
@@ -40,7 +40,7 @@ contains
             turned(pose(span%first), k, span%s1)
     end function span_way
 
-    !> The gradient of d.d/2 with its derivatives along the motion, up to the `last`.
+    !> Gradient of d.d/2 with its derivatives along the motion, up to `last`.
     pure subroutine span_gradient(span, pose, last, d, gradient)
         type(span_type), intent(in) :: span
         type(pose_type), intent(in) :: pose(0:)
@@ -63,7 +63,7 @@ contains
         end do
     end subroutine span_gradient
 
-    !> The second gradient of d.d/2, d_q' d_q + d.d_qq.
+    !> Second gradient of d.d/2, d_q' d_q + d.d_qq.
     pure subroutine span_second(span, pose, d, second)
         type(span_type), intent(in) :: span
         type(pose_type), intent(in) :: pose(0:)
@@ -91,9 +91,9 @@ contains
         end associate
     end subroutine span_second
 
-    !> Points that meet in space: three rows.
+    !> Coincident points in space: three rows.
     pure subroutine evaluate_meetings(numbers, meetings, need, pose, terms)
-        !> Which of them.
+        !> Indices of the rows to evaluate.
         integer, intent(in) :: numbers(:)
         type(span_type), intent(in) :: meetings(:)
         integer, intent(in) :: need
@@ -129,11 +129,11 @@ contains
         end do
     end subroutine evaluate_meetings
 
-    !> The columns of one end of d.
+    !> Set the columns of one end of d.
     pure subroutine put_end(pose, s, sign, row, m, width, jacobian)
         type(pose_type), intent(in) :: pose
         real(wp), intent(in) :: s(3), sign
-        !> The first row, and the shape of the C that is set, which may be compressed.
+        !> First row, and shape of the stored C, which may be compressed.
         integer, intent(in) :: row, m, width
         real(wp), intent(inout) :: jacobian(m, width)
         real(wp) :: b(3, 4)
@@ -151,7 +151,7 @@ contains
         end do
     end subroutine put_end
 
-    !> Their part of the gradient blocks that are asked for.
+    !> Add the requested gradient blocks of coincident points.
     pure subroutine differentiate_meetings(meetings, n_rows, need, pose, lambda, derivatives)
         type(span_type), intent(in) :: meetings(:)
         integer, intent(in) :: n_rows, need
@@ -183,7 +183,7 @@ contains
         end do
     end subroutine differentiate_meetings
 
-    !> Distances that are given.
+    !> Given distances.
     pure subroutine evaluate_distances(distances, need, pose, f, terms)
         type(span_type), intent(in) :: distances(:)
         integer, intent(in) :: need
@@ -215,7 +215,7 @@ contains
         end do
     end subroutine evaluate_distances
 
-    !> Their part of the gradient blocks that are asked for.
+    !> Add the requested gradient blocks of distances.
     pure subroutine differentiate_distances(distances, need, pose, lambda, derivatives)
         type(span_type), intent(in) :: distances(:)
         integer, intent(in) :: need

@@ -1,19 +1,19 @@
 ! SPDX-License-Identifier: MIT
-!> A mechanism's gradient blocks by bodies, element by element: its columns are made those of a small window of the bodies that it
-!> joins, the element is differentiated into it, and the window is added to the bodies' blocks.
+!> Gradient blocks of a mechanism by bodies, element by element: the poses of its bodies get the columns of a small window, the
+!> element is differentiated into the window, and the window is added to the blocks of the bodies.
 !>
-!> Of the constraints the curvature of points that meet and of Euler parameters is there, which is what bodies that hang see;
-!> that of axes and distances ties bodies that share no force, and is left out.
+!> Of the constraints, the curvatures of coincident points and of Euler parameters are included, which matter for hanging bodies.
+!> Those of axes and distances couple bodies without a common force and are omitted.
 submodule(tandem_mechanism) tandem_mechanism_stiffness
     use tandem_mechanism_formula, only: is_joint, is_joint_rate, is_time
     implicit none (type, external)
 
-    !> What is asked of the elements.
+    !> Blocks requested from the elements.
     integer, parameter :: needed = need_dynamics_q + need_dynamics_qd
 
 contains
 
-    !> Pairs of bodies that share a force, and the size of the window.
+    !> List the pairs of bodies with a common force, and find the size of the window.
     module procedure list_coupled
         integer, allocatable :: pairs(:, :), bodies(:)
         integer :: i, k, n, pass, most
@@ -44,7 +44,7 @@ contains
 
     contains
 
-        !> One pair more.
+        !> Append a pair.
         subroutine add_pair(one, two)
             integer, intent(in) :: one, two
 
@@ -53,7 +53,7 @@ contains
         end subroutine add_pair
     end procedure list_coupled
 
-    !> The bodies that a load depends on, each once: first the one on which it acts.
+    !> Bodies that a load depends on, each once, beginning with the body on which it acts.
     subroutine list_load(self, number, bodies)
         class(mechanism_type), intent(in) :: self
         integer, intent(in) :: number
@@ -139,7 +139,7 @@ contains
         end do
     end procedure add_stiffness
 
-    !> Let some bodies, 0 the ground, have the columns of the window, in their order.
+    !> Give bodies, 0 for the ground, the columns of the window, in their order.
     subroutine open_window(self, bodies)
         class(mechanism_type), intent(inout) :: self
         integer, intent(in) :: bodies(:)
@@ -159,7 +159,7 @@ contains
         self%window%dynamics_qd(:n, :n) = 0.0_wp
     end subroutine open_window
 
-    !> Add the window to the bodies' blocks, and give them their own columns back.
+    !> Add the window to the blocks of the bodies, and restore their columns.
     subroutine close_window(self, bodies, stiffness)
         class(mechanism_type), intent(inout) :: self
         integer, intent(in) :: bodies(:)

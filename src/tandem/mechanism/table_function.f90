@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Functions given by a table: straight lines between points, or a cubic spline, with two derivatives and a list of kinks.
+!> Functions given by a table: piecewise linear, or a cubic spline, with two derivatives and a list of kinks.
 module tandem_mechanism_table_function
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -10,24 +10,24 @@ module tandem_mechanism_table_function
 
     public :: table_type, table_kinds, table_ends
 
-    !> What is between the points.
+    !> Interpolation between the points.
     character(len=*), parameter :: table_kinds(2) = ['linear', 'cubic ']
-    !> What is beyond the first and the last point: their values, the lines along the slopes there, or the table again.
+    !> Extrapolation beyond the first and the last point: constant, linear with the slope there, or periodic.
     character(len=*), parameter :: table_ends(3) = ['hold  ', 'extend', 'repeat']
 
-    !> What is equal but for rounding.
+    !> Relative tolerance for equality up to rounding.
     real(wp), parameter :: rounding = 1.0e-10_wp
 
-    !> A table. Piece i goes from point i to point i + 1, piece 0 is before the first point, piece n behind the last. Copies of a
-    !> repeated table go on counting, n - 1 pieces each.
+    !> A table. Piece i is from point i to point i + 1, piece 0 before the first point, piece n after the last. Copies of a repeated
+    !> table have consecutive numbers, n - 1 pieces each.
     type :: table_type
         private
-        !> The number of points.
+        !> Number of points.
         integer :: n = 0
         logical :: is_cubic = .false., is_repeated = .false.
-        !> Of each piece from 0 to n: where it begins, and its coefficients, those of its powers 0 to 3 counted from there.
+        !> Pieces 0 to n: start, and coefficients of the powers 0 to 3 of the distance from the start.
         real(wp), allocatable :: x(:), c(:, :)
-        !> The lowest derivative that jumps at each point, -1 for none.
+        !> Lowest derivative that jumps at each point, -1 if none.
         integer, allocatable :: orders(:)
     contains
         procedure :: initialize, piece_at, evaluate, find_kinks, length_of_many
@@ -39,13 +39,13 @@ contains
     !> Make a table of points.
     subroutine initialize(self, x, y, kind, error, ends)
         class(table_type), intent(out) :: self
-        !> The points; x grows.
+        !> Points with increasing x.
         real(wp), intent(in) :: x(:), y(:)
         !> One of `table_kinds`.
         character(len=*), intent(in) :: kind
         type(error_type), allocatable, intent(out) :: error
-        !> One of `table_ends`. Without it, a linear table holds its ends, and a cubic one goes on along its slopes, since then it
-        !> has no kinks. A cubic table that holds its ends has no slope there.
+        !> One of `table_ends`. By default a linear table is constant beyond its ends, and a cubic one linear, which gives no kinks.
+        !> A cubic table that is constant beyond its ends has zero slopes there.
         character(len=*), intent(in), optional :: ends
         character(len=len(table_ends)) :: beyond
         real(wp), allocatable :: values(:), m(:), h(:)
@@ -93,7 +93,7 @@ contains
             'choose points farther apart')
     end subroutine initialize
 
-    !> Refuse points that make no table.
+    !> Refuse invalid points.
     subroutine check_points(x, y, kind, beyond, error)
         real(wp), intent(in) :: x(:), y(:)
         character(len=*), intent(in) :: kind, beyond
@@ -122,14 +122,13 @@ contains
         end if
     end subroutine check_points
 
-    !> The second derivatives of a cubic spline at its points: zero at the ends; or such that the slope is zero there; or the same
-    !> at both, with the same slope.
+    !> Second derivatives of a cubic spline at its points. End conditions: second derivative zero; slope zero; or periodic.
     pure subroutine solve_spline(h, y, beyond, m)
-        !> The widths of the pieces, and the values.
+        !> Widths of the pieces, and values.
         real(wp), intent(in) :: h(:), y(:)
         character(len=*), intent(in) :: beyond
         real(wp), intent(out) :: m(:)
-        !> Diagonal, right side, and the column that the corners of a periodic system add.
+        !> Diagonal, right-hand side, and correction for the corners of a periodic system.
         real(wp) :: diagonal(size(y)), z(size(y)), slope(size(h))
         real(wp) :: gamma, corner
         integer :: n
@@ -140,7 +139,7 @@ contains
         m(2:n - 1) = 6.0_wp*(slope(2:) - slope(:n - 2))
         select case (beyond)
         case ('repeat')
-            ! Points 1 and n are the same; the corners of the cyclic matrix are taken as a matrix of rank one.
+            ! Points 1 and n coincide; the corners of the cyclic matrix are treated as a matrix of rank one.
             corner = h(n - 1)
             diagonal(1) = 2.0_wp*(h(1) + corner)
             m(1) = 6.0_wp*(slope(1) - slope(n - 1))
@@ -169,10 +168,10 @@ contains
         end select
     end subroutine solve_spline
 
-    !> Solve a symmetric system with one diagonal beside the main one. The latter dominates, so that no pivots are sought.
+    !> Solve a symmetric tridiagonal system. The diagonal dominates, so that no pivoting is needed.
     pure subroutine solve_tridiagonal(diagonal, beside, b)
         real(wp), intent(in) :: diagonal(:), beside(:)
-        !> The right side; the solution afterwards.
+        !> Right-hand side on entry, solution on return.
         real(wp), intent(inout) :: b(:)
         real(wp) :: d(size(b)), factor
         integer :: i
@@ -189,7 +188,7 @@ contains
         end do
     end subroutine solve_tridiagonal
 
-    !> The number of the last point at or before a place, 0 if there is none.
+    !> Index of the last point at or before t; 0 if there is none.
     pure integer function point_before(self, t) result(low)
         class(table_type), intent(in) :: self
         real(wp), intent(in) :: t
@@ -207,8 +206,7 @@ contains
         end do
     end function point_before
 
-    !> The piece in which a place lies; a point belongs to the piece that it begins. Of a repeated table, the place must be one for
-    !> which `find_kinks` gives no error.
+    !> Piece that contains t; a point belongs to the piece after it. For a repeated table, `find_kinks` must give no error for t.
     pure integer function piece_at(self, t) result(piece)
         class(table_type), intent(in) :: self
         real(wp), intent(in) :: t
@@ -229,7 +227,7 @@ contains
         class(table_type), intent(in) :: self
         real(wp), intent(in) :: t
         real(wp), intent(out) :: value, first, second
-        !> The piece, which goes on smoothly beyond its ends; without it, that in which t lies.
+        !> Piece, which extends smoothly beyond its ends; by default the piece that contains t.
         integer, intent(in), optional :: piece
         real(wp) :: s, period
         integer :: i
@@ -259,7 +257,7 @@ contains
         end associate
     end subroutine evaluate
 
-    !> How far a search for kinks may go at once: some thousand points of a repeated table.
+    !> Largest interval for one search for kinks: some thousand points of a repeated table.
     pure real(wp) function length_of_many(self) result(length)
         class(table_type), intent(in) :: self
         integer, parameter :: many = 1000
@@ -268,10 +266,10 @@ contains
         if (self%is_repeated) length = (1 + many/self%n)*(self%x(self%n) - self%x(1))
     end function length_of_many
 
-    !> The kinks within an interval, in their order, with the lowest derivative that jumps at each: 0 is the value.
+    !> Kinks within an interval, in increasing order, with the lowest derivative that jumps at each: 0 is the value.
     subroutine find_kinks(self, from, to, places, orders, error)
         class(table_type), intent(in) :: self
-        !> The interval; its ends do not count.
+        !> Interval without its ends.
         real(wp), intent(in) :: from, to
         real(wp), allocatable, intent(out) :: places(:)
         integer, allocatable, intent(out) :: orders(:)
@@ -313,10 +311,10 @@ contains
         end do
     end subroutine find_kinks
 
-    !> The lowest derivative that jumps at each point: what differs by more than rounding between the pieces beside it.
+    !> Lowest derivative that jumps at each point: the first one that differs by more than rounding between adjacent pieces.
     pure function kink_orders(self, narrowest) result(orders)
         type(table_type), intent(in) :: self
-        !> The width of the narrowest piece.
+        !> Width of the narrowest piece.
         real(wp), intent(in) :: narrowest
         integer :: orders(self%n)
         real(wp) :: before(0:3), tolerance(0:3), h

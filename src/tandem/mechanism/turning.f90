@@ -1,7 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Bodies that turn in space as large mechanisms evaluate them, `lane` at a time straight from q and qd: their blocks of M, the
-!> gyroscopic forces, and the rows of the norms of Euler parameters, (p'p - 1)/2 = 0. Every number below is one of each body of a
-!> group.
+!> Bodies with a rotation in space for large mechanisms, `lane` at a time directly from q and qd: their blocks of M, the gyroscopic
+!> forces, and the rows of the norms of Euler parameters, (p'p - 1)/2 = 0. Every array has one entry per body of a group.
 module tandem_mechanism_turning
     use tandem_kinds, only: lane, wp
     use tandem_mechanism_body, only: body_type
@@ -14,28 +13,29 @@ module tandem_mechanism_turning
 
     public :: turning_group_type, gather_turning, place_turning, find_norm_blocks, evaluate_norms, set_masses, add_inertia_forces
 
-    !> So many bodies; those behind the last one repeat it and go nowhere.
+    !> A group of n bodies. The last one is repeated to fill the group; results of the copies are discarded.
     type :: turning_group_type
         integer :: n = 0
-        !> The bodies; before which coordinate their Euler parameters begin, the rows of their norms, and before which column of the
-        !> C that is set these parameters stand, or before which entry of the blocks that a chart wants; whether it wants all.
+        !> Bodies; offsets of their Euler parameters among the coordinates, rows of their norms, offsets of the parameters among the
+        !> columns of the stored C, offsets in the blocks of a chart; true if the chart uses all of these blocks.
         integer :: body(lane) = 0, before(lane) = 0, row(lane) = 0, column(lane) = 0, block(lane) = -1
         logical :: has_blocks = .false.
-        !> The columns of the M that is set: of the place, how far apart these are, and before which one the Euler parameters stand.
+        !> Columns of the stored M: first one of the position, offset of the Euler parameters, distance of the columns of the
+        !> position.
         integer :: place_mass(lane) = 0, turn_mass(lane) = 0, mass_step = 1
-        !> The mass, and J by 11, 22, 33, 12, 13, 23.
+        !> Mass, and entries 11, 22, 33, 12, 13, 23 of J.
         real(wp) :: mass(lane) = 0.0_wp, inertia(lane, 6) = 0.0_wp
     end type turning_group_type
 
 contains
 
-    !> Group the bodies that turn.
+    !> Group the bodies with a rotation.
     pure subroutine gather_turning(turning, bodies, pose, before_norms, groups)
-        !> Their numbers.
+        !> Indices of the bodies.
         integer, intent(in) :: turning(:)
         type(body_type), intent(in) :: bodies(:)
         type(pose_type), intent(in) :: pose(0:)
-        !> The rows of the norms begin after this one.
+        !> Offset of the rows of the norms.
         integer, intent(in) :: before_norms
         type(turning_group_type), allocatable, intent(out) :: groups(:)
         integer :: i, l, place
@@ -56,7 +56,7 @@ contains
         end do
     end subroutine gather_turning
 
-    !> Take note of the columns of C and M that the poses say.
+    !> Copy the columns of C and M from the poses.
     pure subroutine place_turning(pose, groups)
         type(pose_type), intent(in) :: pose(0:)
         type(turning_group_type), intent(inout) :: groups(:)
@@ -70,7 +70,7 @@ contains
         end do
     end subroutine place_turning
 
-    !> Take note of the blocks that a chart wants, and say which rows are set there: groups as a whole.
+    !> Store the offsets of the blocks that a chart uses, and mark the rows that are set there: only groups as a whole.
     pure subroutine find_norm_blocks(pattern, groups)
         type(pattern_type), intent(inout) :: pattern
         type(turning_group_type), intent(inout) :: groups(:)
@@ -82,18 +82,18 @@ contains
                     group%block(l) = pattern%block_of(group%row(l), 1, group%body(l))
                 end do
                 group%has_blocks = all(group%block >= 0)
-                ! The places of bodies come first.
+                ! The block of a body begins with its position.
                 group%block = group%block + 3
                 if (group%has_blocks) pattern%in_blocks(group%row) = .true.
             end associate
         end do
     end subroutine find_norm_blocks
 
-    !> The rows of the norms.
+    !> Set the rows of the norms.
     pure subroutine evaluate_norms(groups, need, n, q, qd, terms)
         type(turning_group_type), intent(in) :: groups(:)
         integer, intent(in) :: need, n
-        !> (n) each; qd may be anything where gamma is not wanted.
+        !> (n) each; qd is not used unless gamma is needed.
         real(wp), intent(in) :: q(n), qd(n)
         type(terms_type), intent(inout) :: terms
         integer :: i, k, l
@@ -137,14 +137,14 @@ contains
         end function square
     end subroutine evaluate_norms
 
-    !> The blocks of M: the mass, and 4 G'J G. What is not set here stays zero, as it was before.
+    !> Set the blocks of M: the mass, and 4 G'J G. Entries that are not set here are unchanged.
     pure subroutine set_masses(groups, n, width, q, mass)
         type(turning_group_type), intent(in) :: groups(:)
-        !> The shape of the M that is set, which may be compressed.
+        !> Shape of the stored M, which may be compressed.
         integer, intent(in) :: n, width
         real(wp), intent(in) :: q(n)
         real(wp), intent(inout) :: mass(n, width)
-        !> The entries of the lower triangle, column by column, and of the whole: which of those each is.
+        !> Number of entries of the lower triangle, column by column; index of each entry of the whole block in this triangle.
         integer, parameter :: n_lower = 10, entry(4, 4) = reshape([1, 2, 3, 4, 2, 5, 6, 7, 3, 6, 8, 9, 4, 7, 9, 10], [4, 4])
         real(wp) :: p(lane, 4), block(lane, n_lower)
         integer :: i, j, k, l
@@ -169,8 +169,8 @@ contains
         end do
     end subroutine set_masses
 
-    !> The lower triangle of 4 G'J G, column by column, where the columns of G are (-e1, -e2, -e3), (e0, -e3, e2), (e3, e0, -e1)
-    !> and (-e2, e1, e0).
+    !> Lower triangle of 4 G'J G, column by column; the columns of G are (-e1, -e2, -e3), (e0, -e3, e2), (e3, e0, -e1) and (-e2, e1,
+    !> e0).
     pure subroutine set_blocks(p, inertia, block)
         real(wp), intent(in) :: p(lane, 4), inertia(lane, 6)
         real(wp), intent(out) :: block(lane, 10)
@@ -189,7 +189,7 @@ contains
             j12 = 4*inertia(l, 4)
             j13 = 4*inertia(l, 5)
             j23 = 4*inertia(l, 6)
-            ! J times a column of G, then G' times that.
+            ! J times a column of G, then G' times the product.
             h1 = j11*e1 + j12*e2 + j13*e3
             h2 = j12*e1 + j22*e2 + j23*e3
             h3 = j13*e1 + j23*e2 + j33*e3
@@ -251,7 +251,7 @@ contains
             e1 = pd(l, 2)
             e2 = pd(l, 3)
             e3 = pd(l, 4)
-            ! 8 G(pd) p, J times that, and G(pd)' times it.
+            ! 8 G(pd) p, J times this vector, and G(pd)' times the product.
             w1 = 8*(e0*p(l, 2) - e1*p(l, 1) + e3*p(l, 3) - e2*p(l, 4))
             w2 = 8*(e0*p(l, 3) - e2*p(l, 1) - e3*p(l, 2) + e1*p(l, 4))
             w3 = 8*(e0*p(l, 4) - e3*p(l, 1) + e2*p(l, 2) - e1*p(l, 3))

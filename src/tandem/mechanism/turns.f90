@@ -1,14 +1,14 @@
 ! SPDX-License-Identifier: MIT
-!> Rows that impose motions, along which a start is led, and turns of angles in space, which orientations do not hold. In the
-!> search for a start turns are counted from point to point by the smallest change, from the start on where the run arrives. An
-!> angle that follows a function of time has the turns of that.
+!> Rows of imposed motions, along which a start is found, and full turns of angles in space, which orientations do not determine.
+!> During the search for a start turns are counted from point to point by the smallest change, then at arrivals of the run. An angle
+!> that follows a function of time has the turns of this function.
 submodule(tandem_mechanism) tandem_mechanism_turns
     use tandem_mechanism_coordinate, only: begin_turns, count_turns, end_search, is_an_angle => is_angle
     use tandem_mechanism_sensor, only: begin_sensor
     implicit none (type, external)
 
     abstract interface
-        !> Something that is done with each coordinate.
+        !> Operation on each coordinate.
         pure subroutine visit_interface(coordinate, pose, f)
             import :: coordinate_type, pose_type, wp
             implicit none (type, external)
@@ -21,7 +21,7 @@ submodule(tandem_mechanism) tandem_mechanism_turns
 
 contains
 
-    !> The first arrival behind a start ends the search for that.
+    !> The first arrival after a start ends the search for the start.
     module procedure arrive
         integer :: i, stat
 
@@ -35,7 +35,7 @@ contains
             end do
         end if
         if (.not. (self%follows_turns .or. has_counting_elements(self))) return
-        ! No term, but the poses and the functions of time, and in a search the turns.
+        ! Set only the poses and the functions of time, and in a search the turns; evaluate no term.
         call self%evaluate(0, t, q, q, self%at_row, stat)
         if (.not. self%follows_turns) then
             call visit_elements(self, count_turns)
@@ -81,7 +81,7 @@ contains
         has_counting_elements = size(self%torsions) + size(self%formulas) > 0 .or. .not. all(self%couplings%drops_turns)
     end function has_counting_elements
 
-    !> The coordinates of forces, expressions and rows.
+    !> Visit the coordinates of forces, expressions and rows.
     pure subroutine visit_elements(self, visit)
         type(mechanism_type), intent(inout) :: self
         procedure(visit_interface) :: visit
@@ -105,7 +105,7 @@ contains
         end do
     end subroutine visit_elements
 
-    !> Those of sensors.
+    !> Visit the coordinates of sensors.
     pure subroutine visit_sensors(self, visit)
         type(mechanism_type), intent(inout) :: self
         procedure(visit_interface) :: visit

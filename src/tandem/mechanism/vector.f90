@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Vectors and frames: what setting up a mechanism needs of them.
+!> Vectors and frames for the definition of mechanisms.
 module tandem_mechanism_vector
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -19,7 +19,7 @@ contains
         c(3) = a(1)*b(2) - a(2)*b(1)
     end function cross
 
-    !> A vector with three components, of two in the plane.
+    !> Extend a vector in the plane to three components.
     pure function in_space(v) result(w)
         real(wp), intent(in) :: v(:)
         real(wp) :: w(3)
@@ -30,7 +30,7 @@ contains
         w(:n) = v(:n)
     end function in_space
 
-    !> A unit vector perpendicular to a unit vector, of the world's axis that is farthest from it.
+    !> Unit vector perpendicular to a unit vector, from the axis of the world that is farthest from it.
     pure function perpendicular(z) result(x)
         real(wp), intent(in) :: z(3)
         real(wp) :: x(3)
@@ -41,7 +41,7 @@ contains
         x = x/norm2(x)
     end function perpendicular
 
-    !> The right-handed frame [x, y, z] with a given unit vector z, and x as near to `near` as can be.
+    !> Right-handed frame [x, y, z] with a given unit vector z, and x as close as possible to `near`.
     pure function frame_along(z, near) result(f)
         real(wp), intent(in) :: z(3)
         real(wp), intent(in), optional :: near(3)
