@@ -20,8 +20,7 @@ module tandem_mechanism_turning
         !> columns of the stored C, offsets in the blocks of a chart; true if the chart uses all of these blocks.
         integer :: body(lane) = 0, before(lane) = 0, row(lane) = 0, column(lane) = 0, block(lane) = -1
         logical :: has_blocks = .false.
-        !> Columns of the stored M: first one of the position, offset of the Euler parameters, distance of the columns of the
-        !> position.
+        !> Columns of the stored M: first one of the position, offset of the Euler parameters, step between columns of the position.
         integer :: place_mass(lane) = 0, turn_mass(lane) = 0, mass_step = 1
         !> Mass, and entries 11, 22, 33, 12, 13, 23 of J.
         real(wp) :: mass(lane) = 0.0_wp, inertia(lane, 6) = 0.0_wp
