@@ -1,9 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> A way in which all coordinates can be moved together: the field q' = L q + c, with few entries. Translations are constant
-!> fields; rotations act on places, and on Euler parameters, linearly.
+!> A motion of all coordinates together: the field q' = L q + c, with few entries. Translations are constant fields; rotations act
+!> linearly on positions and on Euler parameters.
 !>
-!> A model lists such fields (`list_motions`); which of them, or which sums of them, leave its equations as they are, the analysis
-!> finds out.
+!> A model lists such fields (`list_motions`); the analysis finds those, or the sums of them, that leave the equations invariant.
 module tandem_model_affine_motion
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -11,18 +10,18 @@ module tandem_model_affine_motion
 
     public :: affine_motion_type, motion_name_length
 
-    !> Length of the name of a motion, which may be made of those of two coordinates.
+    !> Length of the name of a motion, which may be composed of the names of two coordinates.
     integer, parameter :: motion_name_length = 196
 
     type :: affine_motion_type
-        !> As users call it.
+        !> Name for users.
         character(len=motion_name_length) :: name = ''
-        !> Whether it turns the world as a whole, rather than a body about itself.
+        !> True for a rotation of the world as a whole, false for one of a body about itself.
         logical :: turns_world = .false.
-        !> The entries of L that are not zero: row, column, value.
+        !> Nonzero entries of L: row, column, value.
         integer, allocatable :: row(:), column(:)
         real(wp), allocatable :: entry(:)
-        !> The same of c.
+        !> Nonzero entries of c: place, value.
         integer, allocatable :: place(:)
         real(wp), allocatable :: constant(:)
     contains
@@ -46,7 +45,7 @@ contains
         self%constant = [real(wp) ::]
     end subroutine initialize
 
-    !> Add an entry of L; a zero is left out.
+    !> Add an entry of L; a zero is omitted.
     pure subroutine add_entry(self, row, column, value)
         class(affine_motion_type), intent(inout) :: self
         integer, intent(in) :: row, column
@@ -58,7 +57,7 @@ contains
         self%entry = [self%entry, value]
     end subroutine add_entry
 
-    !> Add an entry of c; a zero is left out.
+    !> Add an entry of c; a zero is omitted.
     pure subroutine add_constant(self, place, value)
         class(affine_motion_type), intent(inout) :: self
         integer, intent(in) :: place

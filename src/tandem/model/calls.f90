@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Calls the procedures of a model for the terms that are wanted: the fused one where the model has it, single ones for the rest.
+!> Calls the procedures of a model for the requested terms: the fused one if the model has it, single ones for the rest.
 module tandem_model_calls
     use tandem_kinds, only: wp
     use tandem_model, only: model_type
@@ -14,7 +14,7 @@ module tandem_model_calls
 
 contains
 
-    !> Evaluate terms: the fused procedure for those that it provides, single procedures for the rest.
+    !> Evaluate terms: the fused procedure for the terms it provides, single procedures for the rest.
     subroutine evaluate_terms(model, wanted, t, q, qd, terms, part, failed_term, stat)
         class(model_type), intent(inout) :: model
         integer, intent(in) :: wanted
@@ -22,9 +22,9 @@ contains
         type(terms_type), intent(inout) :: terms
         !> Work space (n).
         real(wp), intent(inout) :: part(:)
-        !> The number of the term whose procedure has failed, 0 for the fused one.
+        !> Index of the term whose procedure failed, 0 for the fused one.
         integer, intent(out) :: failed_term
-        !> The procedure's own status.
+        !> Status of the procedure.
         integer, intent(out) :: stat
         integer :: fused
 
@@ -123,7 +123,7 @@ contains
         end associate
     end subroutine evaluate_nu
 
-    !> S + Q_A, of which the model may have either or both.
+    !> S + Q_A; a model may have either or both.
     subroutine evaluate_force(model, t, q, qd, force, part, stat)
         class(model_type), intent(inout) :: model
         real(wp), intent(in) :: t, q(:), qd(:)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Checks that a model is complete: sizes that can be, required procedures present, lists of the right length.
+!> Checks that a model is complete: valid sizes, required procedures present, lists of the right length.
 module tandem_model_check
     use tandem_error, only: error_type, set_error, to_text
     use tandem_model, only: model_type
@@ -14,7 +14,7 @@ module tandem_model_check
 
 contains
 
-    !> Refuse a model that cannot be simulated; the message names what is missing.
+    !> Refuse a model that cannot be simulated; the message states the missing part.
     subroutine check_model(model, error)
         class(model_type), intent(in) :: model
         type(error_type), allocatable, intent(out) :: error
@@ -158,7 +158,7 @@ contains
         end if
     end subroutine check_breakpoints
 
-    !> A pattern that does not fit would let a chart take the motion for another one.
+    !> Refuse a pattern that does not fit, with which a chart would compute another motion.
     subroutine check_pattern(model, error)
         class(model_type), intent(in) :: model
         type(error_type), allocatable, intent(out) :: error

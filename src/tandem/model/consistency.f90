@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> Whether the constraint procedures of a model contradict each other along a motion: Phi_q, nu and gamma against differences of
-!> Phi and of C qd - nu on a short straight way. A look that a run can afford, where its steps show that something is amiss; all
-!> procedures are compared by `tandem_model_verification`.
+!> Detects contradictions between the constraint procedures of a model along a motion: Phi_q, nu and gamma are compared with
+!> differences of Phi and of C qd - nu on a short straight path. The check is cheap enough for a run whose steps indicate an error;
+!> `tandem_model_verification` compares all procedures.
 !>
-!> No correct model is to be named. What is told is a contradiction at three places that have no time and no point of the way in
-!> common, so that a kink or a jump is at one of them alone, and there for differences of all lengths, that agree with each other
-!> much better than with the procedure, so that it is neither what they leave nor rounding. A model that cannot be evaluated there
-!> is not judged.
+!> The check must not report a correct model. It reports a contradiction only at three places that have no time and no point of the
+!> path in common, so that a kink or a jump affects one of them only, and only if differences of all lengths agree with each other
+!> much better than with the procedure, which excludes truncation and rounding. A model that cannot be evaluated there is not
+!> reported.
 module tandem_model_consistency
     use tandem_error, only: to_text
     use tandem_kinds, only: wp
@@ -20,34 +20,34 @@ module tandem_model_consistency
 
     public :: contradiction_length, find_contradiction
 
-    !> Length of the text that tells of a contradiction.
+    !> Length of the report of a contradiction.
     integer, parameter :: contradiction_length = 320
 
-    !> What is compared: Phi_q qd with differences of Phi at a fixed time, C qd - nu with those along the motion, gamma with those
-    !> of C qd - nu. Each is a suspect only where those before it are right.
+    !> Comparisons: Phi_q qd with differences of Phi at a fixed time, C qd - nu with those along the motion, gamma with those of C
+    !> qd - nu. Each is examined only if the preceding ones agree.
     integer, parameter :: of_jacobian = 1, of_nu = 2, of_gamma = 3, n_kinds = 3
 
-    !> Places on the way, parts of it, and half the lengths of differences there.
+    !> Places on the path, as parts of it, and half the lengths of differences there.
     real(wp), parameter :: place(3) = [1.0_wp, 3.0_wp, 5.0_wp]/6.0_wp
     real(wp), parameter :: length(5) = [0.15_wp, 4.0e-2_wp, 1.0e-2_wp, 2.5e-3_wp, 6.0e-4_wp]
-    !> The length of the first look, in the middle.
+    !> Index of the length of the first comparison, in the middle.
     integer, parameter :: of_look = 3
 
 contains
 
-    !> Look at a model on the straight way from (t, q) with the velocity qd.
+    !> Examine a model on the straight path from (t, q) with the velocity qd.
     subroutine find_contradiction(model, t, q, qd, span, counts, contradiction)
-        !> In the segment of the way.
+        !> Model in the segment of the path.
         class(model_type), intent(inout), target :: model
         !> Time, coordinates and velocities (n): a point of a motion.
         real(wp), intent(in) :: t, q(:), qd(:)
-        !> The time that the way takes at most, below zero for the way that lies behind.
+        !> Largest duration of the path, negative for a path backwards in time.
         real(wp), intent(in) :: span
-        !> What is evaluated is counted here.
+        !> Counters of the evaluations.
         type(counts_type), intent(inout) :: counts
-        !> Which procedure contradicts which others, where, and by how much; blank where none does.
+        !> Contradictory procedure, its counterparts, the place, and the size; blank if there is no contradiction.
         character(len=contradiction_length), intent(out) :: contradiction
-        !> A way moves no coordinate by more than this part of it or of its scale.
+        !> Largest change of a coordinate on the path, relative to the coordinate or its scale.
         real(wp), parameter :: longest = 0.05_wp
         integer, parameter :: of_pattern = need_jacobian + need_mass
         type(evaluator_type) :: probe
@@ -82,7 +82,7 @@ contains
         end associate
     end subroutine find_contradiction
 
-    !> What a procedure gives, and what it should.
+    !> Report of the value of a procedure and the expected one.
     pure function told(kind, row, value, rate) result(text)
         integer, intent(in) :: kind
         character(len=*), intent(in) :: row, value, rate
@@ -99,22 +99,22 @@ contains
         end select
     end function told
 
-    !> The rows whose procedures contradict differences of every length at one place of the way.
+    !> Rows whose procedures contradict differences of every length at one place of the path.
     subroutine judge(probe, nh, t, q, qd, magnitude, way, place, lengths, counts, value, rate, is_wrong)
         type(evaluator_type), intent(inout) :: probe
         integer, intent(in) :: nh
-        !> Where the way begins, the larger of |q| and the scale of each coordinate (n), and how long the way takes.
+        !> Start of the path, the larger of |q| and the scale of each coordinate (n), and duration of the path.
         real(wp), intent(in) :: t, q(:), qd(:), magnitude(:), way
-        !> Parts of the way; lengths from the longest to the shortest.
+        !> Place as a part of the path; lengths from the longest to the shortest.
         real(wp), intent(in) :: place, lengths(:)
         type(counts_type), intent(inout) :: counts
-        !> What procedures give, and the differences of the last length (m, n_kinds).
+        !> Values of the procedures, and the differences of the last length (m, n_kinds).
         real(wp), intent(out) :: value(:, :), rate(:, :)
         logical, intent(out) :: is_wrong(:, :)
-        !> A wrong formula leaves more than the first part of what it gives or should give, or of the terms that cancel in it; below
-        !> the second part of those a gamma does not matter.
+        !> A wrong formula differs by more than `share` of the given or expected value, or of the terms that cancel in it; a gamma
+        !> below `least_share` of these terms does not matter.
         real(wp), parameter :: share = 1.0e-3_wp, least_share = 1.0e-6_wp
-        !> What rounding may leave of the terms that cancel.
+        !> Rounding error of the terms that cancel.
         real(wp), parameter :: rounding = 100*epsilon(1.0_wp)
         real(wp), dimension(size(value, 1), n_kinds) :: least, most, error, allowed
         real(wp) :: product(size(value, 1)), s
@@ -149,14 +149,14 @@ contains
             most = max(most, rate)
             error = min(error, abs(rate - value))
         end do
-        ! NaN stay in the sums, and hide from the comparisons.
+        ! NaN remain in the sums, but escape comparisons.
         if (.not. sum(abs(value)) + sum(abs(rate)) + sum(abs(most) + abs(least)) <= huge(1.0_wp)) return
         allowed = max(allowed, max(share, 10*spacing(t)/s)*max(abs(value), abs(least), abs(most)))
         is_wrong = error > allowed .and. most - least < 0.5_wp*error
         if (iand(probe%has, need_gamma) == 0) is_wrong(:, of_gamma) = .false.
     end subroutine judge
 
-    !> The same by central differences over times of 2 s.
+    !> Central differences over times of 2 s.
     subroutine differentiate(probe, nh, t, q, qd, s, counts, rate, stat)
         type(evaluator_type), intent(inout) :: probe
         integer, intent(in) :: nh
@@ -169,7 +169,7 @@ contains
 
         rate = 0.0_wp
         stat = status_ok
-        ! As they are after rounding.
+        ! Values after rounding.
         ahead = t + s
         behind = t - s
         if (.not. ahead > behind) then

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What a chart has done: the counters behind the claim that a scene pays for nothing that it does not need.
+!> Counters of the work of a chart, which show that a scene performs no unnecessary work.
 module tandem_model_counts
     use tandem_kinds, only: long, wp
     use tandem_model_derivatives, only: n_derivatives
@@ -20,17 +20,17 @@ module tandem_model_counts
         integer(long) :: basis_factorizations = 0
         !> Evaluations of each term of the model, see `term_name`; calls of the fused procedure.
         integer(long) :: terms(n_terms) = 0, fused_calls = 0
-        !> Evaluations of C among them that served the search for integrable rows, once at the start.
+        !> Evaluations of C in the search for integrable rows, once at the start.
         integer(long) :: start_evaluations = 0
-        !> Newton matrices of implicit stages formed (their derivatives evaluated), factorisations of them (a changed step takes one
+        !> Newton matrices of implicit stages (evaluations of their derivatives), their factorisations (a changed step needs one
         !> without derivatives), corrections of stages, and stages.
         integer(long) :: newton_matrices = 0, newton_factorizations = 0, newton_corrections = 0, implicit_stages = 0
-        !> Evaluations of each derivative by the model's own procedures, see `derivative_name`, and evaluations of terms that
-        !> differences spent in their place, for derivatives and for gamma.
+        !> Evaluations of each derivative by the model's own procedures, see `derivative_name`, and evaluations of terms for
+        !> differences in place of derivatives and of gamma.
         integer(long) :: derivatives(n_derivatives) = 0, difference_evaluations = 0, gamma_evaluations = 0
-        !> Noise of a gamma by differences, largest seen on the natural scale of its row; 0 where the model has its own.
+        !> Noise of a gamma by differences: largest value on the natural scale of its row; 0 for a model with its own gamma.
         real(wp) :: gamma_noise = 0.0_wp
-        !> Computations of the multipliers, of kinetic and of potential energy: only where they were asked for.
+        !> Computations of the multipliers, of kinetic and of potential energy, which are made on request only.
         integer(long) :: multipliers = 0, kinetic_energies = 0, potential_energies = 0
     contains
         procedure :: pack_state

@@ -23,16 +23,16 @@ module tandem_model_derivatives
     integer, parameter :: need_dynamics_q = 8
     !> -(S + Q_A)_qd.
     integer, parameter :: need_dynamics_qd = 16
-    !> All of them.
+    !> All derivatives.
     integer, parameter :: need_all_derivatives = 31
 
-    !> How many there are; number i has the bit 2**(i - 1).
+    !> Number of derivatives; derivative i has the bit 2**(i - 1).
     integer, parameter :: n_derivatives = 5
-    !> Their names in reports, in the order of their bits.
+    !> Names in reports, in the order of the bits.
     character(len=16), parameter :: derivative_name(n_derivatives) = &
         [character(len=16) :: 'velocity_q', 'acceleration_q', 'acceleration_qd', 'dynamics_q', 'dynamics_qd']
 
-    !> Values of the derivatives. One that is zero for a model stays zero.
+    !> Values of the derivatives. A derivative that is zero for a model stays zero.
     type :: derivatives_type
         !> (C qd - nu)_q, (C qdd + gamma)_q and gamma_qd (nh + nd, n).
         real(wp), allocatable :: velocity_q(:, :), acceleration_q(:, :), acceleration_qd(:, :)

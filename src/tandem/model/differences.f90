@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Finite differences that stand in for what a model does not give: gamma, and the derivatives for implicit steppers.
+!> Finite differences in place of missing procedures of a model: gamma, and the derivatives for implicit steppers.
 module tandem_model_differences
     use tandem_kinds, only: wp
     use tandem_linalg_kernels, only: add_product, add_transposed_product
@@ -23,10 +23,10 @@ module tandem_model_differences
         class(model_type), pointer :: model => null()
         !> Evaluates the model at displaced points.
         type(evaluator_type) :: probe
-        !> The terms that the model has, and whether gamma is its own.
+        !> Terms of the model; true if the model has its own gamma.
         integer :: has = 0
         logical :: has_gamma = .false., has_constraints = .false.
-        !> Whether derivatives are wanted to more digits than a Newton matrix needs: central differences of fourth order.
+        !> True for derivatives of higher accuracy than a Newton matrix needs: central differences of fourth order.
         logical, public :: is_central = .false.
         real(wp), allocatable :: q(:), qd(:), scale(:), displaced(:)
         !> 1 over the time scale of the model.
@@ -40,7 +40,7 @@ module tandem_model_differences
         procedure :: add_single, differentiate, difference_by, residuals
     end type differences_type
 
-    !> What the single procedures of a model may stand for.
+    !> Bits for terms of single procedures to be replaced by differences.
     integer, parameter :: from_jacobian = 1, from_nu = 2, from_gamma = 4, from_mass = 8, from_reaction = 16, from_force = 32
 
 contains
@@ -105,7 +105,7 @@ contains
             gamma = gamma - (weight(i)/s)*self%probe%terms%nu
             call add_product(self%probe%terms%jacobian, qd, weight(i)/s, gamma)
         end do
-        ! Rounding of C qd over s, against the natural scale of the row at least.
+        ! Rounding of C qd over s, relative to the natural scale of the row at least.
         associate (c => self%probe%terms%jacobian)
             do i = 1, size(gamma)
                 counts%gamma_noise = max(counts%gamma_noise, epsilon(1.0_wp)*sum(abs(c(i, :)*qd))/s/ &
@@ -114,7 +114,7 @@ contains
         end associate
     end subroutine evaluate_gamma
 
-    !> All five derivatives: the model's own where it has them, differences of its terms for the rest.
+    !> All five derivatives: the model's own ones, and differences of its terms for the rest.
     subroutine evaluate_derivatives(self, t, q, qd, qdd, lambda, derivatives, counts, stat)
         class(differences_type), intent(inout) :: self
         !> Time, coordinates, velocities, accelerations (n), multipliers (m).
@@ -152,18 +152,18 @@ contains
         end associate
     end subroutine evaluate_derivatives
 
-    !> Set the sums that the fused procedure does not give from the model's single procedures; say what is missing.
+    !> Set the sums that the fused procedure does not provide from the model's single procedures, and list the missing parts.
     subroutine add_single(self, fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
         class(differences_type), intent(inout) :: self
-        !> The sums that are done.
+        !> Sums already set.
         integer, intent(in) :: fused
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
         type(counts_type), intent(inout) :: counts
-        !> What differences must stand for, sums of the parameters above.
+        !> Parts to be replaced by differences, sums of the parameters above.
         integer, intent(out) :: missing_q, missing_qd
-        !> The procedures' own status.
+        !> Status of the procedures.
         integer, intent(out) :: stat
 
         missing_q = 0
@@ -175,7 +175,7 @@ contains
             stat)
     end subroutine add_single
 
-    !> Those of the constraints.
+    !> Set the sums of the constraints.
     subroutine add_single_constraints(self, fused, t, q, qd, qdd, derivatives, counts, missing_q, missing_qd, stat)
         class(differences_type), intent(inout) :: self
         integer, intent(in) :: fused
@@ -240,7 +240,7 @@ contains
         end associate
     end subroutine add_single_constraints
 
-    !> Those of the equations of motion.
+    !> Set the sums of the equations of motion.
     subroutine add_single_dynamics(self, fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
         class(differences_type), intent(inout) :: self
         integer, intent(in) :: fused
@@ -298,7 +298,7 @@ contains
         end associate
     end subroutine add_single_dynamics
 
-    !> Add differences of what is missing, with respect to q or to qd.
+    !> Add differences of the missing parts, with respect to q or to qd.
     subroutine differentiate(self, by_qd, missing, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
         class(differences_type), intent(inout) :: self
         logical, intent(in) :: by_qd
@@ -340,8 +340,8 @@ contains
         end do
     end subroutine differentiate
 
-    !> The derivative of the missing parts with respect to entry j of self%q or self%qd, which is left displaced: a forward
-    !> difference from the residuals that are kept, or a central one.
+    !> Derivative of the missing parts with respect to entry j of self%q or self%qd, which stays displaced: a forward difference
+    !> from the stored residuals, or a central one.
     subroutine difference_by(self, by_qd, j, missing, t, qd, qdd, lambda, counts, sums, stat)
         class(differences_type), intent(inout) :: self
         logical, intent(in) :: by_qd
@@ -397,7 +397,7 @@ contains
         end subroutine look
     end subroutine difference_by
 
-    !> Whether nothing is left to differences.
+    !> True if no derivative needs differences.
     pure logical function has_all_derivatives(self) result(has_all)
         class(differences_type), intent(in) :: self
         logical :: has(n_derivatives)
@@ -418,8 +418,8 @@ contains
         has_all = all(has)
     end function has_all_derivatives
 
-    !> The missing parts of C qd - nu, C qdd + gamma and M qdd + C' lambda - S - Q_A at self%q. The velocity that multiplies C
-    !> is constant; gamma and the forces see self%qd.
+    !> Missing parts of C qd - nu, C qdd + gamma and M qdd + C' lambda - S - Q_A at self%q. C is multiplied by the constant velocity
+    !> qd; gamma and the forces are evaluated with self%qd.
     subroutine residuals(self, missing, t, qd, qdd, lambda, counts, stat)
         class(differences_type), intent(inout) :: self
         integer, intent(in) :: missing
@@ -460,7 +460,7 @@ contains
         end associate
     end subroutine residuals
 
-    !> What was evaluated last: a constant mass matrix is not evaluated again.
+    !> State of the last evaluation: a constant mass matrix is not evaluated again.
     subroutine pack_state(self, pack)
         class(differences_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Evaluates the terms of a model: the fused procedure where the model has one, single procedures for the rest, nothing for
-!> terms that the model lacks, a constant mass matrix once. Counts what it does.
+!> Evaluates the terms of a model: the fused procedure if the model has one, single procedures for the rest, no call for terms that
+!> the model lacks, a constant mass matrix once. Counts the evaluations.
 module tandem_model_evaluator
     use tandem_kinds, only: long, wp
     use tandem_linalg_kernels, only: is_zero_where
@@ -19,39 +19,39 @@ module tandem_model_evaluator
 
     public :: evaluator_type
 
-    !> What `evaluate_stiffness` of a model gives.
+    !> Blocks that `evaluate_stiffness` of a model provides.
     integer, parameter :: need_dynamics = need_dynamics_q + need_dynamics_qd
 
     type :: evaluator_type
-        !> The values of the last evaluation of each term, of the rows in use.
+        !> Values of the last evaluation of each term, of the rows in use.
         type(terms_type) :: terms
-        !> Where rows were dropped: the values of all rows of the model, and the numbers of those in use.
+        !> If rows were dropped: values of all rows of the model, and numbers of the rows in use.
         type(terms_type), allocatable :: all_rows
         integer, allocatable :: kept(:)
-        !> The terms that the model has, a sum of need bits.
+        !> Terms of the model, a sum of need bits.
         integer :: has = 0
-        !> The term that failed last, empty for the fused procedure.
+        !> Last term whose procedure failed, empty for the fused procedure.
         character(len=20) :: failed_term = ''
         class(model_type), pointer, private :: model => null()
-        !> Whether the mass matrix is constant and was evaluated; to be reset where a parameter has changed.
+        !> True if the mass matrix is constant and was evaluated; to be reset when a parameter changes.
         logical :: mass_is_known = .false.
-        !> Whether the mass matrix is believed to be symmetric: after the first one was, or where somebody else looks.
+        !> True if the mass matrix counts as symmetric: after the check of the first one, or if the caller checks it.
         logical :: mass_is_trusted = .false.
-        !> Whether nothing of it is to be looked at any more.
+        !> True if all checks of the mass matrix are done.
         logical, private :: mass_is_settled = .false.
-        !> The terms that one call of the model's `evaluate` puts where they belong, a sum of need bits; none where its time is
-        !> taken, so that a run without a profile pays nothing for that.
+        !> Terms that one call of the model's `evaluate` sets in place, a sum of need bits; none if its time is taken, so that a run
+        !> without a profile has no overhead.
         integer, private :: direct = 0
-        !> The diagonal blocks of M with more than one entry: M is diagonal but for them. The first and the last coordinate of
-        !> each, one block after the other.
+        !> Diagonal blocks of M with more than one entry; M is diagonal outside of them. First and last coordinate of each, one
+        !> block after the other.
         integer :: n_blocks = 0
         integer, allocatable :: blocks(:)
-        !> 1 below the blocks that the model tells of, where M must be zero, and 0 elsewhere (n, n); none where it tells of none.
+        !> 1 below the model's declared blocks, where M must be zero, and 0 elsewhere (n, n); not allocated without declared blocks.
         real(wp), allocatable, private :: outside(:, :)
         !> Work space: one of the two forces (n).
         real(wp), allocatable, private :: part(:)
-        !> Friction on reactions at the last point that was asked for: B (n, frictions), p (frictions) and its gradient
-        !> (frictions, m); only where there is any.
+        !> Friction on reactions at the last requested point: B (n, frictions), p (frictions) and its gradient (frictions, m); only
+        !> allocated for a model with such friction.
         real(wp), allocatable :: directions(:, :), normals(:), normals_gradient(:, :)
     contains
         procedure :: segment, constant_mass, evaluate_stiffness, initialize, evaluate, evaluate_phi
@@ -76,13 +76,13 @@ contains
     subroutine initialize(self, model, kept, compressed, wants_mass, wants_jacobian)
         class(evaluator_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
-        !> Numbers of the constraint rows to use, ascending; all of them where absent.
+        !> Numbers of the constraint rows to use, ascending; all rows if absent.
         integer, intent(in), optional :: kept(:)
-        !> Whether the terms are to be held compressed, for a model with a pattern.
+        !> True to store the terms compressed, for a model with a pattern.
         logical, intent(in), optional :: compressed
-        !> False where M will not be asked for.
+        !> False if M is never requested.
         logical, intent(in), optional :: wants_mass
-        !> False where the caller sees to C: it has no columns then.
+        !> False if the caller sets C, which then has no columns here.
         logical, intent(in), optional :: wants_jacobian
         logical :: compresses, fills_mass
         integer :: nh, nd
@@ -109,7 +109,7 @@ contains
         if (allocated(self%part)) deallocate (self%part)
         allocate (self%part(merge(model%n, 0, associated(model%inertia_force) .or. associated(model%applied_force))), source=0.0_wp)
         if (compresses) then
-            ! Their places leave none for entries outside of the blocks.
+            ! Compressed storage has no room for entries outside of the blocks.
             self%n_blocks = 0
             self%blocks = [integer ::]
             if (allocated(self%outside)) deallocate (self%outside)
@@ -130,7 +130,7 @@ contains
 
     contains
 
-        !> Terms of so many rows.
+        !> Allocate terms of given numbers of rows.
         subroutine allocate_terms(terms, nh, nd)
             type(terms_type), intent(inout) :: terms
             integer, intent(in) :: nh, nd
@@ -143,7 +143,7 @@ contains
         end subroutine allocate_terms
     end subroutine initialize
 
-    !> C x, or with `of_moduli` |C| |x|, of all rows of the model; none was left out.
+    !> C x, or with `of_moduli` |C| |x|, for all rows of the model; no row may be dropped.
     pure subroutine times_jacobian(self, x, of_moduli, y)
         class(evaluator_type), intent(in) :: self
         !> (n)
@@ -161,7 +161,7 @@ contains
         end if
     end subroutine times_jacobian
 
-    !> B of friction on reactions, which there is.
+    !> B of friction on reactions, for a model with such friction.
     subroutine find_directions(self, t, q, qd, stat)
         class(evaluator_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:)
@@ -177,7 +177,7 @@ contains
         stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
     end subroutine find_directions
 
-    !> Add friction on reactions for given multipliers to the forces, which are known.
+    !> Add friction on reactions for given multipliers to the forces, which are set.
     subroutine add_friction(self, t, q, qd, lambda, stat)
         class(evaluator_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
@@ -192,24 +192,24 @@ contains
         self%terms%force = self%terms%force + matmul(self%directions, self%normals)
     end subroutine add_friction
 
-    !> The segment that the model is in.
+    !> Current segment of the model.
     pure integer function segment(self)
         class(evaluator_type), intent(in) :: self
 
         segment = self%model%segment
     end function segment
 
-    !> Whether M does not depend on q.
+    !> True if M does not depend on q.
     pure logical function constant_mass(self)
         class(evaluator_type), intent(in) :: self
 
         constant_mass = self%model%constant_mass
     end function constant_mass
 
-    !> The derivatives of the forces by blocks of bodies.
+    !> Derivatives of the forces by blocks of bodies.
     subroutine evaluate_stiffness(self, t, q, qd, qdd, lambda, stiffness, counts, stat)
         class(evaluator_type), intent(inout) :: self
-        !> As of the model's.
+        !> As for the procedure of the model.
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
         type(stiffness_type), intent(inout) :: stiffness
         type(counts_type), intent(inout) :: counts
@@ -226,19 +226,19 @@ contains
         if (stat /= 0) stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
     end subroutine evaluate_stiffness
 
-    !> Evaluate the terms of a need mask that the model has.
+    !> Evaluate the terms of a need mask, as far as the model has them.
     subroutine evaluate(self, need, t, q, qd, counts, stat)
         class(evaluator_type), intent(inout) :: self
-        !> The terms wanted, a sum of need bits.
+        !> Requested terms, a sum of need bits.
         integer, intent(in) :: need
-        !> Time, coordinates (n), velocities (n; any where neither gamma nor force is wanted).
+        !> Time, coordinates (n), velocities (n; not used unless gamma or force is requested).
         real(wp), intent(in) :: t, q(self%model%n), qd(self%model%n)
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
         ! Indices of the table below; declared in the module, they would be global variables.
         integer :: i, mask
-        !> What each need mask adds to the evaluations of each term.
+        !> Number of evaluations of each term for each need mask.
         integer(long), parameter :: term_count(n_terms, 0:2**n_terms - 1) = &
             reshape([((iand(shiftr(int(mask, long), i - 1), 1_long), i=1, n_terms), mask=0, 2**n_terms - 1)], &
             [n_terms, 2**n_terms])
@@ -250,7 +250,7 @@ contains
         if (wanted == 0) return
         counts%terms(:) = counts%terms + term_count(:, wanted)
         if (wanted == iand(wanted, self%direct)) then
-            ! The common case, without detours.
+            ! The common case.
             counts%fused_calls = counts%fused_calls + 1
             call self%model%evaluate(wanted, t, q, qd, self%terms, stat)
             if (stat /= 0) self%failed_term = 'evaluate'
@@ -264,7 +264,7 @@ contains
         end if
     end subroutine evaluate
 
-    !> Evaluate Phi alone: what an iteration for the position does again and again.
+    !> Evaluate Phi only, as iterations for the position do repeatedly.
     subroutine evaluate_phi(self, t, q, counts, stat)
         class(evaluator_type), intent(inout) :: self
         !> Time, coordinates (n).
@@ -273,7 +273,7 @@ contains
         !> A status code.
         integer, intent(out) :: stat
 
-        ! Phi does not depend on the velocity; q stands in for it.
+        ! Phi does not depend on the velocity; q is passed in its place.
         if (iand(need_phi, self%direct) == 0) then
             call self%evaluate(need_phi, t, q, q, counts, stat)
             return
@@ -286,13 +286,13 @@ contains
         stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
     end subroutine evaluate_phi
 
-    !> Evaluate terms by several procedures, or with rows that are not in use, or where the time is taken.
+    !> Evaluate terms by several procedures, or with dropped rows, or with a timer.
     subroutine evaluate_parts(self, wanted, t, q, qd, counts, stat)
         class(evaluator_type), intent(inout) :: self
         integer, intent(in) :: wanted
         real(wp), intent(in) :: t, q(:), qd(:)
         type(counts_type), intent(inout) :: counts
-        !> The procedure's own status.
+        !> Status of the procedure.
         integer, intent(out) :: stat
         integer :: failed
 
@@ -308,7 +308,7 @@ contains
         if (failed > 0) self%failed_term = term_name(failed)
     end subroutine evaluate_parts
 
-    !> Look at a mass matrix that was evaluated: the first one, or a constant one.
+    !> Check a mass matrix after its evaluation: the first one, or a constant one.
     subroutine note_mass(self, stat)
         class(evaluator_type), intent(inout) :: self
         !> A status code.
@@ -327,7 +327,7 @@ contains
         end if
     end subroutine note_mass
 
-    !> The blocks of M that the model tells of.
+    !> Copy the diagonal blocks of M declared by the model.
     subroutine take_blocks(self)
         class(evaluator_type), intent(inout) :: self
         integer :: b, first, last
@@ -350,7 +350,7 @@ contains
         end associate
     end subroutine take_blocks
 
-    !> The smallest diagonal blocks that hold all entries of a constant M.
+    !> Find the smallest diagonal blocks that contain all entries of a constant M.
     subroutine find_blocks(self)
         class(evaluator_type), intent(inout) :: self
         integer :: first, i, j, last
@@ -372,7 +372,7 @@ contains
         end associate
     end subroutine find_blocks
 
-    !> One block more, unless it is a single entry.
+    !> Append a block unless it is a single entry.
     pure subroutine add_block(self, first, last)
         class(evaluator_type), intent(inout) :: self
         integer, intent(in) :: first, last
@@ -382,8 +382,8 @@ contains
         self%blocks = [self%blocks, first, last]
     end subroutine add_block
 
-    !> Refuse a mass matrix that is not zero outside of the blocks that the model tells of: what is left out there would make the
-    !> motion another one. Of a constant M the blocks are its own.
+    !> Refuse a mass matrix that is nonzero outside of the model's declared blocks, because omitting such entries would change the
+    !> motion. For a constant M the blocks are computed.
     subroutine judge_blocks(self, stat)
         class(evaluator_type), intent(inout) :: self
         !> `status_ok` or `status_invalid_model`.
@@ -403,12 +403,12 @@ contains
         end do
     end subroutine judge_blocks
 
-    !> Refuse a mass matrix that is not symmetric. NaN are left to others.
+    !> Refuse an asymmetric mass matrix. NaN are detected elsewhere.
     subroutine judge_mass(self, stat)
         class(evaluator_type), intent(inout) :: self
         !> `status_ok` or `status_invalid_model`.
         integer, intent(out) :: stat
-        !> Parts of the entries, and of the largest one, that rounding may make, in a model that computes them in its own way each.
+        !> Tolerances relative to the entries and to the largest one, for models that compute the two entries of a pair differently.
         real(wp), parameter :: of_entry = 1.0e-6_wp, of_largest = 1.0e-12_wp
         real(wp) :: largest, allowed
         integer :: i, j
@@ -434,7 +434,7 @@ contains
 
     contains
 
-        !> The same in a compressed matrix.
+        !> The same for a compressed matrix.
         subroutine judge_compressed()
             integer :: first
 
@@ -458,7 +458,7 @@ contains
     !> Copy the rows in use.
     subroutine take_kept(self, wanted)
         class(evaluator_type), intent(inout) :: self
-        !> The terms that were evaluated.
+        !> Evaluated terms.
         integer, intent(in) :: wanted
 
         associate (terms => self%terms, all_rows => self%all_rows, kept => self%kept)
@@ -471,7 +471,7 @@ contains
         end associate
     end subroutine take_kept
 
-    !> What was evaluated last.
+    !> State of the last evaluation.
     subroutine pack_state(self, pack)
         class(evaluator_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

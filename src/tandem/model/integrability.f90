@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> Nonholonomic rows that are integrable: constraints on the position in disguise, which belong among the holonomic ones. Only
-!> there is their position held.
+!> Integrable nonholonomic rows: constraints on the position that should be holonomic, because only for holonomic rows the position
+!> is constrained.
 !>
-!> Frobenius: a row E_i qd = e_i, the form w = E_i dq - e_i dt, is integrable on the manifold of Phi where the three-form w dw
-!> vanishes on all directions of (q, t) that dPhi allows; rows are integrable together where every dw_i vanishes on the directions
-!> that all of them allow. A form that vanishes on some random directions vanishes on all with probability one. So there are
-!> differences along a few directions, for all rows at once, and neither their work nor their memory grows with the square of the
-!> number of rows. Differences are central ones; an accident of one point is told from integrability by a look at others, which are
-!> elsewhere in time too: a wheel that is steered by 1 - cos(t) has at t = 0 the rows of one that is not steered.
+!> Frobenius: a row E_i qd = e_i, the form w = E_i dq - e_i dt, is integrable on the manifold of Phi if the three-form w dw vanishes
+!> on all directions of (q, t) that dPhi allows; rows are integrable together if every dw_i vanishes on the directions that all of
+!> them allow. A form that vanishes on some random directions vanishes on all with probability one. Differences along a few
+!> directions therefore suffice for all rows at once, and neither work nor memory grows with the square of the number of rows.
+!> Central differences are used. A coincidence at one point is excluded by tests at other points and times: a wheel that is steered
+!> by 1 - cos(t) has the rows of an unsteered one at t = 0.
 !> Source: R. M. Murray, Z. Li, S. S. Sastry, A Mathematical Introduction to Robotic Manipulation, CRC Press 1994, section 6.2 and
 !> chapter 7.
 module tandem_model_integrability
@@ -24,21 +24,21 @@ module tandem_model_integrability
 
     public :: find_integrable_rows
 
-    !> What is known of the forms at one point.
+    !> Forms and their derivatives at one point.
     type :: forms_type
-        !> The place, and the scales of time and of the coordinates there (n).
+        !> Point, and scales of time and of the coordinates there (n).
         real(wp) :: t = 0.0_wp, time_scale = 1.0_wp
         real(wp), allocatable :: q(:), scale(:)
         !> Rows of [C, -nu] in scaled (q, t), of unit length, and their lengths (m, n + 1), (m).
         real(wp), allocatable :: rows(:, :), length(:)
-        !> Along random directions a (n + 1, k): dw_i(a, b) as the difference of slope(i, b, a) and slope(i, a, b), and the sums of
-        !> absolute values that these are taken from.
+        !> Random directions a (n + 1, k); dw_i(a, b) = slope(i, b, a) - slope(i, a, b), and the sums of moduli of the terms in
+        !> these slopes.
         real(wp), allocatable :: directions(:, :), slope(:, :, :), magnitude(:, :, :)
     end type forms_type
 
-    !> Directions to look along: four of them make four triples, three make three pairs.
+    !> Numbers of directions: four make four triples, three make three pairs.
     integer, parameter :: n_alone = 4, n_together = 3
-    !> What is left of a form that vanishes, against what it is taken from: differences are good to 1e-9.
+    !> Tolerance of a vanishing form relative to its terms: differences have an error of 1e-9.
     real(wp), parameter :: small = 1.0e-6_wp
 
 contains
@@ -49,9 +49,9 @@ contains
         !> Coordinate scales (n), time and coordinates (n).
         real(wp), intent(in) :: scale(:), t, q(:)
         type(counts_type), intent(inout) :: counts
-        !> Rows of C that are integrable by themselves.
+        !> Rows of C that are integrable individually.
         integer, allocatable, intent(out) :: alone(:)
-        !> Whether all nonholonomic rows are integrable together, none of them alone.
+        !> True if all nonholonomic rows are integrable together, none of them individually.
         logical, intent(out) :: together
         integer, parameter :: n_points = 3
         real(wp), parameter :: distance = 0.01_wp
@@ -76,7 +76,7 @@ contains
             if (stat == status_ok .and. together) then
                 call test_together(evaluator, model%n_holonomic, forms, seed, counts, together, stat)
             end if
-            ! What cannot be evaluated cannot be judged.
+            ! A point without values gives no result.
             if (stat /= status_ok) is_alone = .false.
             if (stat /= status_ok) together = .false.
             if (.not. (any(is_alone) .or. together)) exit
@@ -85,7 +85,7 @@ contains
         together = together .and. size(alone) == 0
     end subroutine find_integrable_rows
 
-    !> The forms at their place, of unit length.
+    !> Set the forms at their point, of unit length.
     subroutine load(evaluator, forms, counts, stat)
         type(evaluator_type), intent(inout) :: evaluator
         type(forms_type), intent(inout) :: forms
@@ -103,7 +103,7 @@ contains
         end do
     end subroutine load
 
-    !> The rows of [C diag(s), -nu] in the scaled time.
+    !> Rows of [C diag(s), -nu] in the scaled time.
     subroutine evaluate(evaluator, forms, time, place, counts, rows, stat)
         type(evaluator_type), intent(inout) :: evaluator
         type(forms_type), intent(in) :: forms
@@ -124,23 +124,23 @@ contains
         if (.not. sum(abs(rows)) <= huge(1.0_wp)) stat = -1
     end subroutine evaluate
 
-    !> Which rows are integrable by themselves: w dw of three directions that Phi allows.
+    !> Test the rows individually: w dw of three directions that Phi allows.
     subroutine test_alone(evaluator, nh, forms, seed, counts, is_alone, stat)
         type(evaluator_type), intent(inout) :: evaluator
         integer, intent(in) :: nh
         type(forms_type), intent(inout) :: forms
         integer, intent(inout) :: seed
         type(counts_type), intent(inout) :: counts
-        !> Rows that have passed so far (nd).
+        !> True for rows that have passed so far (nd).
         logical, intent(inout) :: is_alone(:)
         integer, intent(out) :: stat
-        !> The part of each row that dPhi does not fix, and its values along the directions.
+        !> Part of each row orthogonal to dPhi, and its values along the directions.
         real(wp), allocatable :: fixed(:, :), own(:, :), value(:, :)
         real(wp) :: length, size_of_terms, three_form
         logical :: can
         integer :: a, b, c, i
 
-        ! On fewer than three directions there is nothing to test.
+        ! Fewer than three directions need no test.
         stat = status_ok
         call draw(forms, nh, n_alone, 3, seed, fixed, can)
         if (.not. can) then
@@ -183,7 +183,7 @@ contains
         end function magnitude
     end subroutine test_alone
 
-    !> Whether all rows are integrable together: every dw of two directions that all of them allow.
+    !> Test all rows together: every dw of two directions that all of them allow.
     subroutine test_together(evaluator, nh, forms, seed, counts, together, stat)
         type(evaluator_type), intent(inout) :: evaluator
         integer, intent(in) :: nh
@@ -211,15 +211,15 @@ contains
         together = .true.
     end subroutine test_together
 
-    !> Random directions that the first rows allow.
+    !> Draw random directions that the first rows allow.
     subroutine draw(forms, n_rows, most, least, seed, fixed, can)
         type(forms_type), intent(inout) :: forms
-        !> How many rows; how many directions at most, and at least.
+        !> Number of rows; largest and smallest number of directions.
         integer, intent(in) :: n_rows, most, least
         integer, intent(inout) :: seed
-        !> An orthonormal basis of what the rows span (n + 1, n_rows).
+        !> Orthonormal basis of the span of the rows (n + 1, n_rows).
         real(wp), allocatable, intent(out) :: fixed(:, :)
-        !> False where so many directions are not left, or the rows depend on each other.
+        !> False if there are too few directions, or the rows are dependent.
         logical, intent(out) :: can
         type(basis_type) :: basis
         integer :: a, n
@@ -240,7 +240,7 @@ contains
         forms%directions = forms%directions - matmul(fixed, matmul(transpose(fixed), forms%directions))
     end subroutine draw
 
-    !> The derivatives of the nonholonomic rows along the directions, by all directions.
+    !> Derivatives of the nonholonomic rows along all directions, contracted with all directions.
     subroutine differentiate(evaluator, nh, forms, counts, stat)
         type(evaluator_type), intent(inout) :: evaluator
         integer, intent(in) :: nh

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Items sorted to lists that stand one behind the other, such as the bodies of each row.
+!> Sorts items to lists that are stored consecutively, such as the bodies of each row.
 module tandem_model_lists
     implicit none (type, external)
     private
@@ -8,10 +8,10 @@ module tandem_model_lists
 
 contains
 
-    !> Each list with each of its items once and in ascending order. Lists are short: within one, items are sorted by insertion.
+    !> Set up each list with each of its items once and in ascending order. Lists are short: each is sorted by insertion.
     pure subroutine sort_to_lists(n_lists, lists, given, start, items)
         integer, intent(in) :: n_lists
-        !> Pairs of a list and an item, in any order and as often as it happens; one with 0 counts for nothing.
+        !> Pairs of a list and an item, in any order, repetitions allowed; pairs with a 0 are ignored.
         integer, intent(in) :: lists(:), given(:)
         !> List i is items(start(i) : start(i + 1) - 1).
         integer, allocatable, intent(out) :: start(:), items(:)
@@ -33,7 +33,7 @@ contains
             list(next(lists(k))) = given(k)
             next(lists(k)) = next(lists(k)) + 1
         end do
-        ! What was sorted never stands behind what is yet to be: the same room serves for both.
+        ! The sorted part never overtakes the unsorted part, so that both use the same array.
         n = 0
         do i = 1, n_lists
             last = n

@@ -1,14 +1,14 @@
 ! SPDX-License-Identifier: MIT
-!> The model: sizes, names and procedure pointers. A scene extends `model_type` with its parameters and associates the
-!> procedures that it has; an unassociated pointer means that the scene has no such term.
+!> The model: sizes, names and procedure pointers. A scene extends `model_type` with its parameters and associates its procedures;
+!> an unassociated pointer means that the scene has no such term.
 !>
-!> Every procedure is a subroutine whose last argument is a status: 0 fine, > 0 this point cannot be evaluated (a smaller
-!> step may help), < 0 stop. The passed object is `intent(inout)`, so that a model may keep intermediate results; one model
-!> instance belongs to one simulation. Associate module procedures only: a pointer to an internal procedure needs a
-!> trampoline on the stack, which crashes where the stack is not executable.
+!> Every procedure is a subroutine whose last argument is a status: 0 ok, > 0 this point cannot be evaluated (a smaller step may
+!> help), < 0 stop. The passed object is `intent(inout)`, so that a model may keep intermediate results; one model instance belongs
+!> to one simulation. Associate module procedures only: a pointer to an internal procedure needs a trampoline on the stack, which
+!> crashes if the stack is not executable.
 !>
-!> Source of the equations: E. J. Haug, An index 0 differential-algebraic equation formulation for multibody dynamics:
-!> nonholonomic constraints, Mech. Based Des. Struct. Mach., 2016, doi 10.1080/15397734.2016.1273783.
+!> Source of the equations: E. J. Haug, An index 0 differential-algebraic equation formulation for multibody dynamics: nonholonomic
+!> constraints, Mech. Based Des. Struct. Mach., 2016, doi 10.1080/15397734.2016.1273783.
 module tandem_model
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -30,12 +30,12 @@ module tandem_model
     public :: direction_derivative, mass_derivative_interface, matrix_of_motion, evaluate_derivatives_interface
     public :: measure_interface, integrand_interface, change_interface, list_motions_interface, normal_forces_interface
 
-    !> What `composed` is asked for.
+    !> Arguments of `composed`.
     integer, parameter :: name_of_coordinate = 1, its_unit = 2, name_of_row = 3, unit_of_its_multiplier = 4
 
-    !> A scene extends this with its parameters; sizes say what exists, procedure pointers what each term is.
+    !> A scene extends this with its parameters; sizes define the existing terms, procedure pointers their values.
     type :: model_type
-        !> The model's name in reports and files.
+        !> Name of the model in reports and files.
         character(len=:), allocatable :: name
         !> Number of generalized coordinates.
         integer :: n = 0
@@ -43,107 +43,106 @@ module tandem_model
         integer :: n_holonomic = 0
         !> Number of nonholonomic constraints E(t, q) qd = e(t, q).
         integer :: n_nonholonomic = 0
-        !> Whether there may be more rows than coordinates, as joints in closed loops bring them: which of them repeat others is
-        !> found at the start. Otherwise so many are taken for a mistake.
+        !> True if there may be more rows than coordinates, as for joints in closed loops: redundant rows are found at the start. If
+        !> false, so many rows are refused.
         logical :: rows_may_repeat = .false.
-        !> True where M does not depend on q: it is then evaluated once.
+        !> True if M does not depend on q: it is then evaluated once.
         logical :: constant_mass = .false.
-        !> Sizes of the diagonal blocks of M in their order, n in all, where every entry outside of them is zero at every q:
-        !> explicit steps leave those out. One block of n where not allocated. In a constant M they are found without being told.
+        !> Sizes of the diagonal blocks of M in their order, n in total, if all entries outside of them are zero at every q:
+        !> explicit steps omit those. Not allocated: one block of n. For a constant M the blocks are computed.
         integer, allocatable :: mass_blocks(:)
-        !> Which entries of C and M may differ from zero, for sparse charts; every entry where not allocated. A model that has it
-        !> sets the entry (i, j) of C as (i, pattern%column(j)), and of M as (i, pattern%mass_column(j)), wherever it finds
-        !> `terms%is_compressed`.
+        !> Entries of C and M that may be nonzero, for sparse charts; not allocated: all entries. A model with a pattern must store
+        !> entry (i, j) of C in (i, pattern%column(j)), and that of M in (i, pattern%mass_column(j)), if `terms%is_compressed` is
+        !> true.
         type(pattern_type), allocatable :: pattern
         !> Names and units of the coordinates (n); defaults q1, q2, ... and no unit.
         character(len=label_length), allocatable :: coordinate_name(:), coordinate_unit(:)
-        !> A typical magnitude of each coordinate (n), > 0; default 1. Bases, norms and the rank decision use q / scale.
+        !> Typical magnitude of each coordinate (n), > 0; default 1. Bases, norms and the rank decision use q / scale.
         real(wp), allocatable :: coordinate_scale(:)
-        !> The period of each coordinate (n), 0 for one without: an angle that has turned often is not known less exactly for that.
-        !> In error norms |q| counts for half a period at most.
+        !> Period of each coordinate (n), 0 if none: full turns of an angle do not reduce its accuracy. In error norms |q| is at
+        !> most half a period.
         real(wp), allocatable :: coordinate_period(:)
-        !> A typical time of the motion, > 0: velocities are judged by scale / time_scale, accelerations by scale / time_scale**2.
+        !> Typical time of the motion, > 0: velocities are compared with scale / time_scale, accelerations with that / time_scale.
         real(wp) :: time_scale = 1.0_wp
         !> Names of the constraint rows (nh) and (nd); defaults holonomic 1, ..., nonholonomic 1, ...
         character(len=label_length), allocatable :: holonomic_name(:), nonholonomic_name(:)
-        !> Units of the multipliers (nh + nd), for files: J over that of a row of Phi, W over that of a row of E qd.
+        !> Units of the multipliers (nh + nd), for files: J over the unit of a row of Phi, W over that of a row of E qd.
         character(len=label_length), allocatable :: multiplier_unit(:)
-        !> Names and units that are not given there are those of `composed`; the procedures come with tandem, so that no message
-        !> asks users to check them.
+        !> True if `composed` provides names and units that are not given there; true if tandem provides the procedures, so that no
+        !> message asks users to check them.
         logical :: composes_labels = .false., is_ready_made = .false.
-        !> Ascending times at which a function of time has a kink or a jump: steps end there exactly.
+        !> Ascending times of kinks or jumps of functions of time: steps end there exactly.
         real(wp), allocatable :: breakpoints(:)
-        !> Whether nu jumps at each breakpoint, so that qd must jump with it; default false.
+        !> True for each breakpoint at which nu, and therefore qd, jumps; default false.
         logical, allocatable :: nu_jumps(:)
-        !> Which smooth piece is current, 1 before the first breakpoint; set by the simulation. Procedures look at this
-        !> and never compare t with a breakpoint.
+        !> Number of the current smooth piece, 1 before the first breakpoint; set by the simulation. Procedures use this number and
+        !> never compare t with a breakpoint.
         integer :: segment = 1
-        !> Until when `breakpoints` has all of them; a model that looks for them as a run goes on sets it, see `know_breakpoints`.
+        !> Time up to which `breakpoints` is complete; set by a model that searches during a run, see `know_breakpoints`.
         real(wp) :: breakpoints_until = huge(1.0_wp)
-        !> What `measure` gives, in its order; nothing where it is not allocated. Whether it looks at every step to count turns.
+        !> Quantities of `measure`, in its order; not allocated: none. True if it must be called at every step to count turns.
         type(quantity_type), allocatable :: quantities(:)
         logical :: measures_every_step = .false.
-        !> True if `measure` takes the multipliers.
+        !> True if `measure` uses the multipliers.
         logical :: measures_multipliers = .false.
-        !> The quantities that `measure` is asked for at the moment; all where this is not allocated.
+        !> Quantities currently requested from `measure`; not allocated: all.
         logical, allocatable :: asked(:)
-        !> Values of `measure` for the events that are evaluated at the moment; only allocated while they are those of the point.
+        !> Values of `measure` for the current evaluation of events; allocated only while they are those of the point.
         real(wp), allocatable :: shown(:)
-        !> Integrals over time that `measure` looks at, zero at the start: whoever calls it adds up `integrands`, and sets them
-        !> before. None where it is not allocated.
+        !> Time integrals used by `measure`, zero at the start: the caller integrates `integrands`, and sets them before the call.
+        !> Not allocated: none.
         real(wp), allocatable :: integrals(:)
-        !> The impulses of the rows (nh + nd) where an event made velocities jump last; only where it is allocated, by a model that
-        !> tells of them.
+        !> Impulses of the rows (nh + nd) at the last velocity jump by an event; allocated only by a model that reports them.
         real(wp), allocatable :: impulses(:)
-        !> Inputs of the linearised system: names of functions of time, which may be several of one element. `input` (0:2, inputs),
-        !> where it is allocated, is what the model's procedures add to the value and the first two derivatives of each;
-        !> `input_version` changes whenever it does.
+        !> Inputs of the linearised system: names of functions of time, of which an element may have several. `input` (0:2, inputs),
+        !> if allocated, is added by the model's procedures to the value and the first two derivatives of each; `input_version`
+        !> changes with every change of `input`.
         character(len=label_length), allocatable :: input_name(:)
         real(wp), allocatable :: input(:, :)
         integer :: input_version = 0
-        !> Takes the time of each call, see `profile_type`; nobody does where it is not associated.
+        !> Timer of the calls, see `profile_type`; not associated: none.
         class(timer_type), pointer :: timer => null()
 
-        !> Phi(t, q) (nh); required where nh > 0.
+        !> Phi(t, q) (nh); required if nh > 0.
         procedure(vector_of_position), pointer :: holonomic => null()
-        !> Phi_q(t, q) (nh, n); required where nh > 0.
+        !> Phi_q(t, q) (nh, n); required if nh > 0.
         procedure(matrix_of_position), pointer :: holonomic_jacobian => null()
-        !> Phi_t(t, q) (nh); only where Phi depends on time.
+        !> Phi_t(t, q) (nh); only if Phi depends on time.
         procedure(vector_of_position), pointer :: holonomic_rate => null()
-        !> E(t, q) (nd, n); required where nd > 0.
+        !> E(t, q) (nd, n); required if nd > 0.
         procedure(matrix_of_position), pointer :: nonholonomic_jacobian => null()
-        !> e(t, q) (nd); only where e is not zero.
+        !> e(t, q) (nd); only if e is not zero.
         procedure(vector_of_position), pointer :: nonholonomic_rhs => null()
-        !> gamma(t, q, qd) (nh + nd) of C qdd = -gamma (8); where it is missing, differences of C and nu along the motion stand
-        !> in, and their noise limits the accuracy (the report says by how much).
+        !> gamma(t, q, qd) (nh + nd) of C qdd = -gamma (8); if missing, differences of C and nu along the motion replace it, and
+        !> their noise, which is in the report, limits the accuracy.
         procedure(vector_of_motion), pointer :: constraint_acceleration => null()
         !> M(q) (n, n), symmetric; required.
         procedure(mass_interface), pointer :: mass_matrix => null()
-        !> S(q, qd) (n); only where there is one.
+        !> S(q, qd) (n); only if it is not zero.
         procedure(inertia_interface), pointer :: inertia_force => null()
-        !> Q_A(t, q, qd) (n); only where there is one.
+        !> Q_A(t, q, qd) (n); only if it is not zero.
         procedure(vector_of_motion), pointer :: applied_force => null()
         !> T(q, qd) for reports; default qd' M qd / 2.
         procedure(energy_of_motion), pointer :: kinetic_energy => null()
         !> V(t, q) for reports.
         procedure(energy_of_position), pointer :: potential_energy => null()
-        !> Any set of terms at one point in one call, for models that share work between them; preferred to the single
+        !> Any set of terms at one point in one call, for models with common work for several terms; preferred to the single
         !> procedures for the terms in `provides`.
         procedure(evaluate_interface), pointer :: evaluate => null()
-        !> The terms that `evaluate` gives, a sum of need bits (see `tandem_model_terms`). A term that is neither in
-        !> `provides` nor has a procedure of its own is zero.
+        !> Terms provided by `evaluate`, a sum of need bits (see `tandem_model_terms`). A term that is neither in `provides` nor has
+        !> a procedure of its own is zero.
         integer :: provides = 0
 
-        !> The values of `quantities`, one after the other, at a state of the motion with its accelerations; for files only.
+        !> Values of `quantities`, one after the other, at a state of the motion with its accelerations; for files only.
         procedure(measure_interface), pointer :: measure => null()
-        !> The rates of `integrals`, and what is called once before the first `measure`, at the state of the start: it sets what of
-        !> `quantities` depends on that. Only where there is something to do.
+        !> Rates of `integrals`; procedure that is called once before the first `measure`, with the state at the start, to set the
+        !> quantities that depend on it. Only if needed.
         procedure(integrand_interface), pointer :: integrands => null(), begin_measuring => null()
-        !> What events may change of the model, in words of its own. Only where there is something.
+        !> Changes of the model by events, described by texts of the model. Only if there are any.
         procedure(change_interface), pointer :: change => null()
 
-        !> C2(q, x) = (C x)_q (nh + nd, n) for a constant x (72). This and the next seven serve implicit steppers only; where
-        !> one is missing, differences stand in.
+        !> C2(q, x) = (C x)_q (nh + nd, n) for a constant x (72). This and the next seven are for implicit steppers only;
+        !> differences replace a missing one.
         procedure(direction_derivative), pointer :: jacobian_derivative => null()
         !> nu_q (nh + nd, n).
         procedure(matrix_of_position), pointer :: nu_derivative => null()
@@ -158,21 +157,21 @@ module tandem_model
         !> Any set of the five sums in `tandem_model_derivatives` at one point in one call; preferred for those in
         !> `provides_derivatives`.
         procedure(evaluate_derivatives_interface), pointer :: evaluate_derivatives => null()
-        !> The derivatives that `evaluate_derivatives` gives, a sum of need bits (see `tandem_model_derivatives`).
+        !> Derivatives provided by `evaluate_derivatives`, a sum of need bits (see `tandem_model_derivatives`).
         integer :: provides_derivatives = 0
-        !> The derivatives of the forces by blocks of the bodies of `pattern`: with it implicit steppers run on sparse charts.
+        !> Derivatives of the forces by blocks of the bodies of `pattern`, required for implicit steppers on sparse charts.
         procedure(evaluate_stiffness_interface), pointer :: evaluate_stiffness => null()
-        !> Friction on reactions: the force B(t, q, qd) p(lambda) beside S + Q_A, of `n_frictions` columns. `friction_directions` is
-        !> B (n, n_frictions), the force of each for a normal force of one; `normal_forces` are p, each a norm of multipliers:
-        !> p(a x) = |a| p(x), p(x + y) <= p(x) + p(y). The sums of `evaluate_derivatives` hold -B p too, for constant multipliers.
-        !> Dense charts only.
+        !> Friction on reactions: the force B(t, q, qd) p(lambda) in addition to S + Q_A, with `n_frictions` columns.
+        !> `friction_directions` is B (n, n_frictions), the force of each friction for a normal force of one; `normal_forces` are p,
+        !> each a norm of multipliers: p(a x) = |a| p(x), p(x + y) <= p(x) + p(y). The sums of `evaluate_derivatives` include -B p,
+        !> for constant multipliers. Dense charts only.
         integer :: n_frictions = 0
         procedure(matrix_of_motion), pointer :: friction_directions => null()
         procedure(normal_forces_interface), pointer :: normal_forces => null()
-        !> Ways in which all of it can be moved together, for the analysis of steady motions: it finds the symmetries among these
-        !> and their sums. Where it is missing, all translations and rotations of the coordinates are tried, if these are few.
+        !> Motions of the model as a whole, for the analysis of steady motions: it finds the symmetries among these and their sums.
+        !> If missing, all translations and rotations of the coordinates are tried, if these are few.
         procedure(list_motions_interface), pointer :: list_motions => null()
-        !> The derivative of S + Q_A with respect to the time alone (n), for the same analysis; differences stand in.
+        !> Partial derivative of S + Q_A with respect to time (n), for the same analysis; differences replace a missing one.
         procedure(vector_of_motion), pointer :: force_rate => null()
     contains
         procedure :: n_constraints, row_name, coordinate_label, unit_of_coordinate, unit_of_multiplier, has_units, composed
@@ -190,19 +189,19 @@ module tandem_model
             real(wp), intent(in) :: t
             !> Coordinates (n).
             real(wp), intent(in) :: q(:)
-            !> The vector, all of it.
+            !> The complete vector.
             real(wp), intent(out) :: value(:)
-            !> 0 fine, > 0 cannot be evaluated here, < 0 stop.
+            !> 0 ok, > 0 cannot be evaluated here, < 0 stop.
             integer, intent(out) :: stat
         end subroutine vector_of_position
 
-        !> A matrix that depends on time and position: one row a constraint, one column a coordinate.
+        !> A matrix that depends on time and position: one row per constraint, one column per coordinate.
         subroutine matrix_of_position(self, t, q, value, stat)
             import :: model_type, wp
             implicit none (type, external)
             class(model_type), intent(inout) :: self
             real(wp), intent(in) :: t, q(:)
-            !> The matrix, zeros included.
+            !> The complete matrix, including zeros.
             real(wp), intent(out) :: value(:, :)
             integer, intent(out) :: stat
         end subroutine matrix_of_position
@@ -228,7 +227,7 @@ module tandem_model
             integer, intent(out) :: stat
         end subroutine mass_interface
 
-        !> The inertia force, without the time.
+        !> The inertia force, which does not depend on time.
         subroutine inertia_interface(self, q, qd, value, stat)
             import :: model_type, wp
             implicit none (type, external)
@@ -265,10 +264,10 @@ module tandem_model
             class(model_type), intent(inout) :: self
             !> Time, coordinates, velocities, accelerations (n). Times ascend.
             real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
-            !> All quantities; where `asked` is allocated, others may be left alone, and accelerations are of no account.
+            !> All quantities; if `asked` is allocated, others need not be set, and accelerations are not used.
             real(wp), intent(inout) :: values(:)
             integer, intent(out) :: stat
-            !> Multipliers (nh + nd): what is made of them is NaN without.
+            !> Multipliers (nh + nd): without them quantities of multipliers are NaN.
             real(wp), intent(in), optional :: lambda(:)
         end subroutine measure_interface
 
@@ -279,33 +278,33 @@ module tandem_model
             class(model_type), intent(inout) :: self
             !> Time, coordinates, velocities (n), multipliers (nh + nd).
             real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
-            !> One for each integral.
+            !> One value per integral.
             real(wp), intent(out) :: values(:)
             integer, intent(out) :: stat
         end subroutine integrand_interface
 
-        !> A change of the model at an event. The state stays on the constraints of position as they are afterwards.
+        !> A change of the model at an event. The state must satisfy the position constraints after the change.
         subroutine change_interface(self, what, is_trial, t, q, problem)
             import :: model_type, wp
             implicit none (type, external)
             class(model_type), intent(inout) :: self
-            !> What to change, in the model's own words.
+            !> Description of the change, in the format of the model.
             character(len=*), intent(in) :: what
-            !> Whether only to see if it can be done; t and q do not count then.
+            !> True to check the change only; t and q are then not used.
             logical, intent(in) :: is_trial
             real(wp), intent(in) :: t, q(:)
-            !> What is wrong, and what to do; blank where it is done.
+            !> Problem and remedy; blank after success.
             character(len=*), intent(out) :: problem
         end subroutine change_interface
 
-        !> The normal forces that reactions are to friction.
+        !> Normal forces of friction for given multipliers.
         subroutine normal_forces_interface(self, lambda, value, gradient)
             import :: model_type, wp
             implicit none (type, external)
             class(model_type), intent(inout) :: self
             !> Multipliers (nh + nd).
             real(wp), intent(in) :: lambda(:)
-            !> p (n_frictions), not negative, and its gradient (n_frictions, nh + nd), zero where p is.
+            !> p (n_frictions), not negative, and its gradient (n_frictions, nh + nd), zero where p is zero.
             real(wp), intent(out) :: value(:), gradient(:, :)
         end subroutine normal_forces_interface
 
@@ -314,11 +313,11 @@ module tandem_model
             import :: model_type, wp, terms_type
             implicit none (type, external)
             class(model_type), intent(inout) :: self
-            !> The terms wanted, a sum of need bits; only those in `provides` are asked for.
+            !> Requested terms, a sum of need bits; only those in `provides` are requested.
             integer, intent(in) :: need
-            !> qd is meaningful only where gamma or force are asked for.
+            !> qd is defined only if gamma or force is requested.
             real(wp), intent(in) :: t, q(:), qd(:)
-            !> The wanted terms are set, zeros included; the others are left alone.
+            !> Set the requested terms, including zeros; leave the others unchanged.
             type(terms_type), intent(inout) :: terms
             integer, intent(out) :: stat
         end subroutine evaluate_interface
@@ -354,7 +353,7 @@ module tandem_model
             integer, intent(out) :: stat
         end subroutine matrix_of_motion
 
-        !> Ways to move the model as a whole.
+        !> Motions of the model as a whole.
         subroutine list_motions_interface(self, motions)
             import :: model_type, affine_motion_type
             implicit none (type, external)
@@ -367,24 +366,24 @@ module tandem_model
             import :: model_type, wp, derivatives_type
             implicit none (type, external)
             class(model_type), intent(inout) :: self
-            !> The derivatives wanted, a sum of need bits; only those in `provides_derivatives` are asked for.
+            !> Requested derivatives, a sum of need bits; only those in `provides_derivatives` are requested.
             integer, intent(in) :: need
             !> Time, coordinates, velocities, accelerations (n), multipliers (nh + nd).
             real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
-            !> The wanted derivatives are set, zeros included; the others are left alone.
+            !> Set the requested derivatives, including zeros; leave the others unchanged.
             type(derivatives_type), intent(inout) :: derivatives
             integer, intent(out) :: stat
         end subroutine evaluate_derivatives_interface
 
-        !> K = (M qdd + C' lambda - S - Q_A)_q and D = -(S + Q_A)_qd by blocks. What is left out of them costs corrections, and
-        !> never changes the solution.
+        !> K = (M qdd + C' lambda - S - Q_A)_q and D = -(S + Q_A)_qd by blocks. Omitted parts cost corrections but never change the
+        !> solution.
         subroutine evaluate_stiffness_interface(self, t, q, qd, qdd, lambda, stiffness, stat)
             import :: model_type, wp, stiffness_type
             implicit none (type, external)
             class(model_type), intent(inout) :: self
             !> Time, coordinates, velocities, accelerations (n), multipliers (nh + nd).
             real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
-            !> All blocks are set, zeros included; its bodies are those of the pattern, its pairs those of `pattern%coupled`.
+            !> Set all blocks, including zeros; bodies are those of the pattern, pairs those of `pattern%coupled`.
             type(stiffness_type), intent(inout) :: stiffness
             integer, intent(out) :: stat
         end subroutine evaluate_stiffness_interface
@@ -399,7 +398,7 @@ contains
         n_constraints = self%n_holonomic + self%n_nonholonomic
     end function n_constraints
 
-    !> The name of a row, with blanks behind.
+    !> Name of a row, padded with blanks.
     pure function padded_name(self, row) result(name)
         class(model_type), intent(in) :: self
         integer, intent(in) :: row
@@ -420,7 +419,7 @@ contains
         end associate
     end function padded_name
 
-    !> The length of a row's name (a deferred length would be static memory, see `tandem_status`).
+    !> Length of the name of a row (a deferred length would be static memory, see `tandem_status`).
     pure integer function name_length(self, row)
         class(model_type), intent(in) :: self
         integer, intent(in) :: row
@@ -438,7 +437,7 @@ contains
         name = padded_name(self, row)
     end function row_name
 
-    !> The scales of the coordinates (n): 1 where none are given.
+    !> Scales of the coordinates (n): 1 if none are given.
     pure function scales(self)
         class(model_type), intent(in) :: self
         real(wp) :: scales(self%n)
@@ -447,7 +446,7 @@ contains
         if (allocated(self%coordinate_scale)) scales = self%coordinate_scale
     end function scales
 
-    !> The largest entry of a vector on these scales. Nothing is allocated.
+    !> Largest entry of a vector relative to these scales. Allocates nothing.
     pure real(wp) function largest_on_scales(self, x)
         class(model_type), intent(in) :: self
         !> Increments of coordinates or rates (n).
@@ -457,17 +456,15 @@ contains
         if (allocated(self%coordinate_scale)) largest_on_scales = maxval(abs(x)/self%coordinate_scale)
     end function largest_on_scales
 
-    !> A run or an analysis begins at (t, q, qd): a model that takes its time scale from there does it now. Nothing unless
-    !> overridden.
+    !> A run or an analysis starts at (t, q, qd): a model may set its time scale here. By default nothing is done.
     subroutine set_time_scale(self, t, q, qd)
         class(model_type), intent(inout) :: self
         !> Time, coordinates and velocities (n), which need not satisfy the constraints.
         real(wp), intent(in) :: t, q(:), qd(:)
     end subroutine set_time_scale
 
-    !> The sizes of the coordinates by which rows of Phi are judged, where these exceed the scales: how much rounding of q may leave
-    !> of a row follows from them. q itself unless overridden, by a model whose rows bend so much along a large coordinate that
-    !> their gradients do not show its part everywhere.
+    !> Sizes of the coordinates for the rounding errors of rows of Phi, used if they exceed the scales. By default q itself; to be
+    !> overridden by a model with rows so nonlinear in a large coordinate that their gradients do not show its effect everywhere.
     pure subroutine set_magnitudes(self, q, magnitude)
         class(model_type), intent(in) :: self
         !> Coordinates, and their sizes (n).
@@ -477,7 +474,7 @@ contains
         magnitude = q
     end subroutine set_magnitudes
 
-    !> The name of a coordinate with blanks behind.
+    !> Name of a coordinate, padded with blanks.
     pure function padded_label(self, i) result(name)
         class(model_type), intent(in) :: self
         integer, intent(in) :: i
@@ -492,7 +489,7 @@ contains
         end if
     end function padded_label
 
-    !> The length of a coordinate's name.
+    !> Length of the name of a coordinate.
     pure integer function coordinate_label_length(self, i)
         class(model_type), intent(in) :: self
         integer, intent(in) :: i
@@ -500,7 +497,7 @@ contains
         coordinate_label_length = len_trim(padded_label(self, i))
     end function coordinate_label_length
 
-    !> The name of a coordinate, q1, q2, ... where the model gives none.
+    !> Name of a coordinate, q1, q2, ... by default.
     pure function coordinate_label(self, i) result(name)
         class(model_type), intent(in) :: self
         !> Its index.
@@ -510,7 +507,7 @@ contains
         name = padded_label(self, i)
     end function coordinate_label
 
-    !> Whether the model tells the units of its coordinates, or those of its multipliers.
+    !> True if the model defines the units of its coordinates, or those of its multipliers.
     pure logical function has_units(self, of_multipliers)
         class(model_type), intent(in) :: self
         logical, intent(in) :: of_multipliers
@@ -519,7 +516,7 @@ contains
             of_multipliers)
     end function has_units
 
-    !> The unit of a coordinate, blank where the model gives none.
+    !> Unit of a coordinate, blank if none is given.
     pure function unit_of_coordinate(self, i) result(unit)
         class(model_type), intent(in) :: self
         integer, intent(in) :: i
@@ -533,7 +530,7 @@ contains
         end if
     end function unit_of_coordinate
 
-    !> The unit of the multiplier of a row, blank where the model gives none.
+    !> Unit of the multiplier of a row, blank if none is given.
     pure function unit_of_multiplier(self, row) result(unit)
         class(model_type), intent(in) :: self
         integer, intent(in) :: row
@@ -547,53 +544,53 @@ contains
         end if
     end function unit_of_multiplier
 
-    !> Names and units, made when they are asked for: those of thousands of bodies would take more memory than their states. For
-    !> models that set `composes_labels`; nothing unless overridden.
+    !> Names and units, composed on request, because those of thousands of bodies would take more memory than their states. For
+    !> models that set `composes_labels`; by default blank.
     pure function composed(self, what, i) result(label)
         class(model_type), intent(in) :: self
-        !> One of the constants of this module, and the coordinate or the row.
+        !> One of the constants of this module, and the index of the coordinate or row.
         integer, intent(in) :: what, i
         character(len=label_length) :: label
 
         label = ''
     end function composed
 
-    !> A chart has said where rows of C may stand in `terms%blocks`: tell in the pattern which ones `evaluate` sets there,
-    !> `in_blocks` and `all_in_blocks`. None unless overridden.
+    !> Called after a chart has set the places of rows of C in `terms%blocks`: mark those that `evaluate` sets there in the pattern,
+    !> `in_blocks` and `all_in_blocks`. By default none.
     pure subroutine note_blocks(self)
         class(model_type), intent(inout) :: self
     end subroutine note_blocks
 
-    !> What the model itself remembers, where its procedures, or actions of events, change something that later calls depend on:
-    !> list it by `pack%item`, and a checkpoint keeps it. Nothing unless overridden; parameters that stay need not be listed.
+    !> State of the model that its procedures, or actions of events, change and later calls depend on: pack it by `pack%item` for
+    !> checkpoints. By default nothing; constant parameters need not be packed.
     subroutine pack_state(self, pack)
         class(model_type), intent(inout) :: self
         !> Writes or reads.
         type(pack_type), intent(inout) :: pack
     end subroutine pack_state
 
-    !> Rows at position level that impose a motion, and those of them that impose an angle (rad): a start is led along them where
-    !> they are far from held. None unless overridden.
+    !> Mark rows at position level that impose a motion, and those of them that impose an angle (rad): the search for a start
+    !> follows them if they are far from satisfied. By default none.
     pure subroutine list_imposed(self, is_imposed, is_angle)
         class(model_type), intent(in) :: self
-        !> One for each holonomic row.
+        !> One entry per holonomic row.
         logical, intent(out) :: is_imposed(:), is_angle(:)
 
         is_imposed = .false.
         is_angle = .false.
     end subroutine list_imposed
 
-    !> A run has come to q, at its start or by a step that is kept. Procedures that count something along the way, as turns, count
-    !> it here, and not at the points that steps try. Nothing unless overridden.
+    !> A run has arrived at q, at its start or by an accepted step. Procedures that count along the motion, such as turns, count
+    !> here and not at trial points of steps. By default nothing is done.
     subroutine arrive(self, t, q, starts)
         class(model_type), intent(inout) :: self
         !> Time, coordinates (n).
         real(wp), intent(in) :: t, q(:)
-        !> Whether a run starts there, so that what was counted before is forgotten.
+        !> True if a run starts there, which resets such counts.
         logical, intent(in) :: starts
     end subroutine arrive
 
-    !> Coordinates (n) that take no part in the motion as the model is now: the analysis leaves them out. None unless overridden.
+    !> True for coordinates (n) that take no part in the motion of the current model: the analysis omits them. By default none.
     pure function is_idle(self)
         class(model_type), intent(in) :: self
         logical :: is_idle(self%n)
@@ -601,16 +598,16 @@ contains
         is_idle = .false.
     end function is_idle
 
-    !> See that the first `number` breakpoints are in the list, if there are so many. Nothing to do unless overridden.
+    !> Make sure that the first `number` breakpoints are in the list, if there are so many. By default nothing is done.
     subroutine know_breakpoints(self, number, error)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: number
-        !> They cannot be found, or the model is wrong there.
+        !> Set if they cannot be found, or the model is invalid there.
         type(error_type), allocatable, intent(out) :: error
     end subroutine know_breakpoints
 
-    !> Whether functions of time take values between two times of the current segment that a step from one to the other does not
-    !> see, as those of a narrow pulse: the step should be shorter. Unknown unless overridden, which is no.
+    !> True if functions of time take values between two times of the current segment that a step does not sample, such as a narrow
+    !> pulse: the step should be shorter. False by default.
     logical function hides(self, from, to, between)
         class(model_type), intent(inout) :: self
         real(wp), intent(in) :: from, to

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> Constraint errors on the natural scale of each row: an error is small or large against the terms that cancel in its row.
+!> Constraint errors on the natural scale of each row: an error is compared with the terms that cancel in its row.
 !>
-!> The scale of row i is sum_j |C_ij| |y_j| plus the modulus of its right side, with y = q, qd or qdd. Its floor replaces
-!> |y_j| by the coordinate's typical magnitude s_j (for qd and qdd: s_j over the time scale and over its square), so that a
-!> mechanism at rest or at the origin has a scale too.
+!> The scale of row i is sum_j |C_ij| |y_j| plus the modulus of its right-hand side, with y = q, qd or qdd. Its floor replaces |y_j|
+!> by the coordinate's typical magnitude s_j (for qd and qdd: s_j over the time scale and over its square), so that a mechanism at
+!> rest or at the origin has a scale too.
 module tandem_model_natural_scale
     use tandem_kinds, only: lane, short, wp
     implicit none (type, external)
@@ -33,7 +33,7 @@ contains
         call find_worst(size(nu), size(nu), size(qd), .true., nu, jacobian, qd, scale, error, row)
     end subroutine velocity_errors
 
-    !> Both and max_i |C qdd + gamma|_i / scale_i, and their rows; 0 at the position level where it has no rows.
+    !> Both, and max_i |C qdd + gamma|_i / scale_i, and their rows; 0 at position level without holonomic rows.
     pure subroutine constraint_errors(phi, nu, gamma, jacobian, q, qd, qdd, scale, rate, errors, rows)
         !> Phi (nh), nu and gamma (m), C (m, n); q, qd, qdd and coordinate scales (n).
         real(wp), intent(in), contiguous :: phi(:), nu(:), gamma(:), jacobian(:, :), q(:), qd(:), qdd(:), scale(:)
@@ -59,7 +59,7 @@ contains
         errors = -1.0_wp
         rows = 0
         do b = 0, m - 1, lane
-            ! Columns behind whose rows memory ends are taken from a copy.
+            ! Columns that end too close to the end of memory are copied.
             whole = max(n - (b + lane - 1)/m, 0)
             do j = whole + 1, n
                 call get_column(m, n, b, j, c, tail(:, j - whole))
@@ -83,7 +83,7 @@ contains
         end do
     end subroutine find_all
 
-    !> What n columns of m rows of C give: C qd, C qdd and the scales of rows b + 1 to b + lane.
+    !> Add n columns of m rows of C: C qd, C qdd and the scales of rows b + 1 to b + lane.
     pure subroutine add_columns(n, m, b, l, c, q, qd, qdd, scale, rate, of_velocity, of_acceleration, q_scale, qd_scale, &
         qdd_scale)
         integer, intent(in) :: n, m, b, l
@@ -113,7 +113,7 @@ contains
         end do
     end subroutine add_columns
 
-    !> The largest error of the first l of m rows, and which. The residual is g, or with `is_linear` C y - g.
+    !> Largest error of the first l of m rows, and its row. The residual is g, or with `is_linear` C y - g.
     pure subroutine find_worst(l, m, n, is_linear, g, c, y, scale, error, row)
         integer, intent(in) :: l, m, n
         logical, intent(in) :: is_linear
@@ -141,7 +141,7 @@ contains
         end do
     end subroutine find_worst
 
-    !> Rows b + 1 to b + lane of a column of C (m, n). What is behind the last row is of no account.
+    !> Rows b + 1 to b + lane of a column of C (m, n). Entries after the last row are arbitrary.
     pure subroutine get_column(m, n, b, j, c, column)
         integer, intent(in) :: m, n, b, j
         real(wp), intent(in) :: c(m*n)
@@ -166,9 +166,9 @@ contains
         end if
     end subroutine get_column
 
-    !> The largest |residual|/scale of rows b + 1 to b + lane, of l rows in all, if it is larger than those before; a NaN counts as
-    !> infinite, a zero row as its own scale. The residual of a row is g, or with `is_linear` product + sign g, to whose scale |g|
-    !> belongs.
+    !> Largest |residual|/scale of rows b + 1 to b + lane, of l rows in total, if it exceeds the previous ones; a NaN counts as
+    !> infinite, a zero row as its own scale. The residual of a row is g, or with `is_linear` product + sign g, whose scale includes
+    !> |g|.
     pure subroutine judge(b, l, is_linear, sign, g, product, row_scale, error, row)
         integer, intent(in) :: b, l
         logical, intent(in) :: is_linear
@@ -188,7 +188,7 @@ contains
                 residual = product(i) + sign*residual
             end if
             size_of_terms = max(size_of_terms, tiny(1.0_wp))
-            ! Few rows are worse than those before, and the others cost no division.
+            ! Few rows exceed the previous ones, and the others need no division.
             if (abs(residual) <= error*size_of_terms .and. size_of_terms <= huge(1.0_wp)) cycle
             residual = abs(residual)/size_of_terms
             if (.not. residual <= huge(1.0_wp)) residual = huge(1.0_wp)

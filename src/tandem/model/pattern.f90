@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> Which entries of C and M may differ from zero, where a model says so: bodies, ranges of coordinates that no block of M leaves,
-!> and the bodies that each row of C touches. The terms are then held compressed, C as (m, width) and M as (n, mass_width), so that
+!> Entries of C and M that may be nonzero, as declared by a model: bodies, which are ranges of coordinates that contain the blocks
+!> of M, and the bodies of each row of C. The terms are then stored compressed, C as (m, width) and M as (n, mass_width), so that
 !> memory grows with the number of bodies.
 !>
-!> Two bodies that share a row have columns of their own there; others may share them, as colours of a map are shared (A. R. Curtis,
-!> M. J. D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119). So entry (i, j) of C stands at (i, column(j)), for any
-!> row i that touches the body of j, and entry (i, j) of M at (i, mass_column(j)).
+!> Two bodies with a common row have separate columns; others may share columns, as colours of a map are shared (A. R. Curtis, M. J.
+!> D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119). Entry (i, j) of C is stored in (i, column(j)), for any row i
+!> that contains the body of j, and entry (i, j) of M in (i, mass_column(j)).
 module tandem_model_pattern
     use tandem_error, only: to_text
     use tandem_kinds, only: long, wp
@@ -18,34 +18,34 @@ module tandem_model_pattern
     type :: pattern_type
         !> Numbers of bodies and of rows, of columns of a compressed C and M, and of entries of C.
         integer :: n_bodies = 0, n_rows = 0, width = 0, mass_width = 0, n_entries = 0
-        !> The first coordinate of each body, and the number of coordinates plus one (n_bodies + 1).
+        !> First coordinate of each body, and the number of coordinates plus one (n_bodies + 1).
         integer, allocatable :: first(:)
-        !> The bodies of row i are row_body(row_start(i):row_start(i + 1) - 1), ascending.
+        !> Bodies of row i: row_body(row_start(i):row_start(i + 1) - 1), ascending.
         integer, allocatable :: row_start(:), row_body(:)
-        !> The body that owns a row, 0 for none: a row that touches one body and one block of its M alone, which is singular without
-        !> it. It is the norm of Euler parameters. A body has at most one.
+        !> Owner of a row, 0 if none: the only body in the row, whose block of M is singular without the row. The row is the norm of
+        !> Euler parameters. A body owns at most one row.
         integer, allocatable :: owner(:)
         !> Compressed columns of C and M (n).
         integer, allocatable :: column(:), mass_column(:)
-        !> A chart may want rows that belong together as a whole, the part of each body as a block (rows, coordinates) in
-        !> `terms%blocks`, where what is not set stays zero. How many rows begin with a row, 0 where none do (n_rows); for these
-        !> before which entry the block of each body in `row_body` begins; not allocated where no chart wants that. Of joints that
-        !> make points meet (below) the chart knows the columns of places: no model sets these there, and they may be missing.
+        !> A chart may request that rows be set together, the part of each body as a block (rows, coordinates) in `terms%blocks`, in
+        !> which unset entries are zero. Number of rows that begin with a row, 0 if none (n_rows); for these the offset of the block
+        !> of each body in `row_body`; not allocated without such a request. For joints with coincident points (below) the columns
+        !> of positions are constant: models do not set them, and the blocks may omit them.
         integer, allocatable :: block_height(:), block_start(:)
-        !> Whether the model sets the rows that begin there so, and not in `terms%jacobian` (n_rows); not allocated where it does so
-        !> with none, or has not looked yet.
+        !> True for rows at which a block begins that the model sets, instead of `terms%jacobian` (n_rows); not allocated if the
+        !> model sets no block, or before `note_blocks`.
         logical, allocatable :: in_blocks(:)
-        !> Whether it does so with all that a chart wants.
+        !> True if the model sets all requested blocks.
         logical :: all_in_blocks = .false.
-        !> Joints whose first rows say that points of two bodies meet, hinges in space and pins in the plane: how many rows the
-        !> joint has that begins with a row (n_rows), 5 or 2, 0 where none does; at the entries of that row in `row_body` the sign
-        !> with which the place of the body enters: there C is the unit matrix with that sign in its first 3 or 2 rows, and
-        !> zero in the others. Not allocated where the model tells of none.
+        !> Joints whose first rows are those of coincident points, hinges in space and pins in the plane: number of rows of the
+        !> joint that begins with a row (n_rows), 5 or 2, 0 if none; at the entries of that row in `row_body` the sign of the
+        !> position of the body: C there is the unit matrix with this sign in its first 3 or 2 rows, and zero in the others. Not
+        !> allocated if the model declares none.
         integer, allocatable :: meeting_height(:), meeting_sign(:)
-        !> What `build` was given and could not use, blank for nothing; `check_model` refuses the model with it.
+        !> Problem in the arguments of `build`, blank if none; `check_model` refuses the model with it.
         character(len=120) :: fault = ''
         !> Pairs of bodies whose forces depend on each other's coordinates (2, any), for `evaluate_stiffness` and the analysis of
-        !> large systems; they may come more than once, 0 is the ground; none where not allocated.
+        !> large systems; repetitions are allowed, 0 is the ground; not allocated: none.
         integer, allocatable :: coupled(:, :)
     contains
         procedure :: build, tell_meeting, find_fault, multiply, multiply_mass, add_row_scales, block_of
@@ -54,15 +54,15 @@ module tandem_model_pattern
 
 contains
 
-    !> Take bodies and what their rows touch.
+    !> Set bodies and rows.
     pure subroutine build(self, first, mass_blocks, n_rows, rows, bodies, owner)
         class(pattern_type), intent(inout) :: self
-        !> The first coordinate of each body and n + 1; the sizes of the diagonal blocks of M in their order.
+        !> First coordinate of each body and n + 1; sizes of the diagonal blocks of M in their order.
         integer, intent(in) :: first(:), mass_blocks(:)
         integer, intent(in) :: n_rows
-        !> Pairs of a row and a body, in any order and as often as it happens; a body 0 is the ground and counts for nothing.
+        !> Pairs of a row and a body, in any order, repetitions allowed; a body 0 is the ground and is ignored.
         integer, intent(in) :: rows(:), bodies(:)
-        !> The owners of the rows (n_rows), 0 for none.
+        !> Owners of the rows (n_rows), 0 if none.
         integer, intent(in) :: owner(:)
         integer :: b, j, k, n
 
@@ -91,10 +91,10 @@ contains
         if (allocated(self%meeting_height)) deallocate (self%meeting_height, self%meeting_sign)
     end subroutine build
 
-    !> Take note of a joint that makes points meet.
+    !> Declare a joint with coincident points.
     pure subroutine tell_meeting(self, row, height, first_body)
         class(pattern_type), intent(inout) :: self
-        !> Its first row, how many it has, and the body whose place enters with a minus; 0 is the ground.
+        !> First row, number of rows, and the body whose position has a negative sign; 0 is the ground.
         integer, intent(in) :: row, height, first_body
         integer :: k
 
@@ -107,10 +107,10 @@ contains
         end do
     end subroutine tell_meeting
 
-    !> Before which entry of `terms%blocks` a body's block of some rows begins; -1 where a chart does not want just these together.
+    !> Offset in `terms%blocks` of a body's block of some rows; -1 if the chart does not request exactly these rows together.
     pure integer function block_of(self, row, height, body)
         class(pattern_type), intent(in) :: self
-        !> The first row, how many there are, and the body.
+        !> First row, number of rows, and the body.
         integer, intent(in) :: row, height, body
         integer :: k
 
@@ -121,7 +121,7 @@ contains
         end do
     end function block_of
 
-    !> What a list that `build` is given cannot be, blank where it serves.
+    !> Problem in a list given to `build`, blank if none.
     pure function unusable(first, mass_blocks, n_rows, rows, bodies, owner) result(fault)
         integer, intent(in) :: first(:), mass_blocks(:), n_rows, rows(:), bodies(:), owner(:)
         character(len=120) :: fault
@@ -148,8 +148,8 @@ contains
         end if
     end function unusable
 
-    !> What of a pattern does not fit a model with n coordinates and m constraints, or contradicts itself, blank for nothing. A
-    !> chart would read what is not there, or take a row for what it is not.
+    !> Mismatch of a pattern with a model of n coordinates and m constraints, or a contradiction within it, blank if none. It would
+    !> make a chart read undefined entries, or misinterpret a row.
     pure function find_fault(self, n, m) result(fault)
         class(pattern_type), intent(in) :: self
         integer, intent(in) :: n, m
@@ -175,7 +175,7 @@ contains
         end if
     end function find_fault
 
-    !> Blocks of M stay within bodies.
+    !> Check that blocks of M are within bodies.
     pure subroutine find_fault_of_mass(self, fault)
         type(pattern_type), intent(in) :: self
         character(len=*), intent(inout) :: fault
@@ -194,7 +194,7 @@ contains
         if (maxval(self%mass_column) > self%mass_width) fault = 'a block of M is wider than mass_width'
     end subroutine find_fault_of_mass
 
-    !> Rows name bodies that there are, in columns of their own, and owners touch nothing else.
+    !> Check that rows contain existing bodies in separate columns, and that rows with an owner contain no other body.
     pure subroutine find_fault_of_rows(self, fault)
         type(pattern_type), intent(in) :: self
         character(len=*), intent(inout) :: fault
@@ -244,7 +244,7 @@ contains
         end do
     end subroutine find_fault_of_rows
 
-    !> Columns of the compressed C: each body takes the first colour that no body has which shares a row with it.
+    !> Columns of the compressed C: each body takes the first colour unused by all bodies with which it has a common row.
     pure subroutine colour(self)
         class(pattern_type), intent(inout) :: self
         integer, allocatable :: body_start(:), body_row(:), colour_of(:), taken_by(:), width(:), rows(:)
@@ -252,7 +252,7 @@ contains
 
         associate (n_bodies => self%n_bodies, row_start => self%row_start, row_body => self%row_body)
             allocate (colour_of(n_bodies), taken_by(n_bodies), width(n_bodies), source=0)
-            ! A constructor of nested loops would be made longer number by number.
+            ! An array constructor with nested loops would grow element by element.
             allocate (rows(size(row_body)))
             do i = 1, self%n_rows
                 rows(row_start(i):row_start(i + 1) - 1) = i
@@ -348,12 +348,12 @@ contains
         end do
     end subroutine multiply_mass
 
-    !> The natural scales of rows without their right sides: scales(i) = sum_j |C_ij| max(|x_j|, floor_j).
+    !> Natural scales of rows without their right-hand sides: scales(i) = sum_j |C_ij| max(|x_j|, floor_j).
     pure subroutine add_row_scales(self, jacobian, x, floor, scales)
         class(pattern_type), intent(in) :: self
         !> Compressed C (m, width), x and floor (n).
         real(wp), intent(in) :: jacobian(:, :), x(:), floor(:)
-        !> (m), to which they are added.
+        !> (m), updated by addition.
         real(wp), intent(inout) :: scales(:)
         integer :: i, j, k
 

@@ -1,10 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> Redundant constraints at a start: which rows repeat others and can be left out, whether they contradict them, and whether the
-!> rows depend on each other only there, in a singular configuration that is no redundancy.
+!> Redundant constraints at a start: dependent rows that can be dropped, contradictions between rows, and rows that are dependent
+!> only in a singular configuration, which are not redundant.
 !>
-!> A row is redundant where it depends on those that are kept (`split_rows` chooses them) and still does at neighbouring states,
-!> reached along the motions that these allow. Works on the rows of the model as they are, without a chart. Used only where a chart
-!> finds dependent rows.
+!> A row is redundant if it depends on the kept ones (`split_rows` chooses them) and still does at neighbouring states, reached
+!> along the motions that these allow. Works on the rows of the model, without a chart. Used only if a chart finds dependent rows.
 module tandem_model_redundancy
     use tandem_kinds, only: wp
     use tandem_linalg_dependence, only: solve_least_norm, split_rows
@@ -21,16 +20,16 @@ module tandem_model_redundancy
     public :: redundancy_type
 
     type :: redundancy_type
-        !> Rows to use and rows to leave out, by their numbers in the model.
+        !> Numbers, in the model, of the rows to use and of the rows to drop.
         integer, allocatable :: kept(:), dropped(:)
         !> C(dropped, :) = combination C(kept, :).
         real(wp), allocatable :: combination(:, :)
-        !> The coordinates (n), brought onto all rows.
+        !> Coordinates (n), projected onto all rows.
         real(wp), allocatable :: q(:)
-        !> After `inconsistent_rows` or `rank_deficient`: a row that depends on others, and the level at which it contradicts
-        !> them: 0 none, 1 position, 2 velocity, 3 acceleration.
+        !> After `inconsistent_rows` or `rank_deficient`: a dependent row, and the level at which it contradicts the others: 0 none,
+        !> 1 position, 2 velocity, 3 acceleration.
         integer :: failed_row = 0, failed_level = 0
-        !> The largest position error of the start as it was given, on the natural scale of its row, and that row.
+        !> Largest position error of the given start, on the natural scale of its row, and that row.
         real(wp) :: error = 0.0_wp
         integer :: worst_row = 0
         type(evaluator_type), private :: evaluator
@@ -42,20 +41,20 @@ module tandem_model_redundancy
         procedure, private :: restore, find_contradiction, probe
     end type redundancy_type
 
-    !> Rows of unit length depend on each other where less than this is left of one; as the rank decision of charts.
+    !> Rows of unit length are dependent if the remainder of one is smaller than this, as in the rank decision of charts.
     real(wp), parameter :: dependent = 1.0e-10_wp
 
 contains
 
-    !> Decide at (t, q, qd). Status: ok where the rows `dropped` can be left out; inconsistent_rows; rank_deficient; what evaluating
-    !> the model may give.
+    !> Decide at (t, q, qd). Status: ok if the rows `dropped` can be dropped; inconsistent_rows; rank_deficient; any status of an
+    !> evaluation of the model.
     subroutine analyse(self, model, scale, t, q, qd, tolerance, counts, stat)
         class(redundancy_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
         !> Coordinate scales (n).
         real(wp), intent(in) :: scale(:)
         real(wp), intent(in) :: t, q(:), qd(:)
-        !> Contradictions up to this, on the natural scale of a row, are rounding of the start.
+        !> Tolerance for contradictions, on the natural scale of a row, due to rounding of the start.
         real(wp), intent(in) :: tolerance
         type(counts_type), intent(inout) :: counts
         !> A status code.
@@ -70,7 +69,7 @@ contains
         self%failed_level = 0
         self%q = q
         call self%evaluator%initialize(model, wants_mass=.false.)
-        ! They take the memory of a model, which most do not need here.
+        ! Allocated on demand, because they need the memory of a model.
         if (iand(self%evaluator%has, need_gamma) == 0) call self%differences%initialize(model, scale)
         call self%evaluator%evaluate(need_phi + need_jacobian, t, q, qd, counts, stat)
         if (stat /= status_ok) return
@@ -91,7 +90,7 @@ contains
         if (stat == status_ok) call self%find_contradiction(t, self%q, qd, tolerance, 3, counts, stat)
     end subroutine analyse
 
-    !> Choose anew which rows to leave out, at a state on the constraints: those that the others replace best.
+    !> Choose the dropped rows again, at a state on the constraints: those that the others represent best.
     subroutine choose(self, model, scale, t, q, counts, stat)
         class(redundancy_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
@@ -108,7 +107,7 @@ contains
             self%combination)
     end subroutine choose
 
-    !> The rows that a dropped one depends on.
+    !> Rows on which a dropped row depends.
     pure function partners(self, number) result(rows)
         class(redundancy_type), intent(in) :: self
         !> Index into `dropped`.
@@ -120,10 +119,10 @@ contains
         end associate
     end function partners
 
-    !> Bring q onto holonomic rows by steps of least length; stands still where they contradict each other.
+    !> Project q onto holonomic rows by steps of least length; stops if the rows are contradictory.
     subroutine restore(self, rows, t, q, counts, stat)
         class(redundancy_type), intent(inout) :: self
-        !> The rows to satisfy.
+        !> Rows to satisfy.
         integer, intent(in) :: rows(:)
         real(wp), intent(in) :: t
         real(wp), intent(inout), contiguous :: q(:)
@@ -152,7 +151,7 @@ contains
         end associate
     end subroutine restore
 
-    !> Do dropped rows ask for something else than their combination of the others, up to a level?
+    !> Find a dropped row that differs from its combination of the others, up to a level.
     subroutine find_contradiction(self, t, q, qd, tolerance, level, counts, stat)
         class(redundancy_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), tolerance
@@ -191,7 +190,7 @@ contains
 
     contains
 
-        !> Compare one value a row.
+        !> Compare one value per row.
         subroutine compare(value, y, allowed, number)
             real(wp), intent(in) :: value(:), y(:), allowed
             integer, intent(in) :: number
@@ -216,7 +215,7 @@ contains
         end subroutine compare
     end subroutine find_contradiction
 
-    !> Look at neighbouring states: do the dropped rows still hold and depend there?
+    !> Test at neighbouring states that the dropped rows are still satisfied and dependent.
     subroutine probe(self, jacobian, t, counts, stat)
         class(redundancy_type), intent(inout) :: self
         !> C at the start (m, n).
@@ -224,8 +223,8 @@ contains
         real(wp), intent(in) :: t
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        !> How far the states are, in coordinate scales, and what of a row may fail there: a singular configuration leaves the
-        !> first squared at the position level and the first itself in the rank; a redundancy leaves rounding.
+        !> Distance of the states, in coordinate scales, and tolerances of the rows there: in a singular configuration the position
+        !> error is about the distance squared and the rank remainder the distance; both are rounding for redundant rows.
         real(wp), parameter :: distance = 1.0e-3_wp, largest_error = 1.0e-9_wp, largest_rest = 1.0e-7_wp
         integer, parameter :: n_states = 3
         integer, allocatable :: kept(:), dropped(:)
@@ -237,7 +236,7 @@ contains
         if (size(self%kept) == size(self%q)) return
         nh = size(self%evaluator%terms%phi)
         do i = 1, n_states
-            ! A direction without preference, less its part in the rows.
+            ! A direction without preference, minus its component in the rows.
             direction = [(sin(real(i + j*(i + 1), wp)), j=1, size(direction))]
             associate (rows => jacobian(self%kept, :)*spread(self%scale, 1, size(self%kept)))
                 call solve_least_norm(rows, matmul(rows, direction), part)
@@ -247,7 +246,7 @@ contains
             q = self%q + distance*self%scale*direction/norm2(direction)
             call self%restore(pack(self%kept, self%kept <= nh), t, q, counts, stat)
             if (stat == status_ok) call self%evaluator%evaluate(need_phi + need_jacobian, t, q, q, counts, stat)
-            ! A state that cannot be evaluated says nothing.
+            ! Skip states without values.
             if (stat == status_not_evaluable) then
                 stat = status_ok
                 cycle

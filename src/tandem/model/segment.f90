@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The segment between breakpoints in which a time lies.
+!> The segment between breakpoints that contains a time.
 module tandem_model_segment
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -11,10 +11,10 @@ module tandem_model_segment
 
 contains
 
-    !> Make the segment in which a time lies the current one, with the breakpoint at its end known.
+    !> Make the segment that contains a time the current one, and make sure that the breakpoint at its end is known.
     subroutine find_segment(model, t, error)
         class(model_type), intent(inout) :: model
-        !> Time; a breakpoint belongs to the segment that it begins.
+        !> Time; a breakpoint belongs to the segment after it.
         real(wp), intent(in) :: t
         type(error_type), allocatable, intent(out) :: error
         integer :: segment

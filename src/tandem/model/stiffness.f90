@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> The derivatives of the forces by blocks of bodies, for implicit steps of large mechanisms: K = (M qdd + C' lambda - S - Q_A)_q
-!> and D = -(S + Q_A)_qd. A block (a, b) says what of the forces on body a changes with body b. Only bodies whose forces depend on
-!> each other have one, and each with itself, so that memory grows with their number.
+!> Derivatives of the forces by blocks of bodies, for implicit steps of large mechanisms: K = (M qdd + C' lambda - S - Q_A)_q and D
+!> = -(S + Q_A)_qd. Block (a, b) is the derivative of the forces on body a with respect to body b. Only pairs of bodies whose forces
+!> depend on each other, and each body with itself, have blocks, so that memory grows with their number.
 module tandem_model_stiffness
     use tandem_kinds, only: wp
     use tandem_model_lists, only: sort_to_lists
@@ -12,10 +12,10 @@ module tandem_model_stiffness
     public :: stiffness_type
 
     type :: stiffness_type
-        !> The first coordinate of each body, and the number of coordinates plus one (n_bodies + 1).
+        !> First coordinate of each body, and the number of coordinates plus one (n_bodies + 1).
         integer, allocatable :: first(:)
-        !> The partners of body a are partner(start(a):start(a + 1) - 1), ascending, itself among them; each block begins behind
-        !> entry `offset` of the values, column by column.
+        !> Coupled bodies of body a, itself included: partner(start(a):start(a + 1) - 1), ascending; offset of each block in the
+        !> values, which are stored column by column.
         integer, allocatable :: start(:), partner(:), offset(:)
         !> K and D.
         real(wp), allocatable :: by_q(:), by_qd(:)
@@ -28,15 +28,15 @@ contains
     !> Allocate the blocks.
     pure subroutine build(self, first, pairs)
         class(stiffness_type), intent(inout) :: self
-        !> The first coordinate of each body and n + 1.
+        !> First coordinate of each body and n + 1.
         integer, intent(in) :: first(:)
-        !> Pairs of bodies (2, :) in any order and as often as it happens; one with 0, the ground, counts for nothing.
+        !> Pairs of bodies (2, :) in any order, repetitions allowed; pairs with 0, the ground, are ignored.
         integer, intent(in) :: pairs(:, :)
         integer :: b, k, n, n_bodies
 
         n_bodies = size(first) - 1
         self%first = first
-        ! Each body is a partner of itself.
+        ! Each body is coupled with itself.
         call sort_to_lists(n_bodies, [(b, b=1, n_bodies), pairs(1, :), pairs(2, :)], &
             [(b, b=1, n_bodies), pairs(2, :), pairs(1, :)], self%start, self%partner)
         self%offset = self%partner
@@ -51,7 +51,7 @@ contains
         allocate (self%by_q(n), self%by_qd(n), source=0.0_wp)
     end subroutine build
 
-    !> Before blocks are added.
+    !> Set all blocks to zero.
     pure subroutine clear(self)
         class(stiffness_type), intent(inout) :: self
 
@@ -59,10 +59,10 @@ contains
         self%by_qd = 0.0_wp
     end subroutine clear
 
-    !> Behind which entry the block of two bodies begins, -1 where there is none.
+    !> Offset of the block of two bodies, -1 if there is none.
     pure integer function block_of(self, one, two) result(offset)
         class(stiffness_type), intent(in) :: self
-        !> The body on which the forces act, and the one that they change with.
+        !> Body on which the forces act, and body with respect to which they are differentiated.
         integer, intent(in) :: one, two
         integer :: from, middle, to
 
@@ -79,10 +79,10 @@ contains
         offset = merge(self%offset(from), -1, self%partner(from) == two)
     end function block_of
 
-    !> Add to the blocks of some bodies. Those of bodies that are no partners are left out, which may cost corrections.
+    !> Add to the blocks of several bodies. Blocks of bodies that are not coupled are omitted, which may cost corrections.
     pure subroutine add(self, bodies, by_q, by_qd)
         class(stiffness_type), intent(inout) :: self
-        !> Different bodies, whose coordinates follow each other in the matrices.
+        !> Different bodies, whose coordinates are consecutive in the matrices.
         integer, intent(in) :: bodies(:)
         real(wp), intent(in) :: by_q(:, :), by_qd(:, :)
         integer :: column, i, j, k, offset, one, row, two
@@ -137,7 +137,7 @@ contains
         end do
     end subroutine multiply
 
-    !> y := y + factor a x for a (p, s); bodies in space and in the plane have loops of known length.
+    !> y := y + factor a x for a (p, s); loops for bodies in space and in the plane have known lengths.
     pure subroutine add_product(p, s, factor, a, x, y)
         integer, intent(in), value :: p, s
         real(wp), intent(in) :: factor, a(p, s), x(s)
@@ -151,7 +151,7 @@ contains
         end do
     end subroutine add_product
 
-    !> The same for bodies in space: rows four at a time, in loops that are kept as such.
+    !> The same for bodies in space: rows four at a time, in loops that the compiler must not merge.
     pure subroutine add_seven_by_seven(factor, a, x, y)
         real(wp), intent(in) :: factor, a(7, 7), x(7)
         real(wp), intent(inout) :: y(7)

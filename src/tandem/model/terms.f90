@@ -14,7 +14,7 @@ module tandem_model_terms
     integer, parameter :: need_phi = 1
     !> C(t, q) = [Phi_q; E] (3), holonomic rows first.
     integer, parameter :: need_jacobian = 2
-    !> nu(t, q) = [-Phi_t; e], the right side of the velocity constraints (6).
+    !> nu(t, q) = [-Phi_t; e], the right-hand side of the velocity constraints (6).
     integer, parameter :: need_nu = 4
     !> gamma(t, q, qd) of the acceleration constraints C qdd = -gamma (7), (8).
     integer, parameter :: need_gamma = 8
@@ -23,21 +23,21 @@ module tandem_model_terms
     !> S(q, qd) + Q_A(t, q, qd), inertia and applied forces (35).
     integer, parameter :: need_force = 32
 
-    !> How many terms there are; term i has the bit 2**(i - 1).
+    !> Number of terms; term i has the bit 2**(i - 1).
     integer, parameter :: n_terms = 6
-    !> The terms' names in reports, in the order of their bits.
+    !> Names in reports, in the order of the bits.
     character(len=12), parameter :: term_name(n_terms) = &
         [character(len=12) :: 'phi', 'jacobian', 'nu', 'gamma', 'mass', 'force']
 
-    !> Values of the terms. A term that the model does not have stays zero.
+    !> Values of the terms. A term that the model lacks stays zero.
     type :: terms_type
         !> Phi (nh).
         real(wp), allocatable :: phi(:)
-        !> Whether C and M are held compressed, as the model's pattern says, see `tandem_model_pattern`.
+        !> True if C and M are stored compressed, by the model's pattern, see `tandem_model_pattern`.
         logical :: is_compressed = .false.
         !> C (nh + nd, n), compressed (nh + nd, width).
         real(wp), allocatable :: jacobian(:, :)
-        !> Rows of C by blocks, where a chart wants them, see `tandem_model_pattern`.
+        !> Rows of C by blocks, if a chart requests them, see `tandem_model_pattern`.
         real(wp), allocatable :: blocks(:)
         !> nu (nh + nd).
         real(wp), allocatable :: nu(:)
@@ -58,12 +58,11 @@ contains
         class(terms_type), intent(inout) :: self
         !> Numbers of coordinates, holonomic and nonholonomic constraints.
         integer, intent(in) :: n, n_holonomic, n_nonholonomic
-        !> False leaves M as it is found, in memory that nobody touches: it is there for models that set more than they are asked
-        !> for.
+        !> If false, M is allocated but not set, in memory that is never touched, for models that set more than the requested terms.
         logical, intent(in), optional :: fills_mass
-        !> With it C and M are compressed.
+        !> If present, C and M are compressed.
         type(pattern_type), intent(in), optional :: pattern
-        !> False leaves C without columns.
+        !> If false, C has no columns.
         logical, intent(in), optional :: has_jacobian
         integer :: m, width, mass_width
 
@@ -76,7 +75,7 @@ contains
         end if
         if (present(has_jacobian)) width = merge(width, 0, has_jacobian)
         m = n_holonomic + n_nonholonomic
-        ! Without temporaries, which would leave holes in the memory.
+        ! Without temporaries, which would fragment the memory.
         if (allocated(self%phi)) deallocate (self%phi, self%nu, self%gamma, self%force, self%jacobian, self%mass)
         allocate (self%phi(n_holonomic), self%nu(m), self%gamma(m), self%force(n), self%jacobian(m, width), source=0.0_wp)
         allocate (self%mass(n, mass_width))

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A timer hears when a procedure of a model is called, and takes its time. A model without one pays a test of a pointer where a
-!> single procedure is called, and nothing where its `evaluate` gives all that is wanted.
+!> A timer is notified of each call of a procedure of a model and measures its time. Without a timer, the overhead is the test of a
+!> pointer per call of a single procedure, and nothing if `evaluate` of the model provides all requested terms.
 module tandem_model_timer
     use tandem_model_terms, only: n_terms
     implicit none (type, external)
@@ -12,8 +12,8 @@ module tandem_model_timer
         of_jacobian_derivative, of_nu_derivative, of_gamma_q, of_gamma_qd, of_mass_derivative, of_reaction_derivative, &
         of_force_q, of_force_qd, of_evaluate, of_evaluate_derivatives
 
-    !> The numbers of calls: of the procedures that give one term each, in the order of `model_type`; to those of the other two, add
-    !> the need mask.
+    !> Numbers of calls: procedures of one term each, in the order of `model_type`; the need mask is added to the numbers of the
+    !> other two.
     integer, parameter :: of_holonomic = 1, of_holonomic_jacobian = 2, of_holonomic_rate = 3, of_nonholonomic_jacobian = 4, &
         of_nonholonomic_rhs = 5, of_constraint_acceleration = 6, of_mass_matrix = 7, of_inertia_force = 8, &
         of_applied_force = 9, of_kinetic_energy = 10, of_potential_energy = 11, of_jacobian_derivative = 12, &
@@ -27,16 +27,16 @@ module tandem_model_timer
     end type timer_type
 
     abstract interface
-        !> A procedure is called now; the one before, if it was not ended, has ended.
+        !> A procedure is called now; an unfinished previous call has ended.
         subroutine begin_call_interface(self, number)
             import :: timer_type
             implicit none (type, external)
             class(timer_type), intent(inout) :: self
-            !> One of those above.
+            !> One of the numbers above.
             integer, intent(in) :: number
         end subroutine begin_call_interface
 
-        !> No procedure is called any more.
+        !> The current call has ended.
         subroutine end_call_interface(self)
             import :: timer_type
             implicit none (type, external)

@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> Checks every procedure of a model against differences of another one at random states: which is wrong, where, by how much.
+!> Checks every procedure of a model against differences of another one at random states, and reports the wrong ones with place and
+!> size.
 !>
-!> Phi gives Phi_q and nu, C and nu give gamma and their own derivatives, M and the forces give theirs. Only E, e, M and the
-!> forces themselves have nothing to be compared with; M is checked for symmetry, constancy and blocks. States need not satisfy the
+!> Phi gives Phi_q and nu, C and nu give gamma and their own derivatives, M and the forces give theirs. Only for E, e, M and the
+!> forces themselves there is no reference; M is checked for symmetry, constancy and blocks. States need not satisfy the
 !> constraints. Rows of constraints may have any units: they are compared on their own scale, that of their entries in C.
 module tandem_model_verification
     use tandem_error, only: error_type
@@ -22,45 +23,45 @@ module tandem_model_verification
 
     public :: finding_type, verify_model
 
-    !> What the comparison of one procedure gave.
+    !> Result of the comparison of one procedure.
     type :: finding_type
-        !> The procedure, or the part of a fused one.
+        !> Procedure, or part of a fused one.
         character(len=48) :: name = ''
         !> Largest difference over all states, relative to the largest entry of either side.
         real(wp) :: error = 0.0_wp
-        !> Where: row and column of that entry (column 0 for a vector), its value and what differences give.
+        !> Row and column of this entry (column 0 for a vector), its value and that of differences.
         integer :: row = 0, column = 0
         real(wp) :: value = 0.0_wp, expected = 0.0_wp
-        !> False where the error is above what differences may leave, or a procedure failed.
+        !> False if the error exceeds that of differences, or a procedure failed.
         logical :: passed = .true.
-        !> Where a procedure failed: the status that says how; 0 where all could be evaluated.
+        !> Status of a failed procedure; 0 if all could be evaluated.
         integer :: stat = 0
     end type finding_type
 
-    !> Central differences of fourth order leave about eps**(4/5) = 3e-13 of the function's size; a wrong formula leaves 1e-3
-    !> and more. Functions may be large against their derivatives.
+    !> Central differences of fourth order have an error of about eps**(4/5) = 3e-13 of the size of the function; the error of a
+    !> wrong formula is 1e-3 and more. Functions may be large compared with their derivatives.
     real(wp), parameter :: tolerance = 1.0e-6_wp
-    !> They are 8 (f(1) - f(-1)) - (f(2) - f(-2)) over 12 h, summed up so that nothing is left of a constant, however large, also
-    !> where a product is fused with a sum: sum := factor sum + sign f(place).
+    !> Differences are 8 (f(1) - f(-1)) - (f(2) - f(-2)) over 12 h, summed in an order in which a constant of any size cancels
+    !> exactly, also with fused multiply-add: sum := factor sum + sign f(place).
     real(wp), parameter :: place(4) = [-1.0_wp, 1.0_wp, 2.0_wp, -2.0_wp]
     real(wp), parameter :: sign_of(4) = [-1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp], factor(4) = [1.0_wp, 1.0_wp, 8.0_wp, 1.0_wp]
     real(wp), parameter :: divisor = 12.0_wp
-    !> Steps in coordinates need not be shortened where they seem to leave no more than this; derivatives that are smaller than
-    !> the second number count as being of that size.
+    !> Steps in coordinates with an estimated error below `enough` are not shortened; derivatives below `least_size` are treated as
+    !> being of that size.
     real(wp), parameter :: enough = 3.0e-11_wp, least_size = 1.0e-3_wp
 
-    !> Steps in time, from the longest by these factors. How fast a model changes with time is not known before: by its
-    !> neighbours one of them shows that it is neither too long nor lost in the rounding of t. The longest one is no simple fraction
-    !> of a second, where a motion with so many periods a second would seem to rest.
+    !> Steps in time: the longest one, and the factor to the next. The time scale of a model is not known: comparison with its
+    !> neighbours shows for one of the steps that it is neither too long nor lost in the rounding of t. The longest one is not a
+    !> simple fraction of a second, at which a motion with so many periods per second would appear constant.
     integer, parameter :: n_steps = 14
     real(wp), parameter :: longest_step = 0.2887_wp, next_step = 0.25_wp
-    !> Differences that leave more of their largest entry than this do not tell a right formula from a wrong one.
+    !> Largest error of differences, relative to their largest entry, with which a wrong formula is distinguished from a right one.
     real(wp), parameter :: most_doubt = 1.0e-3_wp
 
-    !> Derivatives by differences at one state, every part by itself; of those in time, what differences may leave.
+    !> Derivatives by differences at one state, each part separately; for those in time, the possible error of differences.
     type :: parts_type
         real(wp) :: phi_t_doubt = 0.0_wp, gamma_doubt = 0.0_wp
-        !> The scale of each row of C: its largest entry by that of its coordinate.
+        !> Scale of each row of C: its largest entry times the scale of the coordinate.
         real(wp), allocatable :: row_scale(:)
         real(wp), allocatable :: phi_q(:, :), phi_t(:), gamma(:), c_qd_q(:, :), c_qdd_q(:, :), nu_q(:, :)
         real(wp), allocatable :: gamma_q(:, :), gamma_qd(:, :), mass_q(:, :), reaction_q(:, :), force_q(:, :), force_qd(:, :)
@@ -68,15 +69,15 @@ module tandem_model_verification
 
 contains
 
-    !> Compare at `n_states` random states near (t, q, qd). An error means that the model is incomplete or could not be
-    !> evaluated; wrong procedures are findings. Flags of floating-point exceptions are afterwards what they were: a long step may
-    !> reach where a model overflows, and a program would print that at its end.
+    !> Compare at `n_states` random states near (t, q, qd). An error means that the model is incomplete or could not be evaluated;
+    !> wrong procedures are findings. Flags of floating-point exceptions are restored: a long step may lead to overflow in a model,
+    !> which a program would report at its end.
     subroutine verify_model(model, t, q, qd, n_states, findings, error)
         class(model_type), intent(inout), target :: model
-        !> A state that the model can be evaluated at (n); velocities near zero are replaced by random ones of their scale.
+        !> State at which the model can be evaluated (n); velocities near zero are replaced by random ones of their scale.
         real(wp), intent(in) :: t, q(:), qd(:)
         integer, intent(in) :: n_states
-        !> One for each procedure that could be compared.
+        !> One per compared procedure.
         type(finding_type), allocatable, intent(out) :: findings(:)
         type(error_type), allocatable, intent(out) :: error
         type(evaluator_type) :: evaluator
@@ -93,7 +94,7 @@ contains
         allocate (findings(0))
         call check_model(model, error)
         if (allocated(error)) return
-        ! A model may count turns from state to state: the random ones are none that it has been in.
+        ! A model may count turns from state to state; restore its state, because no motion passes through the random states.
         call pack%begin_writing()
         call model%pack_state(pack)
         call pack%end_writing('model', memory)
@@ -101,7 +102,7 @@ contains
         scale = model%scales()
         call ieee_get_flag(ieee_all, flags)
         call evaluator%initialize(model)
-        ! Compared below.
+        ! Symmetry is compared below.
         evaluator%mass_is_trusted = .true.
         seed = 12345
         do state = 1, n_states
@@ -126,7 +127,7 @@ contains
         call ieee_set_flag(ieee_all, flags)
     end subroutine verify_model
 
-    !> The scales of the rows of C, 1 for a row without an entry.
+    !> Scales of the rows of C, 1 for a row without entries.
     subroutine find_row_scales(evaluator, t, q, scale, parts, counts, stat)
         type(evaluator_type), intent(inout) :: evaluator
         real(wp), intent(in) :: t, q(:), scale(:)
@@ -141,7 +142,7 @@ contains
         associate (row_scale => parts%row_scale)
             do i = 1, size(row_scale)
                 row_scale(i) = maxval(abs(evaluator%terms%jacobian(i, :))*scale)
-                ! A NaN in it is found below.
+                ! A NaN in the row is detected below.
                 if (.not. (row_scale(i) > 0.0_wp .and. row_scale(i) <= huge(1.0_wp))) row_scale(i) = 1.0_wp
             end do
         end associate
@@ -152,7 +153,7 @@ contains
         type(evaluator_type), intent(inout) :: evaluator
         class(model_type), intent(in) :: model
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:), scale(:)
-        !> Its scales of rows are known.
+        !> The scales of its rows are set.
         type(parts_type), intent(inout) :: parts
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
@@ -196,17 +197,17 @@ contains
             q, qd, parts%row_scale, parts%gamma, parts%gamma_doubt, counts, stat)
     end subroutine differentiate
 
-    !> The derivatives of all terms by one coordinate or velocity. A step that suits its scale is too long where the model bends
-    !> within a small part of that, as a spring of some centimetres does among coordinates in metres. Differences of second order
-    !> show it: those of fourth order are off by about the square of what these differ by. Then the step is shortened, and each
-    !> part is kept where truncation and rounding together are least. What the model says of its derivatives is not looked at.
+    !> Derivatives of all terms with respect to one coordinate or velocity. A step that fits the scale is too long if the model is
+    !> nonlinear over a small part of it, such as a spring of some centimetres among coordinates in metres. Differences of second
+    !> order show this: their error squared is about that of fourth order. Then the step is shortened, and each part is taken from
+    !> the step with the smallest truncation and rounding errors. The model's own derivatives are not used.
     subroutine differentiate_column(evaluator, by_qd, j, t, q, qd, qdd, lambda, scale, widths, unit, column, counts, stat)
         type(evaluator_type), intent(inout) :: evaluator
-        !> Whether by the velocity, and its number.
+        !> True for a velocity, and its index.
         logical, intent(in) :: by_qd
         integer, intent(in) :: j
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:), scale
-        !> How many numbers each part has, and the scales of all.
+        !> Number of values of each part, and the scales of all.
         integer, intent(in) :: widths(:)
         real(wp), intent(in) :: unit(:)
         real(wp), intent(out) :: column(:)
@@ -252,7 +253,7 @@ contains
                     size_of = max(least_size, maxval(abs(now)/unit))
                     truncation = (maxval(abs(now - lower(first:last))/unit)/size_of)**2
                     rounding = epsilon(h)*maxval(largest(first:last)/unit)/(h*size_of)
-                    ! The first one without a comparison: if it is a NaN, it shall be seen.
+                    ! Take the first one without a comparison, so that a NaN is seen.
                     if (k == 0 .or. truncation + rounding < doubt(l)) then
                         column(first:last) = now
                         doubt(l) = truncation + rounding
@@ -264,7 +265,7 @@ contains
         end do
     end subroutine differentiate_column
 
-    !> What differences are taken of, one part after the other.
+    !> Values to be differentiated, one part after the other.
     pure subroutine line_up(evaluator, by_qd, qd, qdd, lambda, values)
         type(evaluator_type), intent(in) :: evaluator
         logical, intent(in) :: by_qd
@@ -283,7 +284,7 @@ contains
 
     !> Add the value at a place to the differences.
     pure subroutine add(i, value, differences)
-        !> Number of the place.
+        !> Index of the place.
         integer, intent(in) :: i
         real(wp), intent(in) :: value(:)
         real(wp), intent(inout) :: differences(:)
@@ -296,16 +297,16 @@ contains
         type(evaluator_type), intent(inout) :: evaluator
         !> Time, and the part of the steps to take.
         real(wp), intent(in) :: t, share
-        !> Whether to differentiate C qd - nu.
+        !> True to differentiate C qd - nu.
         logical, intent(in) :: of_velocity
         !> Coordinates, velocities, and the scales of the rows.
         real(wp), intent(in) :: q(:), qd(:), row_scale(:)
-        !> The derivative, and by how much it may be wrong on those scales, as it differs from that of the next longer step and by
+        !> Derivative, and its possible error on the scales of the rows, from the difference to the next longer step and from
         !> rounding.
         real(wp), intent(inout) :: rate(:)
         real(wp), intent(out) :: doubt
         type(counts_type), intent(inout) :: counts
-        !> That of the last step, where none could be taken with the next longer one; not_evaluable where steps are lost in the
+        !> Status of the last step if no pair of consecutive steps could be evaluated; not_evaluable if steps are lost in the
         !> rounding of t.
         integer, intent(out) :: stat
         real(wp) :: now(size(rate)), last(size(rate)), values(size(rate)), change, largest, h, wanted
@@ -318,7 +319,7 @@ contains
         last_stat = status_not_evaluable
         wanted = longest_step*share
         do k = 1, n_steps
-            ! One that is added to t without rounding.
+            ! A step that is added to t without rounding.
             h = (t + wanted) - t
             if (.not. h > 0.0_wp) exit
             now = 0.0_wp
@@ -336,11 +337,11 @@ contains
                 largest = max(largest, maxval(abs(values)/row_scale))
             end do
             now = now/(divisor*h)
-            ! A long step may reach where a model has no value.
+            ! A long step may lead outside the domain of the model.
             if (stat == 0 .and. last_stat == 0) then
-                ! And what rounding may be, of the values and of t in the model: two steps may agree by chance.
+                ! Add the possible rounding of the values and of t in the model: two steps may agree by chance.
                 change = maxval(abs(now - last)/row_scale) + maxval(abs(now)/row_scale)*spacing(t)/h + epsilon(h)*largest/h
-                ! The first one without a comparison: if all are NaN, it shall be seen.
+                ! Take the first one without a comparison, so that NaN are seen.
                 if (change < doubt .or. .not. is_taken) rate = now
                 if (change < doubt) doubt = change
                 is_taken = .true.
@@ -382,7 +383,7 @@ contains
             end if
             call compare('mass_matrix (symmetry)', terms%mass, transpose(terms%mass), findings)
             if (model%constant_mass) then
-                ! It is evaluated once, unless it is asked for anew.
+                ! M is evaluated again on request only.
                 mass = terms%mass
                 evaluator%mass_is_known = .false.
                 call evaluator%evaluate(need_mass, t, q, qd, counts, stat)
@@ -397,7 +398,7 @@ contains
         end associate
     end subroutine compare_terms
 
-    !> A matrix without what is outside of its diagonal blocks.
+    !> A matrix without the entries outside of its diagonal blocks.
     pure function in_blocks(sizes, matrix) result(blocks)
         integer, intent(in) :: sizes(:)
         real(wp), intent(in) :: matrix(:, :)
@@ -413,20 +414,20 @@ contains
         end do
     end function in_blocks
 
-    !> Whether there is a gamma whose derivatives differences can be taken for.
+    !> True if there is a gamma from which differences can be taken.
     pure logical function has_gamma(model)
         class(model_type), intent(in) :: model
 
         has_gamma = associated(model%constraint_acceleration) .or. iand(model%provides, need_gamma) /= 0
     end function has_gamma
 
-    !> The single derivative procedures that the model has.
+    !> Compare the single derivative procedures of the model.
     subroutine compare_single(model, t, q, qd, qdd, lambda, parts, findings, failed, stat)
         class(model_type), intent(inout) :: model
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
         type(parts_type), intent(in) :: parts
         type(finding_type), allocatable, intent(inout) :: findings(:)
-        !> The procedure that failed, and its own status.
+        !> Failed procedure, and its status.
         character(len=*), intent(inout) :: failed
         integer, intent(out) :: stat
         real(wp) :: block_m(model%n_constraints(), model%n), block_n(model%n, model%n)
@@ -482,7 +483,7 @@ contains
         end if
     end subroutine compare_single
 
-    !> The five sums of the fused procedure, as far as the model provides them.
+    !> Compare the five sums of the fused procedure, as far as the model provides them.
     subroutine compare_fused(model, t, q, qd, qdd, lambda, parts, findings, failed, stat)
         class(model_type), intent(inout) :: model
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
@@ -522,7 +523,7 @@ contains
     subroutine compare_vector(name, value, expected, doubt, row_scale, findings)
         character(len=*), intent(in) :: name
         real(wp), intent(in) :: value(:), expected(:)
-        !> What is left open of the expected values on the scales of the rows, and these.
+        !> Uncertainty of the expected values on the scales of the rows, and these scales.
         real(wp), intent(in) :: doubt, row_scale(:)
         type(finding_type), allocatable, intent(inout) :: findings(:)
 
@@ -530,14 +531,14 @@ contains
         findings(:)%column = merge(0, findings%column, findings%name == name)
     end subroutine compare_vector
 
-    !> Compare matrices and keep the worst.
+    !> Compare matrices and store the worst entry.
     subroutine compare(name, value, expected, findings, row_scale, doubt)
         character(len=*), intent(in) :: name
         real(wp), intent(in) :: value(:, :), expected(:, :)
         type(finding_type), allocatable, intent(inout) :: findings(:)
-        !> The scales of the rows, at least as many as there are; 1 where absent.
+        !> Scales of the rows, at least as many as there are rows; 1 if absent.
         real(wp), intent(in), optional :: row_scale(:)
-        !> What is left open of the expected values, as two ways to them differ; nothing to speak of where absent.
+        !> Uncertainty of the expected values, from the difference of two ways to compute them; negligible if absent.
         real(wp), intent(in), optional :: doubt
         type(finding_type) :: finding
         real(wp) :: allowed, scale, off(size(value, 1), size(value, 2)), unit(size(value, 1))
@@ -552,7 +553,7 @@ contains
                 scale = max(scale, maxval(abs(value(:, j))/unit), maxval(abs(expected(:, j))/unit))
                 off(:, j) = abs(value(:, j) - expected(:, j))/unit
             end do
-            ! A NaN hides from maxloc.
+            ! maxloc ignores a NaN.
             place_of_worst = findloc(off <= huge(1.0_wp), .false.)
             if (place_of_worst(1) == 0) place_of_worst = maxloc(off)
             finding%row = place_of_worst(1)
@@ -567,7 +568,7 @@ contains
         call add_finding(findings, finding)
     end subroutine compare
 
-    !> Add a finding, or keep the worse of two of the same name.
+    !> Add a finding, or keep the worse of two with the same name.
     subroutine add_finding(findings, finding)
         type(finding_type), allocatable, intent(inout) :: findings(:)
         type(finding_type), intent(in) :: finding
