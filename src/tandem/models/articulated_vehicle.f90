@@ -15,7 +15,7 @@ module tandem_models_articulated_vehicle
 
     public :: articulated_vehicle_type
 
-    !> The vehicle with its parameters; set those, call `define`, then `start` gives a consistent start.
+    !> The vehicle with its parameters; set these and call `define`; then `start` gives a consistent start.
     type, extends(model_type) :: articulated_vehicle_type
         !> Mass of each chassis (kg) and its polar moment of inertia (kg m^2).
         real(wp) :: mass = 1500.0_wp, inertia = 1500.0_wp
@@ -35,13 +35,13 @@ module tandem_models_articulated_vehicle
 
 contains
 
-    !> Associate the procedures and name everything; to be called after the parameters are set.
+    !> Associate the procedures and set the names; to be called after the parameters are set.
     subroutine define(self)
         class(articulated_vehicle_type), intent(inout) :: self
         real(wp), parameter :: two_pi = 8.0_wp*atan(1.0_wp)
 
         self%name = 'articulated_vehicle'
-        ! Directions that were found for other parameters are of no use.
+        ! Invalidate directions of other parameters.
         self%phi1 = huge(1.0_wp)
         self%phi2 = huge(1.0_wp)
         self%t = huge(1.0_wp)
@@ -72,7 +72,7 @@ contains
         qd = [speed, 0.0_wp, 0.0_wp, speed, 0.0_wp, 0.0_wp]
     end subroutine start
 
-    !> Bring the shared directions to (t, q).
+    !> Update the shared directions to (t, q).
     pure subroutine turn_to(self, t, q)
         class(articulated_vehicle_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:)
@@ -147,8 +147,8 @@ contains
         end select
     end subroutine evaluate
 
-    !> The gradients of the velocity and acceleration constraints and of the equations of motion. Every term depends on q by
-    !> the directions of the chassis alone, so the columns of x and y are zero.
+    !> Gradients of the velocity and acceleration constraints and of the equations of motion. Every term depends on q only through
+    !> the directions of the chassis, so that the columns of x and y are zero.
     subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need

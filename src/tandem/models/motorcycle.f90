@@ -24,12 +24,12 @@ module tandem_models_motorcycle
 
     real(wp), parameter :: ux(3) = [1.0_wp, 0.0_wp, 0.0_wp], uy(3) = [0.0_wp, 1.0_wp, 0.0_wp], uz(3) = [0.0_wp, 0.0_wp, 1.0_wp]
 
-    !> The fork at a time, in the chassis' frame: es, y1, dy1/dtheta, theta-dot, theta-dot-dot.
+    !> The fork at a time, in the frame of the chassis: es, y1, dy1/dtheta, theta-dot, theta-dot-dot.
     type :: fork_type
         real(wp) :: es(3) = 0.0_wp, y1(3) = 0.0_wp, y1_theta(3) = 0.0_wp, rate = 0.0_wp, second_rate = 0.0_wp
     end type fork_type
 
-    !> The motorcycle with its parameters; set those, call `define`, then `start` gives a consistent start.
+    !> The motorcycle with its parameters; set these and call `define`; then `start` gives a consistent start.
     type, extends(model_type) :: motorcycle_type
         !> Mass (kg) and principal moments of inertia of the chassis (kg m^2); acceleration due to gravity (m/s^2).
         real(wp) :: mass = 200.0_wp, inertia(3) = [30.0_wp, 15.0_wp, 30.0_wp], gravity = 9.6_wp
@@ -45,11 +45,11 @@ module tandem_models_motorcycle
         real(wp) :: wheel_radius = 0.3_wp, rear_length = 0.6_wp, half_track = 0.5_wp
         !> Top of the fork in front of and above the centre (m).
         real(wp) :: fork_forward = 0.6_wp, fork_height = 0.6_wp
-        !> Free length of the suspension spring (m); 0 stands for the paper's (0.6 + m g / (2 k)) / cos(fork_angle).
+        !> Free length of the suspension spring (m); 0 selects the paper's (0.6 + m g / (2 k)) / cos(fork_angle).
         real(wp) :: free_length = 0.0_wp
-        !> Cosine and sine of the fork's inclination, and the inclination that they are of.
+        !> Cosine and sine of the fork's inclination, and this inclination.
         real(wp), private :: c_fork = 1.0_wp, s_fork = 0.0_wp, angle_of_fork = 0.0_wp
-        !> The fork at the last time, and when that was.
+        !> Fork at the last time, and this time.
         type(fork_type), private :: f
         real(wp), private :: t_of_fork = huge(1.0_wp)
         integer, private :: segment_of_fork = 0
@@ -59,8 +59,8 @@ module tandem_models_motorcycle
     end type motorcycle_type
 
     interface
-        !> The static equilibrium over the origin, heading along y, with the rear axle's centre at a speed (m/s) and no pitch rate.
-        !> stat > 0: there is no equilibrium near, or the velocity constraints do not fix the rest.
+        !> Static equilibrium above the origin, heading along y, with a given speed of the rear axle's centre (m/s) and no pitch
+        !> rate. stat > 0: there is no equilibrium nearby, or the velocity constraints do not determine the other velocities.
         module subroutine start(self, speed, q, qd, stat)
             implicit none (type, external)
             class(motorcycle_type), intent(inout) :: self
@@ -72,13 +72,13 @@ module tandem_models_motorcycle
 
 contains
 
-    !> Associate the procedures and name everything; to be called after the parameters are set.
+    !> Associate the procedures and set the names; to be called after the parameters are set.
     subroutine define(self)
         class(motorcycle_type), intent(inout) :: self
         real(wp), parameter :: two_pi = 8.0_wp*atan(1.0_wp)
 
         self%name = 'motorcycle'
-        ! A fork that was found for other parameters is of no use.
+        ! Invalidate a fork of other parameters.
         self%t_of_fork = huge(1.0_wp)
         self%n = 10
         self%n_holonomic = 6
@@ -100,7 +100,7 @@ contains
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
-        ! The origin of the frame, the Euler parameters, the contact's place on the front wheel, the fork.
+        ! Blocks of the origin of the frame, the Euler parameters, the contact on the front wheel, the fork.
         self%mass_blocks = [1, 1, 1, 4, 1, 1, 1]
     end subroutine define
 
@@ -128,7 +128,7 @@ contains
         second_rate = self%amplitude*self%frequency**2*sin(self%frequency*t)
     end subroutine steering
 
-    !> Bring the fork to a time; the terms of a point share it.
+    !> Update the fork to a time; all terms of a point use it.
     pure subroutine turn_fork(self, t)
         class(motorcycle_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -137,7 +137,7 @@ contains
         if (.not. (t > self%t_of_fork .or. t < self%t_of_fork) .and. self%segment == self%segment_of_fork) return
         self%t_of_fork = t
         self%segment_of_fork = self%segment
-        ! An angle that is no number is another one too, and shows.
+        ! The negated comparison makes an angle that is not a number visible.
         if (.not. abs(self%fork_angle - self%angle_of_fork) <= 0.0_wp) then
             self%angle_of_fork = self%fork_angle
             self%c_fork = cos(self%fork_angle)
@@ -145,7 +145,7 @@ contains
         end if
         associate (f => self%f, c => self%c_fork, s => self%s_fork)
             call self%steering(t, theta, f%rate, f%second_rate)
-            ! A1 turns by the fork angle about x', A2 by theta about the fork.
+            ! A1 rotates by the fork angle about x', A2 by theta about the fork.
             f%es = [0.0_wp, -s, c]
             f%y1 = [-sin(theta), c*cos(theta), s*cos(theta)]
             f%y1_theta = [-cos(theta), -c*sin(theta), -s*sin(theta)]
@@ -201,7 +201,7 @@ contains
         end select
     end subroutine evaluate
 
-    !> The rows of C: the wheels' heights and the norms, then the sideways velocities (A ux)' rP0d and (A z x uz)' rCd.
+    !> Rows of C: heights of the wheels and norms, then the sideways velocities (A ux)' rP0d and (A z x uz)' rCd.
     pure subroutine set_jacobian(self, f, q, a, y, z, rear, jacobian)
         class(motorcycle_type), intent(in) :: self
         type(fork_type), intent(in) :: f
@@ -244,7 +244,7 @@ contains
         call set_rotational_mass(p, self%inertia, size(mass, 1), mass(4, 4))
     end subroutine set_mass
 
-    !> nu = [-Phi_t; e]: y and z move with the steering while q stands still.
+    !> nu = [-Phi_t; e]: y and z move with the steering for constant q.
     pure subroutine set_nu(f, q, a, z, nu)
         type(fork_type), intent(in) :: f
         real(wp), intent(in) :: q(:), a(3, 3), z(3)
@@ -259,7 +259,7 @@ contains
         nu(8) = -q(8)*dot_product(g, turned)
     end subroutine set_nu
 
-    !> The rows of gamma: the accelerations of the constraints' points with qdd = 0.
+    !> Rows of gamma: accelerations of the points of the constraints for qdd = 0.
     pure subroutine set_gamma(self, f, q, qd, a, y, z, rear, gamma)
         class(motorcycle_type), intent(in) :: self
         type(fork_type), intent(in) :: f
@@ -269,7 +269,7 @@ contains
         real(wp) :: v_rear(3), a_rear(3), v_front(3), a_front(3), a_track
 
         pd = qd(4:7)
-        ! Ad, and Add with qdd = 0: A is quadratic in p.
+        ! Ad, and Add for qdd = 0: A is quadratic in p.
         ad = rotation_rate(q(4:7), pd)
         add = 2*rotation(pd)
         call move_fork(f, q, qd, yd, zd)
@@ -290,7 +290,7 @@ contains
             dot_product(sideways(rotate(ad, z) + rotate(a, zd)), v_front)
     end subroutine set_gamma
 
-    !> yd and zd, the velocities of y and z in the chassis' frame, steering included.
+    !> yd and zd, velocities of y and z in the frame of the chassis, steering included.
     pure subroutine move_fork(f, q, qd, yd, zd)
         type(fork_type), intent(in) :: f
         real(wp), intent(in) :: q(:), qd(:)
@@ -300,8 +300,8 @@ contains
         zd = qd(8)*f%es - qd(9)*f%y1 - (q(9)*f%rate)*f%y1_theta
     end subroutine move_fork
 
-    !> The accelerations of y and z in the chassis' frame with qdd = 0; y1 differentiated twice by theta is y1 turned back,
-    !> as far as it lies across the fork, which it does.
+    !> Accelerations of y and z in the frame of the chassis for qdd = 0; the second derivative of y1 with respect to theta is -y1,
+    !> because y1 is perpendicular to the fork.
     pure subroutine bend_fork(f, q, qd, ydd, zdd)
         type(fork_type), intent(in) :: f
         real(wp), intent(in) :: q(:), qd(:)
@@ -339,7 +339,7 @@ contains
         end select
     end subroutine evaluate_derivatives
 
-    !> velocity_q, acceleration_q, acceleration_qd: the rows of the rear wheels, of the parameters' norms, and of the rear axle.
+    !> velocity_q, acceleration_q, acceleration_qd: rows of the rear wheels, of the norms of the parameters, and of the rear axle.
     subroutine differentiate_rear(self, need, q, qd, qdd, derivatives)
         class(motorcycle_type), intent(in) :: self
         integer, intent(in) :: need
@@ -354,7 +354,7 @@ contains
         rear = [0.0_wp, -self%rear_length, 0.0_wp]
         right = rear + self%half_track*ux
         left = rear - self%half_track*ux
-        ! The axle's direction and its gradient by p, velocity and acceleration of its middle.
+        ! Direction of the axle and its gradient with respect to p, velocity and acceleration of its middle.
         frame = rotation(p)
         n = frame(:, 1)
         nd = b_product(p, ux, pd)
@@ -401,8 +401,8 @@ contains
         end if
     end subroutine differentiate_rear
 
-    !> The same, the rows of the front wheel, after those. Its contact point is r + A b + a1 (A y1) + (a2 - s) (A es), its rim's
-    !> tangent a1 (A es) - a2 (A y1), so that their gradients by a and s are A y1 and A es and their time derivatives.
+    !> The following rows, of the front wheel. Its contact point is r + A b + a1 (A y1) + (a2 - s) (A es), the tangent of its rim a1
+    !> (A es) - a2 (A y1), so that their gradients with respect to a and s are A y1 and A es and their time derivatives.
     subroutine differentiate_front(self, need, q, qd, qdd, derivatives)
         class(motorcycle_type), intent(in) :: self
         integer, intent(in) :: need
@@ -432,14 +432,14 @@ contains
         y1dd = b_product(p, f%y1, pdd) + b_product(pd, f%y1, pd) + 2*f%rate*b_product(p, f%y1_theta, pd) + &
             rotate(a, f%second_rate*f%y1_theta - f%rate**2*f%y1)
         esdd = b_product(p, f%es, pdd) + b_product(pd, f%es, pd)
-        ! The wheel's sideways direction; velocity and acceleration of the contact point.
+        ! Sideways direction of the wheel; velocity and acceleration of the contact point.
         g = sideways(rotate(a, z))
         gd = sideways(b_product(p, z, pd) + rotate(a, zd))
         v_front = qd(1:3) + b_product(p, y, pd) + rotate(a, yd)
         a_front = qdd(1:3) + b_product(p, y, pdd) + rotate(a, ydd) + b_product(pd, y, pd) + 2*b_product(p, yd, pd)
         k = crossways(v_front)
         kd = crossways(a_front)
-        ! Gradients by p of the positions and of the velocities of that point and of the tangent.
+        ! Gradients with respect to p of position and velocity of this point and of the tangent.
         front_p = b_matrix(p, y)
         tangent_p = b_matrix(p, z)
         front_vp = b_matrix(pd, y) + b_matrix(p, yd)
@@ -484,8 +484,8 @@ contains
         end if
     end subroutine differentiate_front
 
-    !> The gradient dynamics_q: M2(q, qdd) - S_q - Q_Aq + (C' lambda)_q. The contact forces act at the front point along
-    !> lambda3 uz + lambda8 g, whose g turns with the tangent, and at the rear axle along lambda7 A ux.
+    !> Gradient dynamics_q: M2(q, qdd) - S_q - Q_Aq + (C' lambda)_q. The contact forces act at the front point along lambda3 uz +
+    !> lambda8 g, where g rotates with the tangent, and at the rear axle along lambda7 A ux.
     pure subroutine differentiate_dynamics(self, t, q, qd, qdd, lambda, d)
         class(motorcycle_type), intent(in) :: self
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
@@ -509,7 +509,7 @@ contains
         front_p = b_matrix(p, y)
         axle = b_matrix(p, ux)
         push = lambda(3)*uz + lambda(8)*sideways(rotate(a, z))
-        ! Gradients of lambda8 g by p, a1 and a2.
+        ! Gradients of lambda8 g with respect to p, a1 and a2.
         turn_p = b_matrix(p, z)
         do j = 1, 4
             turn_p(:, j) = lambda(8)*sideways(turn_p(:, j))
@@ -575,7 +575,7 @@ contains
         c = a(:, 1)*b(1) + a(:, 2)*b(2) + a(:, 3)*b(3)
     end function rotate
 
-    !> The gradient by p of the height of A a, uz' B(p, a).
+    !> Gradient with respect to p of the height of A a, uz' B(p, a).
     pure function height_row(p, a) result(row)
         real(wp), intent(in) :: p(4), a(3)
         real(wp) :: row(4)
@@ -586,7 +586,7 @@ contains
         row(4) = 2*(p(2)*a(1) + p(3)*a(2) + p(4)*a(3))
     end function height_row
 
-    !> b x uz: from the rim's tangent to the direction in which its wheel must not slip.
+    !> b x uz: from the tangent of a rim to the direction without slip of its wheel.
     pure function sideways(b) result(c)
         real(wp), intent(in) :: b(3)
         real(wp) :: c(3)

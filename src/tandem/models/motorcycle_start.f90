@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Where the motorcycle starts: in static equilibrium, which the paper's printed start is not.
+!> Start of the motorcycle in static equilibrium, which the paper's printed start is not.
 submodule(tandem_models_motorcycle) tandem_models_motorcycle_start
     use tandem_linalg_lu, only: lu_type
     implicit none (type, external)
@@ -39,7 +39,7 @@ contains
         call lu%solve(qd)
     end procedure start
 
-    !> The fork's length at a pitch with all wheels on the ground (m).
+    !> Length of the fork at a pitch with all wheels on the ground (m).
     pure real(wp) function fork_length(self, pitch)
         class(motorcycle_type), intent(in) :: self
         real(wp), intent(in) :: pitch
@@ -48,7 +48,7 @@ contains
             cos(self%fork_angle + pitch)
     end function fork_length
 
-    !> The pitch of static equilibrium: the stationary point of m g rz + k (s - sf)^2 / 2 by Newton's iteration.
+    !> Pitch of static equilibrium: the stationary point of m g rz + k (s - sf)^2 / 2 by Newton's iteration.
     subroutine find_equilibrium_pitch(self, pitch, stat)
         class(motorcycle_type), intent(in) :: self
         real(wp), intent(out) :: pitch

@@ -19,7 +19,7 @@ module tandem_models_rolling_disk
 
     public :: rolling_disk_type
 
-    !> The disk with its parameters; set those, call `define`, then `start` gives a consistent start.
+    !> The disk with its parameters; set these and call `define`; then `start` gives a consistent start.
     type, extends(model_type) :: rolling_disk_type
         !> Mass (kg).
         real(wp) :: mass = 10.0_wp
@@ -33,7 +33,7 @@ module tandem_models_rolling_disk
 
 contains
 
-    !> Associate the procedures and name everything; to be called after the parameters are set.
+    !> Associate the procedures and set the names; to be called after the parameters are set.
     subroutine define(self)
         class(rolling_disk_type), intent(inout) :: self
 
@@ -51,13 +51,13 @@ contains
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
-        ! The center, the Euler parameters, the contact's place on the rim.
+        ! Blocks of the centre, the Euler parameters, the contact on the rim.
         self%mass_blocks = [1, 1, 1, 4, 1, 1]
         self%provides = need_phi + need_jacobian + need_gamma + need_mass + need_force
     end subroutine define
 
-    !> The disk over the origin with its plane turned by `tilt` (rad) about y from the vertical y-z plane, with an angular
-    !> velocity in its own frame (rad/s); rolling fixes the rest.
+    !> The disk above the origin, its plane rotated by `tilt` (rad) about y from the vertical y-z plane, with an angular velocity in
+    !> its own frame (rad/s); rolling determines the other velocities.
     pure subroutine start(self, omega, tilt, q, qd)
         class(rolling_disk_type), intent(in) :: self
         !> Angular velocity in the disk's frame (rad/s).
@@ -168,9 +168,10 @@ contains
         jacobian(2, 9) = -s
     end subroutine set_jacobian
 
-    !> gamma. The second derivative of A alpha without second derivatives is 2 A(pd) alpha + 2 Ad alphad, as A is quadratic in p;
-    !> that of A beta alike. Of A(pd) and of Ad the columns along y' and z' alone, as alpha and beta lie in the disk's plane.
-    !> Rows 5 and 6 differentiate rd + Ad alpha, the velocity of the disk's point in contact: there Ad alphad comes once.
+    !> gamma. The second derivative of A alpha without second derivatives is 2 A(pd) alpha + 2 Ad alphad, because A is quadratic in
+    !> p; that of A beta is analogous. Only the columns of A(pd) and Ad along y' and z' are needed, because alpha and beta are in
+    !> the plane of the disk. Rows 5 and 6 differentiate rd + Ad alpha, the velocity of the disk's contact point: there Ad alphad
+    !> occurs once.
     pure subroutine set_gamma(q, qd, gamma)
         real(wp), intent(in) :: q(:), qd(:)
         real(wp), intent(out) :: gamma(6)
@@ -224,8 +225,8 @@ contains
         force(4:7) = g_transposed_product(qd(4:7), 8*self%inertia*g_product(qd(4:7), q(4:7)))
     end subroutine set_force
 
-    !> The derivatives of (111), as the gradients of the velocity and acceleration constraints and of the equations of motion.
-    !> With v = d/dt (A alpha) and its like, rows 1, 5, 6 differentiate the contact point's motion, row 2 the tangent's.
+    !> Derivatives of (111), as gradients of the velocity and acceleration constraints and of the equations of motion. With v = d/dt
+    !> (A alpha) etc., rows 1, 5, 6 differentiate the motion of the contact point, row 2 that of the tangent.
     subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need
@@ -246,7 +247,7 @@ contains
         rate = rotation_rate(p, pd)
         if (iand(need, need_velocity_q) /= 0) then
             associate (d => derivatives%velocity_q)
-                ! (B(p, alpha) pd + A alphad)_p = B(pd, alpha) + B(p, alphad); its derivative by a is Ad.
+                ! (B(p, alpha) pd + A alphad)_p = B(pd, alpha) + B(p, alphad); its derivative with respect to a is Ad.
                 d = 0.0_wp
                 block = b_matrix(pd, alpha)
                 mixed = b_matrix(p, alphad)
