@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The list of all steppers: a new one is added here.
+!> List of all steppers; new ones are added here.
 submodule(tandem_stepper_factory) tandem_stepper_all
     use tandem_stepper_auto, only: auto_type
     use tandem_stepper_dop853, only: dop853_type

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> dop853, in whose place another method takes steps where the run shows that it is cheaper. What is here is the explicit part;
-!> `tandem_simulate_switching` decides, and the simulation exchanges steppers between steps.
+!> dop853, replaced by another method for steps in which a run shows that the other one is cheaper. This module is the explicit
+!> part; `tandem_simulate_switching` decides, and the simulation exchanges steppers between steps.
 module tandem_stepper_auto
     use tandem_stepper, only: properties_type
     use tandem_stepper_dop853, only: dop853_type, properties_of_dop853 => properties
@@ -17,7 +17,7 @@ module tandem_stepper_auto
 
 contains
 
-    !> What the method is while it is explicit.
+    !> Properties of the method while it is explicit.
     pure function properties() result(properties_)
         type(properties_type) :: properties_
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Linear combinations of rates, as a tableau's rows are. Half of a large tableau is zero: the columns that count are listed once.
+!> Linear combinations of rates, the rows of a tableau. Half of a large tableau is zero: the nonzero columns are listed once.
 module tandem_stepper_combination
     use tandem_kinds, only: lane, wp
     implicit none (type, external)
@@ -7,14 +7,14 @@ module tandem_stepper_combination
 
     public :: combination_type
 
-    !> Columns are added so many at a time.
+    !> Number of columns that are added at a time.
     integer, parameter :: group = 4
 
-    !> sum_j weight(j) rate(:, j) over the columns whose weight is not zero.
+    !> sum_j weight(j) rate(:, j) over the columns with nonzero weights.
     type :: combination_type
         private
         integer :: n_groups = 0
-        !> Weights and numbers of the columns (group, n_groups); the last group is filled up with weights of zero.
+        !> Weights and indices of the columns (group, n_groups); the last group is padded with zero weights.
         real(wp), allocatable :: weight(:, :)
         integer, allocatable :: column(:, :)
     contains
@@ -23,7 +23,7 @@ module tandem_stepper_combination
 
 contains
 
-    !> Take weights, one for each column from the first one on.
+    !> Set the weights, one per column beginning with the first.
     pure subroutine set(self, weight)
         class(combination_type), intent(inout) :: self
         real(wp), intent(in) :: weight(:)
@@ -38,7 +38,7 @@ contains
             if (.not. abs(weight(j)) > 0.0_wp) cycle
             g = i/group + 1
             self%weight(mod(i, group) + 1, g) = weight(j)
-            ! What stands for the columns that are missing has been evaluated.
+            ! Pad with a column that has been evaluated.
             self%column(mod(i, group) + 1:, g) = j
             i = i + 1
         end do
@@ -47,7 +47,7 @@ contains
     !> y := x + h times the combination.
     pure subroutine add(self, height, n_rates, h, rate, x, y)
         class(combination_type), intent(in) :: self
-        !> Rows, a multiple of `lane`, and columns, at least as many as there were weights.
+        !> Number of rows, a multiple of `lane`; number of columns, at least the number of weights.
         integer, intent(in) :: height, n_rates
         real(wp), intent(in) :: h, rate(height, n_rates), x(height)
         real(wp), intent(inout) :: y(height)
@@ -55,7 +55,7 @@ contains
         call add_groups(self%n_groups, self%weight, self%column, height, n_rates, h, rate, x, y)
     end subroutine add
 
-    !> The same, of plain arrays.
+    !> The same for plain arrays.
     pure subroutine add_groups(n_groups, weight, column, height, n_rates, h, rate, x, y)
         integer, intent(in) :: n_groups, column(group, n_groups), height, n_rates
         real(wp), intent(in) :: weight(group, n_groups), h, rate(height, n_rates), x(height)

@@ -17,7 +17,7 @@ module tandem_stepper_dop853
     !> The method of order 8.
     type, extends(explicit_type) :: dop853_type
         private
-        !> Places of the three stages of dense output, and the sums of rates that give them and its polynomial.
+        !> Nodes of the three stages of dense output; sums of rates for these stages and for the polynomial.
         real(wp) :: extra_c(3) = 0.0_wp
         type(combination_type) :: extra_sum(3), dense_sum(4)
     contains
@@ -27,7 +27,7 @@ module tandem_stepper_dop853
 
 contains
 
-    !> What the method is.
+    !> Properties of the method.
     pure function properties() result(properties_)
         type(properties_type) :: properties_
 
@@ -35,7 +35,7 @@ contains
             'Prince, Dormand 1981; Hairer, Norsett, Wanner I, section II.10', 7, stability_limit=6.1_wp)
     end function properties
 
-    !> The tableau.
+    !> Set the tableau.
     subroutine set_tableau(self)
         class(dop853_type), intent(inout) :: self
 
@@ -80,7 +80,7 @@ contains
             2.273310147516538_wp, 0.0_wp, 0.0_wp, -10.53449546673725_wp, -2.0008720582248625_wp, &
             -17.9589318631188_wp, 27.94888452941996_wp, -2.8589982771350235_wp, -8.87285693353063_wp, &
             12.360567175794303_wp, 0.6433927460157636_wp]
-        ! The differences to the embedded methods of orders 5 and 3.
+        ! Differences from the embedded methods of orders 5 and 3.
         self%e(:, 1) = [ &
             0.01312004499419488_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, -1.2251564463762044_wp, &
             -0.4957589496572502_wp, 1.6643771824549864_wp, -0.35032884874997366_wp, &
@@ -127,7 +127,7 @@ contains
             -39.17726167561544_wp, -149.72683625798564_wp])
     end subroutine set_tableau
 
-    !> Increments within the last step, of order 7, by three more stages that are evaluated once a step.
+    !> Increments within the last step, of order 7, by three additional stages that are evaluated once per step.
     subroutine interpolate(self, chart, start, arrived, t, dq, dqd, slope_q, slope_qd, stat)
         class(dop853_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -164,11 +164,11 @@ contains
         end associate
     end subroutine interpolate
 
-    !> The nested polynomial of Hairer, Norsett, Wanner I, section II.6, from its inner part on, and its derivative.
+    !> Nested polynomial of Hairer, Norsett, Wanner I, section II.6, around its inner part, and its derivative.
     elemental subroutine blend(x, h, inner, inner_slope, y0, y1, rate0, rate1, y, slope)
-        !> Place in the step, 0 to 1, and its size.
+        !> Place in the step, 0 to 1, and step size.
         real(wp), intent(in) :: x, h
-        !> The inner part and its derivative by x, and values and rates at the ends.
+        !> Inner part and its derivative with respect to x, and values and rates at the ends.
         real(wp), intent(in) :: inner, inner_slope, y0, y1, rate0, rate1
         real(wp), intent(out) :: y, slope
 

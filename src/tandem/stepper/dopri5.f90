@@ -20,7 +20,7 @@ module tandem_stepper_dopri5
 
 contains
 
-    !> What the method is.
+    !> Properties of the method.
     pure function properties() result(properties_)
         type(properties_type) :: properties_
 
@@ -28,7 +28,7 @@ contains
             'Dormand, Prince 1980; Hairer, Norsett, Wanner I, table II.5.2', stability_limit=3.25_wp)
     end function properties
 
-    !> The tableau.
+    !> Set the tableau.
     subroutine set_tableau(self)
         class(dopri5_type), intent(inout) :: self
 

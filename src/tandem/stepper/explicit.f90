@@ -2,11 +2,11 @@
 !> Explicit Runge-Kutta methods, given by their tableau.
 !>
 !> Stages are increments in ambient coordinates, xi' = qd and eta' = qdd, and the chart restores the constraints at each.
-!> Runge-Kutta methods are linear in their stages, so this is the trajectory of (51) in the chart's v and w.
-!> Where stages are not projected, the chart restores the constraints at the end of a step alone: no longer the paper's method, but
-!> index-1 equations with projection. The motion keeps C qdd = -gamma off the manifold too, so that a stage is where a method of
-!> order p takes it: the orders stay, and ends are off by O(h^(p+1)) before they are restored.
-!> The acceleration at the end of a step is the first stage of the next one; an error estimate may use it too.
+!> Runge-Kutta methods are linear in their stages, so that this is the trajectory of (51) in the chart's v and w.
+!> Without projected stages, the chart restores the constraints only at the end of a step: this is not the paper's method, but
+!> index-1 equations with projection. The motion satisfies C qdd = -gamma off the manifold too, so that stages of a method of order
+!> p keep its order, and ends of steps are off by O(h^(p+1)) before the projection.
+!> The acceleration at the end of a step is the first stage of the next one; error estimates may also use it.
 module tandem_stepper_explicit
     use tandem_kinds, only: lane, short, wp
     use tandem_linalg_aligned, only: allocate_aligned
@@ -26,30 +26,30 @@ module tandem_stepper_explicit
         real(wp), allocatable :: a(:, :), b(:), c(:)
         !> Weights of error estimates (s + 1, number of estimates), the last row for the rate at the end of the step.
         real(wp), allocatable :: e(:, :)
-        !> Rates of the stages, at the end of the step (s + 1) where there are estimates, and of the stages that dense output adds:
+        !> Rates of the stages, of the end of the step (s + 1) if there are estimates, and of additional stages of dense output:
         !> those of the n coordinates, zeros up to row `offset`, then those of the velocities, padded with zeros to a multiple of
         !> `lane`.
         real(wp), allocatable :: rate(:, :)
-        !> Whether each stage takes the rates of the one before it alone, and nothing else those of any, as in Kutta's method: then
-        !> there is no `rate`, and `y` holds the weighted sum of those so far, after the step the rates of the last stage.
+        !> True if each stage uses the rates of the previous one only, as in Kutta's method, and nothing else uses rates: `rate` is
+        !> then not allocated; `y` contains the weighted sum of rates so far, and after the step the rates of the last stage.
         logical, private :: in_turn = .false.
-        !> Increments, ordered alike: of a stage, and at the start of the step, or the start itself where stages are not projected.
+        !> Increments, ordered alike: of a stage, and at the start of the step, or the start itself if stages are not projected.
         real(wp), allocatable :: y(:)
         real(wp), allocatable, private :: y_start(:)
-        !> Zeros, and work space, ordered alike, where there are estimates.
+        !> Zeros, and work space, ordered alike, if there are estimates.
         real(wp), allocatable :: zero(:), part(:), slope(:)
-        !> The moduli of the way from the coordinates at the end of a step to their point on the manifold (n), where stages are not
-        !> projected: the error of the step across the manifold, which the rates of stages do not show if an imposed motion has a
-        !> kink. That of velocities is looked at wherever stages lie.
+        !> Moduli of the displacement from the end of a step to the manifold (n), if stages are not projected: the error of the step
+        !> across the manifold, which the rates of stages do not show if an imposed motion has a kink. The error of the velocities
+        !> across the manifold is checked in all cases.
         real(wp), allocatable, private :: shift(:)
-        !> Its rows of zeros let no register hold both, so that sums for the next position need not wait for the last acceleration.
+        !> Zeros separate the two parts in registers, so that sums for the next position need not wait for the last acceleration.
         integer :: n = 0, offset = 0
-        !> Whether the chart is to remember stages by their number: those of higher methods are so good that the memory costs more
+        !> True if the chart stores stages by their number; stages of methods of higher order are so accurate that this costs more
         !> than it saves (measured with dop853).
         logical, private :: has_rough_stages = .false.
-        !> How many stages dense output adds.
+        !> Number of additional stages of dense output.
         integer :: n_extra = 0
-        !> Whether they are those of the last step.
+        !> True if the additional stages are those of the last step.
         logical :: has_extra = .false.
         !> Coordinates of a stage (n); c^2/2 - sum a c of the stages and of the end (s + 1).
         real(wp), allocatable, private :: q(:), defect(:)
@@ -65,7 +65,7 @@ module tandem_stepper_explicit
     end type explicit_type
 
     abstract interface
-        !> Set a, b, c, and e where there are estimates.
+        !> Set a, b, c, and e if there are estimates.
         subroutine set_tableau_interface(self)
             import :: explicit_type
             implicit none (type, external)
@@ -163,7 +163,7 @@ contains
             if (stat /= 0) exit
         end do
         if (stat == 0) then
-            ! Always from the increments: here the constraints are restored.
+            ! The constraints are restored here, so always start from the increments.
             if (.not. self%projects_stages) call load(n, self%offset, state%dq, state%dqd, self%y_start)
             call self%end_sum%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%y_start, self%y)
             !GCC$ UNROLL 1
@@ -191,7 +191,7 @@ contains
         end do
     end subroutine advance
 
-    !> The same, whose rates are added up as they come. The stages stand where the end will be.
+    !> The same for methods that sum up rates as they are computed. Stages are stored in place of the end of the step.
     subroutine advance_in_turn(self, chart, state, h, next, stat)
         class(explicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -241,7 +241,7 @@ contains
 
     contains
 
-        !> Where a stage is looked for: from the increments at the start of the step, or from the state.
+        !> Starting point of a stage: from the increments at the start of the step, or from the state.
         subroutine step_from_start(step, rate_q, rate_qd)
             real(wp), intent(in) :: step
             real(wp), intent(in), contiguous :: rate_q(:), rate_qd(:)
@@ -268,7 +268,7 @@ contains
         end do
     end subroutine set_sums
 
-    !> Increments after a way along rates.
+    !> Increments after a step along rates.
     pure subroutine follow(n, step, from_q, from_qd, rate_q, rate_qd, dq, dqd)
         integer, intent(in) :: n
         real(wp), intent(in) :: step, from_q(n), from_qd(n), rate_q(n), rate_qd(n)
@@ -282,8 +282,8 @@ contains
         end do
     end subroutine follow
 
-    !> The increments at the end of the step from the sums with the last stage, which is kept for `stiffness`, its rates in place of
-    !> the sums.
+    !> Increments at the end of the step from the sums with the last stage, which is stored for `stiffness`, with its rates in place
+    !> of the sums.
     pure subroutine leave_stages(n, h, weight, from_q, from_qd, q, qd, qdd, last_q, sum_q, sum_qd, dq, dqd)
         integer, intent(in) :: n
         real(wp), intent(in) :: h, weight, from_q(n), from_qd(n), q(n), qd(n), qdd(n)
@@ -300,7 +300,7 @@ contains
         end do
     end subroutine leave_stages
 
-    !> Take note of where the stages start, before the first call of `set_stage` in a step.
+    !> Store the start of the stages, before the first call of `set_stage` in a step.
     subroutine take_start(self, state)
         class(explicit_type), intent(inout) :: self
         !> The state at the start of the step.
@@ -313,7 +313,7 @@ contains
         end if
     end subroutine take_start
 
-    !> The same before the first call of `set_near`.
+    !> Store the start before the first call of `set_near`.
     subroutine start_near(self, state)
         class(explicit_type), intent(inout) :: self
         !> The state at the start of the step.
@@ -322,13 +322,13 @@ contains
         call load(self%n, self%offset, state%q, state%qd, self%y_start)
     end subroutine start_near
 
-    !> Evaluate a stage of dense output: its rates from those before it, at the point that the constraints there make of it. A step
-    !> may pass places where its chart is singular, and there are no stages of its own there.
+    !> Evaluate a stage of dense output: its rates from previous ones, at its projection onto the constraints there. A step may pass
+    !> singular points of its chart, near which such stages cannot be evaluated in the chart.
     subroutine set_near(self, chart, h, t, sum_before, stage, stat)
         class(explicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         real(wp), intent(in) :: h, t
-        !> What the rates before add up to.
+        !> Sum of the previous rates.
         type(combination_type), intent(in) :: sum_before
         integer, intent(in) :: stage
         integer, intent(out) :: stat
@@ -342,12 +342,12 @@ contains
         end associate
     end subroutine set_near
 
-    !> Evaluate a stage: its rates from those before it.
+    !> Evaluate a stage: its rates from previous ones.
     subroutine set_stage(self, chart, h, t, sum_before, stage, stat)
         class(explicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         real(wp), intent(in) :: h, t
-        !> What the rates before add up to.
+        !> Sum of the previous rates.
         type(combination_type), intent(in) :: sum_before
         integer, intent(in) :: stage
         integer, intent(out) :: stat
@@ -361,7 +361,7 @@ contains
                 call chart%restore_motion(t, y(:n), y(offset + 1:offset + n), self%q, rate(:n, stage), &
                     rate(offset + 1:offset + n, stage), stat)
             else
-                ! From the state itself: the chart's origin and its u take no part.
+                ! From the state itself: the origin of the chart and its u are not used.
                 self%q(:) = y(:n)
                 rate(:n, stage) = y(offset + 1:offset + n)
                 call chart%solve_dynamics(t, self%q, rate(:n, stage), rate(offset + 1:offset + n, stage), stat)
@@ -385,9 +385,9 @@ contains
         end do
     end subroutine load
 
-    !> The error of the last step in a weighted norm. Of two estimates (orders 5 and 3 of dop853) the combination of Hairer,
-    !> Norsett, Wanner I, (10.17): the first squared over the root of the sum of squares, the second at a tenth. Where stages are
-    !> not projected, it is at least a tenth of the way to the manifold, which the projection removes.
+    !> Error of the last step in a weighted norm. Two estimates (orders 5 and 3 of dop853) are combined as in Hairer, Norsett,
+    !> Wanner I, (10.17): the first squared over the root of the sum of squares, the second weighted by a tenth. Without projected
+    !> stages the error is at least a tenth of the displacement to the manifold, which the projection removes.
     subroutine estimate(self, chart, h, weight_q, weight_qd, norm)
         class(explicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -405,10 +405,10 @@ contains
         if (.not. self%projects_stages) norm = max(norm, of_shift*norm2(self%shift*weight_q)/sqrt(2*real(self%n, wp)))
     end subroutine estimate
 
-    !> h |lambda| from the last stage and the end of the step, both at the same time. The difference of their values leans towards
-    !> the direction of the largest eigenvalue, and that of their rates is lambda times as large (Hairer, Wanner II, (IV.2.2)).
-    !> Velocities count h times in both, and coordinates on their scales, so that units do not matter and a slow motion stays below
-    !> 1: not to be asked after dense output, which overwrites the stage. 0 where there is nothing but rounding, as at rest.
+    !> h |lambda| from the last stage and the end of the step, both at the same time. The difference of their values is close to the
+    !> eigenvector of the largest eigenvalue, and that of their rates is lambda times as large (Hairer, Wanner II, (IV.2.2)).
+    !> Velocities times h and scaled coordinates are compared, so that units do not matter and a slow motion gives a value below 1.
+    !> Not to be called after dense output, which overwrites the stage. 0 within rounding, as at rest.
     real(wp) function stiffness(self, h, arrived)
         class(explicit_type), intent(in) :: self
         real(wp), intent(in) :: h
@@ -423,14 +423,14 @@ contains
         end if
     end function stiffness
 
-    !> The same by the rates of the last stage.
+    !> The same for given rates of the last stage.
     pure real(wp) function largest_change(self, h, arrived, qd, qdd) result(stiffness)
         class(explicit_type), intent(in) :: self
         real(wp), intent(in) :: h
         type(state_type), intent(in) :: arrived
         real(wp), intent(in), contiguous :: qd(:), qdd(:)
         real(wp) :: f, of_q, of_qd, of_qdd, largest
-        !> Differences below this part of what they are of are rounding.
+        !> Relative differences below this are rounding.
         real(wp), parameter :: rounding = 16*epsilon(1.0_wp)
         integer :: i
 
@@ -453,7 +453,7 @@ contains
         if (of_q + of_qd > (rounding*largest)**2) stiffness = sqrt((of_qd + of_qdd)/(of_q + of_qd))
     end function largest_change
 
-    !> The weighted norm of one estimate.
+    !> Weighted norm of one estimate.
     real(wp) function estimate_norm(self, number, h, weight_q, weight_qd)
         class(explicit_type), intent(inout) :: self
         integer, intent(in) :: number
@@ -465,7 +465,7 @@ contains
             weight_qd)
     end function estimate_norm
 
-    !> The stages of the last step, for its dense output.
+    !> State of the last step for its dense output.
     subroutine pack_state(self, pack)
         class(explicit_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Steppers by name.
+!> Creates steppers from their names.
 module tandem_stepper_factory
     use tandem_options, only: stepper_choices, stepper_names
     use tandem_stepper, only: stepper_type
@@ -8,9 +8,9 @@ module tandem_stepper_factory
 
     public :: new_stepper, stepper_choices, stepper_names
 
-    ! The submodule alone uses the modules of the steppers, so that a change in one of them recompiles few files.
+    ! Only the submodule uses the modules of the steppers, so that a change in one of them recompiles few files.
     interface
-        !> Allocate the stepper of a name; left unallocated where the name is unknown.
+        !> Allocate the stepper of a name; not allocated if the name is unknown.
         module subroutine new_stepper(name, stepper)
             implicit none (type, external)
             !> One of `stepper_choices`.

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Rates of past stages, and their extrapolation: start values for the next implicit stage. Rates are ambient, so that they
-!> outlive a chart.
+!> Rates of past stages, and their extrapolation: start values for the next implicit stage. Rates are ambient, so that they remain
+!> valid when the chart changes.
 module tandem_stepper_history
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
@@ -10,8 +10,7 @@ module tandem_stepper_history
 
     public :: history_type
 
-    !> Stages kept, and stages that one extrapolation uses (a polynomial of degree one less): where nothing else is
-    !> said, and at most.
+    !> Number of stored stages, and of stages in one extrapolation (a polynomial of degree one less): by default, and at most.
     integer, parameter :: capacity = 10, usual_nodes = 5, most_nodes = 9
 
     type :: history_type
@@ -36,18 +35,18 @@ contains
         self%n_kept = 0
     end subroutine allocate_history
 
-    !> Forget everything.
+    !> Remove all rates.
     pure subroutine clear(self)
         class(history_type), intent(inout) :: self
 
         self%n_kept = 0
     end subroutine clear
 
-    !> Begin a step at a state: where it is not the one pushed last (a start, a breakpoint), the past says nothing about it.
+    !> Begin a step at a state. Unless the state was stored last, as after a start or a breakpoint, the past is discarded.
     subroutine continue_from(self, state, continues)
         class(history_type), intent(inout) :: self
         type(state_type), intent(in) :: state
-        !> False where the past was forgotten.
+        !> False if the past was discarded.
         logical, intent(out) :: continues
 
         continues = .true.
@@ -62,7 +61,7 @@ contains
         call self%push(state%t, state%qd, state%qdd)
     end subroutine continue_from
 
-    !> Keep the rates at a time that is not kept yet.
+    !> Store the rates at a new time.
     subroutine push(self, t, qd, qdd)
         class(history_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -81,7 +80,7 @@ contains
         class(history_type), intent(in) :: self
         real(wp), intent(in) :: t
         real(wp), intent(out), contiguous :: qd(:), qdd(:)
-        !> How many of them.
+        !> Number of rates to use.
         integer, intent(in), optional :: most
         integer :: nodes(most_nodes), n_most, n_nodes, i, j, k
         real(wp) :: weight
@@ -90,7 +89,7 @@ contains
         if (present(most)) n_most = min(most, most_nodes)
         n_nodes = 0
         do k = 1, self%n_kept
-            ! Insertion into the list of the nearest.
+            ! Insert into the list of the nearest.
             i = n_nodes + 1
             do while (i > 1)
                 if (abs(self%t(nodes(i - 1)) - t) <= abs(self%t(k) - t)) exit
@@ -112,7 +111,7 @@ contains
         end do
     end subroutine extrapolate
 
-    !> Whether the last rates suffice for a divided difference of an order.
+    !> True if there are enough rates for a divided difference of an order.
     pure logical function knows(self, order)
         class(history_type), intent(in) :: self
         integer, intent(in) :: order
@@ -120,10 +119,10 @@ contains
         knows = self%n_kept > order
     end function knows
 
-    !> The divided difference of the last rates, the derivative of that order over its factorial.
+    !> Divided difference of the last rates: the derivative of this order over its factorial.
     subroutine difference(self, order, qd, qdd)
         class(history_type), intent(in) :: self
-        !> One less than the rates that it takes.
+        !> One less than the number of rates.
         integer, intent(in) :: order
         real(wp), intent(out), contiguous :: qd(:), qdd(:)
         real(wp) :: weight
@@ -144,7 +143,7 @@ contains
         end do
     end subroutine difference
 
-    !> Take back what was pushed after a time, because its step was rejected.
+    !> Remove the rates after a time, because their step was rejected.
     pure subroutine drop(self, t)
         class(history_type), intent(inout) :: self
         !> Start of the rejected step.
@@ -157,8 +156,8 @@ contains
         end do
     end subroutine drop
 
-    !> The second divided differences of the last three rates, half their second derivatives. With two, what bounds the error of
-    !> a first step: their first difference over its length, as if the rates bent by as much as they change.
+    !> Second divided differences of the last three rates, half their second derivatives. With two rates, a bound of the error of a
+    !> first step: their first difference over its length, as if the curvature were as large as their change.
     subroutine curvature(self, qd, qdd)
         class(history_type), intent(in) :: self
         real(wp), intent(out), contiguous :: qd(:), qdd(:)
@@ -181,7 +180,7 @@ contains
         qdd = (qdd - (self%qdd(:, j) - self%qdd(:, i))/h1)/(h1 + h2)
     end subroutine curvature
 
-    !> All that is kept.
+    !> Pack all stored rates.
     subroutine pack_state(self, pack)
         class(history_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

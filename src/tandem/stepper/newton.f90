@@ -1,11 +1,12 @@
 ! SPDX-License-Identifier: MIT
 !> Newton's iteration for the rates of an implicit stage: its position and velocity increments are base + ha rate.
 !>
-!> The iteration watches its own contraction theta and stops when what is left, theta / (1 - theta) times the last correction, is
-!> below the tolerance. Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8.
+!> The iteration estimates its contraction theta and stops when the remaining error, theta / (1 - theta) times the last correction,
+!> is below the tolerance. Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8.
 !>
-!> A matrix is kept from step to step as long as it pays: a new one is made when a step takes more corrections than the steps with
-!> this matrix do on average, the cost of the matrix included. That is the cheapest time to replace what wears out.
+!> A matrix is reused from step to step as long as this is cheaper: a new one is made when a step takes more corrections than the
+!> average step with this matrix, including the cost of the matrix. This rule replaces a gradually outdated matrix at the cheapest
+!> time.
 module tandem_stepper_newton
     use tandem_kinds, only: long, wp
     use tandem_pack, only: pack_type
@@ -20,27 +21,27 @@ module tandem_stepper_newton
     public :: newton_type
 
     type :: newton_type
-        !> Rates of the stage (n): the start value on entry, the solution on return.
+        !> Rates of the stage (n): start value on entry, solution on return.
         real(wp), allocatable :: rate_q(:), rate_qd(:)
         !> Increments that do not depend on the stage's own rates (n).
         real(wp), allocatable :: base_dq(:), base_dqd(:)
-        !> What late steps of the same length have left, against s + |y|; 0 where nothing is known.
+        !> Relative error of recent steps of equal size, against s + |y|; 0 if unknown.
         real(wp) :: error_of_steps = 0.0_wp
-        !> What the iteration may leave whatever steps leave, by how much each stage's remainder is amplified at the end of the
-        !> step, and what each stage's iteration may leave in this step.
+        !> Tolerance of the iteration independent of the error of steps; amplification of each stage's remainder at the end of the
+        !> step; tolerance of each stage in this step.
         real(wp), private :: least_tolerance = 0.0_wp
         real(wp), allocatable, private :: amplification(:), tolerance(:)
-        !> By how much increments miss the second derivative of the motion, over ha^2.
+        !> Defect of increments in the second derivative of the motion, over ha^2.
         real(wp), allocatable, private :: defect(:)
-        !> A correction below this that no longer falls is rounding, which stiff forces amplify.
+        !> A nondecreasing correction below this is rounding, amplified by stiff forces.
         real(wp), private :: standstill = 0.0_wp
-        !> Contraction of each stage when it was last seen, the same where it could be told from rounding, else 0, and the first
-        !> correction then; age of that in steps.
+        !> Last observed contraction of each stage; the same if it was distinct from rounding, else 0; the first correction then;
+        !> age of the observation in steps.
         real(wp), allocatable, private :: theta(:), told(:), seen_change(:)
         integer, allocatable, private :: age(:), seen_steps(:)
-        !> Steps that the matrix has served, what it and its corrections have cost, in corrections, and how many were counted before
-        !> this step; whether it was made in this step, at a place ahead where the past expected the motion, and whether the next
-        !> step should have another.
+        !> Number of steps with the matrix; number of corrections counted before this step; cost of the matrix and its corrections,
+        !> in corrections; true if the matrix was made in this step; true if it was made at an extrapolated point; true if the next
+        !> step should make another one.
         integer, private :: n_served = 0
         integer(long), private :: counted = 0
         real(wp), private :: spent = 0.0_wp
@@ -59,11 +60,11 @@ contains
     !> Allocate.
     subroutine allocate_newton(self, scale, time_scale, tolerance, amplification, defect)
         class(newton_type), intent(inout) :: self
-        !> Coordinate scales (n), and the time scale.
+        !> Coordinate scales (n), and time scale.
         real(wp), intent(in) :: scale(:), time_scale
-        !> What the iteration may leave of q and qd, against |q|, |qd| and the coordinate scales.
+        !> Tolerance of the iteration for q and qd, relative to |q|, |qd| and the coordinate scales.
         real(wp), intent(in) :: tolerance
-        !> By how much each stage's remainder is amplified at the end of the step, |b_i| / a_ii.
+        !> Amplification of each stage's remainder at the end of the step, |b_i| / a_ii.
         real(wp), intent(in) :: amplification(:)
         !> c^2/2 - sum a c of each stage over a_ii^2.
         real(wp), intent(in) :: defect(:)
@@ -91,7 +92,7 @@ contains
         self%qd = self%rate_q
     end subroutine allocate_newton
 
-    !> Begin a step: keep the matrix of the steps before, or make one within the step, where the past expects it, or at its start.
+    !> Begin a step: reuse the matrix, or make one at an extrapolated point within the step, or at its start.
     subroutine prepare(self, chart, history, state, h, ha, continues, stat)
         class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -100,11 +101,11 @@ contains
         type(state_type), intent(in) :: state
         !> The step, and h a_ii.
         real(wp), intent(in) :: h, ha
-        !> False where the past says nothing about this step.
+        !> False if the past does not apply to this step.
         logical, intent(in) :: continues
         !> A status code.
         integer, intent(out) :: stat
-        !> What iterations may leave of what steps leave, and by how much more than they must that may be.
+        !> Tolerance relative to the error of steps; largest ratio of this tolerance to the smallest one.
         real(wp), parameter :: share = 0.01_wp, loosest = 100.0_wp
         logical :: is_new, keeps
 
@@ -130,8 +131,8 @@ contains
         end if
     end subroutine prepare
 
-    !> Another matrix where the last one does not serve the stages: in the place of an old one a matrix amid the stages, then one at
-    !> the start of the step, then none.
+    !> Make another matrix after a failure of the stages: after an old one a matrix in the middle of the stages, then one at the
+    !> start of the step, then none.
     subroutine renew_in_step(self, chart, history, state, h, ha, is_new, stat)
         class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -140,7 +141,7 @@ contains
         type(state_type), intent(in) :: state
         !> The step, and h a_ii.
         real(wp), intent(in) :: h, ha
-        !> False where both were tried.
+        !> False if both have been tried.
         logical, intent(out) :: is_new
         integer, intent(out) :: stat
 
@@ -152,8 +153,8 @@ contains
         if (.not. self%is_ahead) call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
     end subroutine renew_in_step
 
-    !> Make a matrix amid the stages, where the past expects the motion: from the start of the step a body that turns has moved far
-    !> at its end, and the iteration contracts the worse.
+    !> Make a matrix in the middle of the stages, at an extrapolated point: from the start to the end of a step the orientation of a
+    !> rotating body changes considerably, which slows the contraction.
     subroutine renew_ahead(self, chart, history, state, h, ha)
         class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -162,7 +163,7 @@ contains
         type(state_type), intent(in) :: state
         !> The step, and h a_ii.
         real(wp), intent(in) :: h, ha
-        !> The place, as a part of the step.
+        !> Place of the matrix as a part of the step.
         real(wp), parameter :: amid = 0.6_wp
         real(wp) :: t
         integer :: stat
@@ -195,9 +196,9 @@ contains
         self%seen_steps = 0
     end subroutine renew
 
-    !> Solve the stage at time t: from the extrapolated history; if that fails with an old matrix, again with one made amid the
-    !> stages, then at the start of the step; if that fails, from the state there; if that fails too, with matrices made where the
-    !> iteration stood.
+    !> Solve the stage at time t: from the extrapolated history; if this fails with an old matrix, with one made in the middle of
+    !> the stages, then with one at the start of the step; if this fails, from the state there; then with matrices made at the last
+    !> iterate.
     subroutine solve(self, chart, history, state, stage, t, h, ha, stat)
         class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -209,7 +210,7 @@ contains
         real(wp), intent(in) :: t, h, ha
         !> A status code.
         integer, intent(out) :: stat
-        !> Matrices made for one stage before it is given up.
+        !> Largest number of matrices for one stage.
         integer, parameter :: most_matrices = 2
         logical :: is_new
         integer :: failure, k
@@ -238,12 +239,12 @@ contains
             call self%restore(chart, t, ha, stat)
             if (stat == status_ok) call self%renew(chart, t, self%q, self%qd, self%rate_qd, ha, stat)
             if (stat == status_ok) call self%iterate(chart, stage, t, ha, stat)
-            ! Far from a chart's origin its D is another one: elsewhere such a matrix may make all corrections small.
+            ! D at a point far from the chart's origin differs: with such a matrix all corrections elsewhere may be small.
             self%is_worn = .true.
         end do
     end subroutine solve
 
-    !> The iteration, of whose points the chart is told what they are.
+    !> Iterate, and set the chart's information about the points of the iteration.
     subroutine iterate(self, chart, stage, t, ha, stat)
         class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -261,27 +262,27 @@ contains
         chart%iterate_defect = huge(1.0_wp)
     end subroutine iterate
 
-    !> Its corrections. One suffices where the stage's last known contraction promises so; that knowledge is renewed when it is old,
-    !> or when the first correction has grown since.
+    !> Correct the stage. One correction suffices if the last observed contraction of the stage is good enough. The observation is
+    !> repeated when it is old, or when the first correction has grown since.
     subroutine approach(self, chart, stage, t, ha, stat)
         type(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         integer, intent(in) :: stage
         real(wp), intent(in) :: t, ha
         integer, intent(out) :: stat
-        !> More would cost more than a new matrix.
+        !> More corrections would cost more than a new matrix.
         integer, parameter :: most_corrections = 12
-        !> Steps after which a contraction is old, growth of the first correction that makes it worthless, how much worse than known
-        !> it may have become, and what part of a worse one is remembered.
+        !> Largest age of an observed contraction; largest growth of the first correction; safety factor of the contraction; part of
+        !> a worse contraction that is kept.
         integer, parameter :: oldest = 20
         real(wp), parameter :: largest_growth = 2.0_wp, safety = 8.0_wp, kept = 0.5_wp
-        !> Corrections that are no more than rounding, that no tolerance asks for, and that are not told from none.
+        !> Corrections of the size of rounding; corrections below any tolerance; smallest distinct correction.
         real(wp), parameter :: rounding = 20*epsilon(1.0_wp), nothing = 2*epsilon(1.0_wp), least = 0.1_wp*epsilon(1.0_wp)
-        !> What corrections below this part of the tolerance do is of no account.
+        !> Corrections below this part of the tolerance are negligible.
         real(wp), parameter :: negligible = 0.1_wp
-        !> A contraction that an old matrix may have, and corrections after which it must be done where it has a worse one.
+        !> Largest contraction of an old matrix, and number of remaining corrections allowed beyond it.
         real(wp), parameter :: slowest = 0.2_wp
-        !> A contraction of corrections that are rounding.
+        !> Contraction of corrections due to rounding.
         real(wp), parameter :: creeping = 0.7_wp
         integer, parameter :: most_more = 4
         real(wp) :: change, first_change, last_change, seen, theta
@@ -295,25 +296,25 @@ contains
             if (stat /= status_ok) return
             call chart%correct_stage(t, self%q, self%qd, ha, self%rate_q, self%rate_qd, change, stat)
             if (stat /= status_ok) return
-            ! That was for the first point.
+            ! Only the first point has this defect.
             chart%iterate_defect = huge(1.0_wp)
             if (k == 1) then
                 first_change = change
-                ! The contraction of a matrix grows with the time since it was made.
+                ! The contraction of a matrix grows with its age.
                 theta = safety*(1 + self%n_served)*max(self%theta(stage)/(1 + self%seen_steps(stage)), &
                     maxval(self%told/(1 + self%seen_steps)))
-                ! How a correction far below the tolerance grows says nothing: it is what others have left.
+                ! The growth of a correction far below the tolerance is not significant: it is due to remainders of other stages.
                 suffices = theta*change <= self%tolerance(stage)
                 if (suffices .and. self%age(stage) < oldest .and. &
                     change <= max(largest_growth*self%seen_change(stage), negligible*self%tolerance(stage))) return
-                ! The second correction is for knowledge, not because the matrix were worse.
+                ! The second correction observes the contraction; do not count it against the matrix.
                 if (suffices) self%counted = self%counted + 1
             else
                 theta = change/last_change
                 if (k == 2) then
-                    ! The ratio of two corrections that are rounding, or what others have left, says nothing. A second one that is
-                    ! rounding bounds the contraction of its stage: it is never none. Errors of a few coordinates contract now more,
-                    ! now less, and the worst is remembered.
+                    ! The ratio of two corrections of the size of rounding or of other stages' remainders is not significant. A
+                    ! second correction of the size of rounding bounds the contraction, which is never zero. Errors of several
+                    ! coordinates contract at varying rates; the worst is kept.
                     seen = max(change, least)/last_change
                     if (self%theta(stage) < 1.0_wp) seen = max(seen, kept*self%theta(stage))
                     says = change > nothing .and. first_change > max(rounding, negligible*self%tolerance(stage))
@@ -326,10 +327,10 @@ contains
                     self%age(stage) = 0
                 end if
                 if (change <= 0.01_wp*self%tolerance(stage)) return
-                ! Rounding of a stiff force turns the iteration into one that creeps, long after it has arrived.
+                ! With the rounding of a stiff force the iteration stagnates long after convergence.
                 if (change <= self%standstill .and. .not. theta < merge(0.95_wp, creeping, k == 2)) return
                 if (.not. theta < 0.95_wp) exit
-                ! An old matrix that would need many more is given up at once.
+                ! Give up an old matrix that would need many more corrections.
                 if (.not. self%is_fresh .and. theta > slowest .and. theta**most_more*change > self%tolerance(stage)) exit
                 if (theta/(1.0_wp - theta)*change <= self%tolerance(stage)) return
             end if
@@ -375,7 +376,7 @@ contains
         self%is_worn = self%is_worn .or. taken*self%n_served > self%spent
     end subroutine finish
 
-    !> How the stages have contracted, and what the matrix has cost and served.
+    !> Pack the contractions of the stages, and cost and use of the matrix.
     subroutine pack_state(self, pack)
         class(newton_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

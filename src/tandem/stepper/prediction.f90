@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> Start values for the rates of an implicit stage.
 !>
-!> The polynomial through the nearest past stages misses what is particular to a stage: the stages of a method of stage order 1
-!> are off the motion by some J h^2 y'', a different part of it each. But a stage misses in this step about as it did in the steps
-!> before. So what each stage's polynomial missed is kept, over ha^2, and extrapolated over the last steps, by a polynomial of
-!> whichever degree would have been best in the last step; nothing is added where that was best. Kept are the backward differences
-!> of the misses: the polynomial of degree k - 1 was off by the difference k.
+!> The polynomial through the nearest past stages misses the particular error of a stage: stages of a method of stage order 1 differ
+!> from the motion by some J h^2 y'', with a factor of their own. But this error of a stage, the miss, varies slowly from step to
+!> step. The misses of each stage's polynomial, over ha^2, are therefore stored and extrapolated over the last steps, by a
+!> polynomial of the degree that would have been best in the last step; nothing is added if that was best. The backward differences
+!> of the misses are stored: the error of the polynomial of degree k - 1 was the difference k.
 module tandem_stepper_prediction
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
@@ -15,24 +15,24 @@ module tandem_stepper_prediction
 
     public :: prediction_type
 
-    !> Differences kept for each stage: of order 0, the last miss itself, and so on.
+    !> Number of differences stored for each stage: order 0 is the last miss itself.
     integer, parameter :: depth = 6
-    !> After so many steps of the same length the next ones are taken to be alike: then differences of high order tell more than
-    !> past stages of this step, which are off by other parts of it. Else as many of one and of the other.
+    !> Number of steps of equal size after which the next ones are expected to be equal: then differences of high order are more
+    !> accurate than past stages of this step, whose errors have other factors. Otherwise as many of each are used.
     integer, parameter :: many_alike = 12, nodes(2) = [5, 3], most_kept(2) = [3, depth]
 
     type :: prediction_type
         private
-        !> Differences of misses over ha^2, velocities and accelerations: (2 n, depth, stages); how many there are, and what is used
-        !> of them (stages).
+        !> Differences of misses over ha^2, velocities and accelerations: (2 n, depth, stages); numbers of stored and of used ones
+        !> (stages).
         real(wp), allocatable :: miss(:, :, :)
         integer, allocatable :: n_kept(:), order(:)
         !> Start of the step of the newest miss (stages).
         real(wp), allocatable :: t_start(:)
-        !> ha of the last step, how many before it had the same, and whether these are many: 2, else 1.
+        !> ha of the last step; number of preceding steps with the same ha; 2 if there are `many_alike` of these, else 1.
         real(wp) :: ha = 0.0_wp
         integer :: n_alike = 0, way = 1
-        !> The last extrapolation of past stages (n), a miss (2 n), what misses are measured by (2 n).
+        !> Last extrapolation of past stages (n), a miss (2 n), weights of misses (2 n).
         real(wp), allocatable :: plain_q(:), plain_qd(:), new(:), weight_of(:)
     contains
         procedure, public :: allocate => allocate_prediction, forget, predict, learn, pack_state
@@ -43,7 +43,7 @@ contains
     !> Allocate for a number of stages.
     subroutine allocate_prediction(self, scale, time_scale, stages)
         class(prediction_type), intent(inout) :: self
-        !> Coordinate scales (n), and the time scale.
+        !> Coordinate scales (n), and time scale.
         real(wp), intent(in) :: scale(:), time_scale
         integer, intent(in) :: stages
         integer :: n
@@ -57,7 +57,7 @@ contains
         allocate (self%n_kept(stages), self%order(stages), source=0)
     end subroutine allocate_prediction
 
-    !> Forget the misses: the past says nothing about the next step.
+    !> Remove the misses: the past does not apply to the next step.
     pure subroutine forget(self)
         class(prediction_type), intent(inout) :: self
 
@@ -65,7 +65,7 @@ contains
         self%order = 0
     end subroutine forget
 
-    !> Rates to start a stage from.
+    !> Start values of the rates of a stage.
     subroutine predict(self, history, stage, t, ha, rate_q, rate_qd)
         class(prediction_type), intent(inout) :: self
         type(history_type), intent(in) :: history
@@ -91,11 +91,11 @@ contains
         end do
     end subroutine predict
 
-    !> Whether the steps are alike.
+    !> Compare the step size with that of the previous steps.
     pure subroutine compare_step(self, ha)
         type(prediction_type), intent(inout) :: self
         real(wp), intent(in) :: ha
-        !> A step of the grid differs from the next by rounding of the time.
+        !> Steps of a grid differ by the rounding of the time.
         real(wp), parameter :: rounding = 1.0e-6_wp
         integer :: way
 
@@ -103,12 +103,12 @@ contains
         self%ha = ha
         way = merge(2, 1, self%n_alike == many_alike)
         if (way == self%way) return
-        ! Misses of another polynomial.
+        ! Stored misses belong to another polynomial.
         self%way = way
         call self%forget()
     end subroutine compare_step
 
-    !> Learn from the solution of the stage that was predicted last.
+    !> Store the miss of the stage that was predicted last, given its solution.
     subroutine learn(self, stage, t_start, ha, rate_q, rate_qd)
         class(prediction_type), intent(inout) :: self
         integer, intent(in) :: stage
@@ -125,7 +125,7 @@ contains
             self%new(n + i) = (rate_qd(i) - self%plain_qd(i))/ha**2
         end do
         associate (kept => self%n_kept(stage))
-            ! A step that is tried again replaces what its first trial taught.
+            ! A repeated step replaces the miss of its first trial.
             if (kept > 0 .and. abs(t_start - self%t_start(stage)) <= 0.0_wp) then
                 do i = 1, 2*n
                     change = self%new(i) - self%miss(i, 1, stage)
@@ -146,14 +146,14 @@ contains
             end do
             if (n_new == kept) error(kept) = size_of(2*n, self%new, self%weight_of)
             self%order(stage) = minloc(error(:kept), dim=1) - 1
-            ! There was nothing to compare with: try.
+            ! Without a comparison, use the new difference.
             if (kept == 0) self%order(stage) = 1
             kept = min(kept + 1, most_kept(self%way))
         end associate
         self%t_start(stage) = t_start
     end subroutine learn
 
-    !> sum |x| w, in sums that do not wait for one another.
+    !> sum |x| w, in independent partial sums.
     pure real(wp) function size_of(n, x, weight)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n), weight(n)
@@ -173,7 +173,7 @@ contains
         size_of = sum(sums)
     end function size_of
 
-    !> The misses.
+    !> Pack the misses.
     subroutine pack_state(self, pack)
         class(prediction_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

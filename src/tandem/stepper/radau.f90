@@ -1,9 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Radau IIA with 3, 5 or 7 stages: orders 5, 9 and 13, stage order the number of stages, L-stable, stiffly accurate. The stages are
-!> solved together: the eigenvalues of A part their Newton system into one real and complex pairs of the size of one stage.
+!> Radau IIA with 3, 5 or 7 stages: orders 5, 9 and 13, stage order equal to the number of stages, L-stable, stiffly accurate. The
+!> stages are solved together: the eigenvalues of A split their Newton system into one real system and complex pairs of the size of
+!> one stage.
 !>
-!> How many stages a step has is chosen from step to step, where there is a choice: those whose work a unit of time is the least,
-!> as the errors and the convergence of the last steps foretell it.
+!> The number of stages may be chosen from step to step: it minimises the work per unit of time, predicted from the errors and the
+!> convergence of the last steps.
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed., sections IV.5 and IV.8; E. Hairer, G. Wanner, Stiff
 !> differential equations solved by Radau methods, J. Comput. Appl. Math. 111 (1999) 93-111.
 module tandem_stepper_radau
@@ -22,20 +23,20 @@ module tandem_stepper_radau
 
     public :: radau_type
 
-    !> The method whose order the program chooses.
+    !> The method with automatic choice of the order.
     type, extends(stepper_type) :: radau_type
-        !> Stages of a step: the fewest, and the most. Set before `initialize`.
+        !> Smallest and largest number of stages. To be set before `initialize`.
         integer :: least = 3, most = most_stages
         type(newton_type), private :: newton
         type(history_type), private :: history
-        !> The method of the last step; how many stages the next one is to have, and what they are chosen from.
+        !> Method of the last step; number of stages for the next one; data of the choice.
         type(tableau_type), private :: tableau
         integer, private :: wanted = 3
         type(choice_type), private :: choice
-        !> Rates of the stages and where they lie (n, stages).
+        !> Rates, positions and velocities of the stages (n, stages).
         real(wp), allocatable, private :: rate_q(:, :), rate_qd(:, :), q(:, :), qd(:, :)
-        !> Residuals and corrections of the stages (height, stages), and the same transformed. The height is the chart's n_residual,
-        !> and at least 2 n, as the rates of the stages are stored here during sweeps.
+        !> Residuals and corrections of the stages (height, stages), and their transforms. The height is the chart's n_residual, and
+        !> at least 2 n, because sweeps store the rates of the stages here.
         real(wp), allocatable, private :: residual(:, :), transformed(:, :)
         !> Increments and rates at the start of the step, errors (n).
         real(wp), allocatable, private :: start_dq(:), start_dqd(:), start_q(:), start_qd(:), error_q(:), error_qd(:), dq(:), &
@@ -43,9 +44,9 @@ module tandem_stepper_radau
         real(wp), private :: t_start = 0.0_wp, tolerance = 0.0_wp, standstill = 0.0_wp
         !> theta/(1 - theta) of the last step's Newton iteration.
         real(wp), private :: remainder = 1.0_wp
-        !> Whether the step before was not rejected, so that its error says what the next one's will be.
+        !> True if the previous step was accepted, so that its error predicts that of the next one.
         logical, private :: is_settled = .false.
-        !> Steps beyond this have stages that are hard to solve for; whether those of the last one were.
+        !> Size beyond which the stages of steps are hard to solve; true if those of the last step were.
         real(wp), private :: easy = huge(1.0_wp)
         logical, private :: was_hard = .false.
     contains
@@ -55,15 +56,15 @@ module tandem_stepper_radau
     end type radau_type
 
     interface
-        !> Solve the three stages where no matrix that the past offers does: from the end of a shorter step; if that fails too, with
-        !> matrices made where the iteration stood, and at last stage by stage.
+        !> Solve the three stages if no matrix predicted from the past succeeds: from the end of a shorter step; if this fails, with
+        !> matrices made at the last iterate, and finally stage by stage.
         module subroutine rescue(self, chart, state, h, t_end, stat)
             implicit none (type, external)
             class(radau_type), intent(inout) :: self
             class(chart_type), intent(inout) :: chart
             !> The state at the start of the step.
             type(state_type), intent(in) :: state
-            !> The step and where it ends.
+            !> Step size and end of the step.
             real(wp), intent(in) :: h, t_end
             integer, intent(out) :: stat
         end subroutine rescue
@@ -71,7 +72,7 @@ module tandem_stepper_radau
 
 contains
 
-    !> What the method is: with the fewest stages, from which it begins.
+    !> Properties of the method with the smallest number of stages, with which it begins.
     pure function properties() result(properties_)
         type(properties_type) :: properties_
 
@@ -106,7 +107,7 @@ contains
         end associate
     end subroutine initialize
 
-    !> Enlarge residuals to the size that a chart asks for: before the first step, and where rows in use have become more.
+    !> Enlarge residuals to the size required by a chart: before the first step, and after the number of rows in use has grown.
     subroutine fit_residuals(self, height)
         class(radau_type), intent(inout) :: self
         !> The chart's n_residual.
@@ -117,8 +118,8 @@ contains
         allocate (self%residual(height, self%most), self%transformed(height, self%most), source=0.0_wp)
     end subroutine fit_residuals
 
-    !> One step: from the extrapolated past; if that fails with an old matrix, with a new one; then with fewer stages, if there may
-    !> be fewer: in a shorter step, since one that was made for more would be too long for them.
+    !> One step: from the extrapolated past; if this fails with an old matrix, with a new one; then with fewer stages, if allowed,
+    !> in a shorter step, because the step size for more stages is too large for them.
     subroutine advance(self, chart, state, h, next, stat)
         class(radau_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -170,14 +171,14 @@ contains
         end associate
     end subroutine advance
 
-    !> Go on with another number of stages.
+    !> Change the number of stages.
     subroutine change_stages(self)
         class(radau_type), intent(inout) :: self
 
         call self%choice%restart(self%wanted > self%tableau%stages)
         self%tableau = tableau_of(self%wanted)
         self%remainder = 1.0_wp
-        ! What its corrections have cost so far is no measure for another number of stages.
+        ! The cost of past corrections does not apply to another number of stages.
         self%newton%is_worn = .true.
     end subroutine change_stages
 
@@ -186,10 +187,10 @@ contains
         class(radau_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
-        !> The step and where it ends.
+        !> Step size and end of the step.
         real(wp), intent(in) :: h, t_end
         integer, intent(out) :: stat
-        !> Corrections before another start value or matrix is tried.
+        !> Number of corrections before another start value or matrix is tried.
         integer, parameter :: few = 12
         logical :: is_new
         integer :: failure
@@ -208,9 +209,9 @@ contains
         if (stat /= status_ok .and. self%tableau%stages == 3) call rescue(self, chart, state, h, t_end, stat)
     end subroutine solve_stages
 
-    !> How long a step may be after one whose stages were hard to solve for: half as long, and a tenth longer each time after that.
-    !> Where the half was no easier, as near a loss of rank, the length is not to blame. Where complements do not follow what
-    !> is stiff, stages become hard with the stiffness, and such steps would grow in number with it.
+    !> Limit the step size after a step whose stages were hard to solve: half the size, then growing by a tenth per step. If the
+    !> half was hard too, as near a loss of rank, the step size is not the cause and the limit is lifted. With complements that do
+    !> not follow the stiffness, stages become harder with stiffness, and the number of such steps would grow with it.
     pure subroutine judge_stages(self, h, is_hard)
         class(radau_type), intent(inout) :: self
         real(wp), intent(in) :: h
@@ -242,13 +243,13 @@ contains
     subroutine iterate(self, chart, h, t_end, most_corrections, stat)
         class(radau_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
-        !> The step and where it ends.
+        !> Step size and end of the step.
         real(wp), intent(in) :: h, t_end
         integer, intent(in) :: most_corrections
         integer, intent(out) :: stat
-        !> A contraction of corrections that are rounding.
+        !> Contraction of corrections due to rounding.
         real(wp), parameter :: creeping = 0.7_wp
-        !> By how much the second correction may exceed the first.
+        !> Largest ratio of the second correction to the first.
         real(wp), parameter :: coupling = 10.0_wp
         real(wp) :: change, last_change, theta
         integer :: k
@@ -264,10 +265,10 @@ contains
                 theta = change/last_change
                 call self%choice%note_contraction(theta)
                 if (change <= self%standstill .and. .not. theta < merge(0.95_wp, creeping, k == 2)) return
-                ! What the first correction leaves of a coupling between stages shows in the second, and is gone with the third.
+                ! The remainder of the first correction from coupled stages appears in the second, and disappears with the third.
                 if (k > 2 .or. .not. theta < coupling) then
                     if (.not. theta < 0.95_wp) exit
-                    ! What the corrections that are left cannot reach is not tried.
+                    ! Stop if the remaining corrections cannot reach the tolerance.
                     if (theta**(most_corrections - k)*change > (1.0_wp - theta)*self%standstill) exit
                 end if
                 self%remainder = 1.0_wp
@@ -284,9 +285,9 @@ contains
     subroutine correct(self, chart, h, t_end, change, stat)
         class(radau_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
-        !> The step and where it ends.
+        !> Step size and end of the step.
         real(wp), intent(in) :: h, t_end
-        !> The largest that it changes a stage by.
+        !> Largest change of a stage.
         real(wp), intent(out) :: change
         integer, intent(out) :: stat
         real(wp) :: stage_change, t
@@ -307,7 +308,7 @@ contains
                 call chart%restore_position(t, self%dq, self%q(:, i), stat)
                 if (stat == status_ok) call chart%restore_velocity(t, self%q(:, i), self%dqd, self%qd(:, i), stat)
                 if (stat /= status_ok) return
-                ! What a stage's rates have that the chart ignores is changed below all stages only.
+                ! Components of a stage's rates that the chart ignores are changed below, for all stages.
                 self%residual(:m, i) = 0.0_wp
                 call chart%find_residual(i, t, self%q(:, i), self%qd(:, i), self%rate_q(:, i), self%rate_qd(:, i), &
                     self%residual(:m, i), stat)
@@ -330,9 +331,9 @@ contains
         end associate
     end subroutine correct
 
-    !> y(:m) := sum_j weight(j) x(:m, j); three at once, as most steps have them.
+    !> y(:m) := sum_j weight(j) x(:m, j); with three columns at once, as in most steps.
     pure subroutine combine(m, height, columns, weight, x, y)
-        !> Rows that count, rows and columns of x.
+        !> Number of used rows; rows and columns of x.
         integer, intent(in) :: m, height, columns
         real(wp), intent(in) :: weight(columns), x(height, columns)
         real(wp), intent(inout) :: y(height)
@@ -350,8 +351,8 @@ contains
         end do
     end subroutine combine
 
-    !> The error of the last step (IV.8.19); where it is large and the step the first, or one after a rejection, with the rates at
-    !> the state that it leads to (IV.8.20), which do not take a fast transient for an error.
+    !> Error of the last step (IV.8.19); if it is large in a first step or after a rejection, with the rates at the resulting state
+    !> (IV.8.20), so that a fast transient does not count as an error.
     subroutine estimate(self, chart, h, weight_q, weight_qd, norm)
         class(radau_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -383,7 +384,7 @@ contains
         if (self%is_settled .and. self%most > self%least) call choose_stages(self, chart, h, weight_q, weight_qd, norm)
     end subroutine estimate
 
-    !> The difference to the embedded formula.
+    !> Difference from the embedded formula.
     subroutine embed(self, h)
         class(radau_type), intent(inout) :: self
         real(wp), intent(in) :: h
@@ -401,13 +402,13 @@ contains
         end associate
     end subroutine embed
 
-    !> Choose the stages of the next step, where it is time to.
+    !> Choose the stages of the next step, if a choice is due.
     subroutine choose_stages(self, chart, h, weight_q, weight_qd, norm)
         class(radau_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         real(wp), intent(in) :: h
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
-        !> The error of the last step.
+        !> Error of the last step.
         real(wp), intent(in) :: norm
         real(wp) :: fewer, more
 
@@ -424,8 +425,7 @@ contains
 
     contains
 
-        !> The error that the last step would have had with another number of stages, as the divided difference of the last rates
-        !> tells it.
+        !> Error that the last step would have had with another number of stages, from the divided difference of the last rates.
         real(wp) function error_with(stages)
             integer, intent(in) :: stages
             type(tableau_type) :: other
@@ -441,8 +441,8 @@ contains
         end function error_with
     end subroutine choose_stages
 
-    !> The collocation polynomial: increments of the order of the stages between the ends, whatever is stiff. Its integrals are made
-    !> with the method's own nodes, which are right for polynomials of twice its degree.
+    !> Collocation polynomial: increments between the ends have the order of the stages, independent of stiffness. Its integrals use
+    !> the method's own nodes, which are exact for polynomials of twice its degree.
     subroutine interpolate(self, chart, start, arrived, t, dq, dqd, slope_q, slope_qd, stat)
         class(radau_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -475,7 +475,7 @@ contains
         end associate
     end subroutine interpolate
 
-    !> Lagrange's polynomial of a node.
+    !> Lagrange polynomial of a node.
     pure real(wp) function part(c, j, x)
         real(wp), intent(in) :: c(:)
         integer, intent(in) :: j
@@ -488,22 +488,22 @@ contains
         end do
     end function part
 
-    !> Stages of long steps that take many corrections cost more than those of several shorter steps; and a step for fewer stages
-    !> than the last one had must be shorter.
+    !> Largest next step: stages of long steps with many corrections cost more than those of several shorter steps, and a step with
+    !> fewer stages than the last one must be shorter.
     pure real(wp) function longest_next(self)
         class(radau_type), intent(in) :: self
 
         longest_next = min(self%easy, self%choice%longest)
     end function longest_next
 
-    !> The error estimate of the last step goes with its length to this power, less one.
+    !> Order of the error estimate of the last step: its power of the step size, minus one.
     pure integer function order_of_estimate(self)
         class(radau_type), intent(in) :: self
 
         order_of_estimate = self%tableau%stages
     end function order_of_estimate
 
-    !> What the next steps start from, and the dense output of the last.
+    !> Pack the state for the next steps, and for dense output of the last one.
     subroutine pack_state(self, pack)
         class(radau_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

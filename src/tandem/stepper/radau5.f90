@@ -19,7 +19,7 @@ module tandem_stepper_radau5
 
 contains
 
-    !> What the method is.
+    !> Properties of the method.
     pure function properties() result(properties_)
         type(properties_type) :: properties_
 

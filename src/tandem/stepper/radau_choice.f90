@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> How many stages a step of Radau IIA should have: as many as make the work a unit of time the least.
+!> Number of stages for a step of Radau IIA that minimises the work per unit of time.
 !>
-!> The work is that of Newton's iteration, stages times corrections. How long steps are with another number of stages s, the error
-!> tells that the last step would have had with it, which goes with the power s + 1 of the step; how many corrections they take, how
-!> well the iteration contracts, which goes with the step. More stages pay where steps are small for the sake of a tight tolerance,
-!> and the matrix serves longer ones well. What was foretold so is compared with what came of it, and the next time it is known how
-!> far such promises can be trusted.
+!> The work is that of Newton's iteration, stages times corrections. The step size for another number of stages s follows from the
+!> error that the last step would have had with it, which is proportional to the power s + 1 of the step size; the number of
+!> corrections follows from the contraction of the iteration, which is proportional to the step size. More stages are cheaper if a
+!> tight tolerance requires small steps and the matrix is still accurate for longer ones. Each prediction is compared with the
+!> actual work, which gives a correction factor for the next prediction.
 module tandem_stepper_radau_choice
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
@@ -15,47 +15,45 @@ module tandem_stepper_radau_choice
     public :: choice_type
 
     type :: choice_type
-        !> How long the next step may be, as fewer stages that were chosen want it; huge where there is nothing to say.
+        !> Limit of the next step after a choice of fewer stages; huge if there is none.
         real(wp) :: longest = huge(1.0_wp)
-        !> Steps with the present number of stages, and those of which the last choice was made.
+        !> Number of steps with the present number of stages; its value at the last choice.
         integer, private :: steps = 0, asked = 0
-        !> By how much corrections contract, of the last steps the worst, a part of it forgotten each time; that of the last
-        !> step.
+        !> Worst contraction of corrections in the last steps, with fading memory; that of the last step.
         real(wp), private :: contraction = 0.3_wp, last = 0.0_wp
-        !> What the run has cost so far, in corrections, less than 0 where that is not known; what the last steps have cost, and the
-        !> time that they took; the cost of a unit of time before there were more stages.
+        !> Cost of the run so far, in corrections, negative if unknown; cost and duration of the last steps; cost per unit of time
+        !> before the last increase of the number of stages.
         real(wp), private :: cost = -1.0_wp, spent = 0.0_wp, span = 0.0_wp, rate_before = 0.0_wp
-        !> The part of that which was foretold, 0 where nothing was or it has been judged; how much more it was than foretold.
+        !> Predicted part of this cost, 0 if there is no prediction or it has been compared; ratio of actual to predicted cost.
         real(wp), private :: promised = 0.0_wp, excess = 1.0_wp
-        !> How often in a row more stages have cost more.
+        !> Number of consecutive increases of the number of stages that increased the cost.
         integer, private :: disappointed = 0
     contains
         procedure :: restart, forget, note_failure, note_step, note_contraction, is_due, choose, pack_state
     end type choice_type
 
-    !> Steps with a number of stages before there may be more, twice as many after each disappointment, up to so many of them; or
-    !> fewer; and steps from choice to choice.
+    !> Number of steps before more stages are allowed, doubled after each unsuccessful increase, and the largest number of
+    !> doublings; number of steps before fewer stages are allowed; number of steps between choices.
     integer, parameter :: patience = 10, most_doublings = 4, haste = 3, pause = 3
-    !> Steps with more stages after which they are judged, and how many of the first ones do not count, which are too short.
+    !> Number of steps with more stages before the comparison, and number of first steps excluded from it, which are too short.
     integer, parameter :: trial = 7, growing = 3
-    !> What a step leaves of the memory of the contraction and of the costs,
-    !> what a choice leaves of the excess over promises, and the most of that.
+    !> Factors of fading memory per step, for the contraction and for the costs, and per choice, for the excess; largest excess.
     real(wp), parameter :: remembered = 0.7_wp, fading = 0.8_wp, forgiving = 0.99_wp, most_excess = 4.0_wp
-    !> The part of the work at which another number of stages is worth the change: more, and fewer.
+    !> Largest ratio of work at which the number of stages changes: to more, and to fewer.
     real(wp), parameter :: worth_more = 0.7_wp, worth_fewer = 0.9_wp
-    !> More than so many times as long as the last step nobody can foretell a step.
+    !> Largest ratio of step sizes in a prediction.
     real(wp), parameter :: farthest = 4.0_wp
-    !> A step that follows the errors has an error of at least this, on the scale of the tolerance.
+    !> Smallest error, relative to the tolerance, of a step whose size follows from errors.
     real(wp), parameter :: steady = 1.0e-2_wp
-    !> A contraction with which more stages are not tried, and one with which there should be fewer.
+    !> Largest contraction for trying more stages; contraction that requires fewer.
     real(wp), parameter :: slow = 0.3_wp, slowest = 0.8_wp
 
 contains
 
-    !> Another number of stages goes on.
+    !> Start with another number of stages.
     pure subroutine restart(self, is_promised)
         class(choice_type), intent(inout) :: self
-        !> Whether there are more, which were chosen for what they would cost.
+        !> True after an increase chosen for its predicted cost.
         logical, intent(in) :: is_promised
 
         real(wp) :: promised
@@ -67,7 +65,7 @@ contains
         self%promised = promised
     end subroutine restart
 
-    !> The past says nothing about the next step, whose stages are the fewest.
+    !> Discard the past, which does not apply to the next step; that step has the smallest number of stages.
     pure subroutine forget(self)
         class(choice_type), intent(inout) :: self
 
@@ -79,7 +77,7 @@ contains
         self%longest = huge(1.0_wp)
     end subroutine forget
 
-    !> Newton's iteration has failed with more stages than the fewest.
+    !> Record a failure of Newton's iteration with more than the smallest number of stages.
     pure subroutine note_failure(self)
         class(choice_type), intent(inout) :: self
 
@@ -88,10 +86,10 @@ contains
         self%disappointed = min(most_doublings, self%disappointed + 1)
     end subroutine note_failure
 
-    !> Take note of a step that is kept.
+    !> Record an accepted step.
     pure subroutine note_step(self, h, cost)
         class(choice_type), intent(inout) :: self
-        !> Its length, and what the run has cost so far.
+        !> Step size, and cost of the run so far.
         real(wp), intent(in) :: h, cost
 
         self%steps = self%steps + 1
@@ -114,7 +112,7 @@ contains
         end if
     end subroutine note_step
 
-    !> Take note of how a correction compares with the one before it.
+    !> Record the ratio of a correction to the previous one.
     pure subroutine note_contraction(self, theta)
         class(choice_type), intent(inout) :: self
         real(wp), intent(in) :: theta
@@ -122,10 +120,10 @@ contains
         self%last = theta
     end subroutine note_contraction
 
-    !> Whether it is time to choose, after a step that is kept.
+    !> True if a choice is due after an accepted step.
     logical function is_due(self, norm)
         class(choice_type), intent(inout) :: self
-        !> Its error.
+        !> Error of the step.
         real(wp), intent(in) :: norm
 
         is_due = self%steps >= haste .and. self%steps >= self%asked + pause .and. norm >= steady
@@ -135,10 +133,9 @@ contains
     !> Choose the stages of the next step.
     subroutine choose(self, stages, h, norm, fewer, more, wanted)
         class(choice_type), intent(inout) :: self
-        !> Those of the last step.
+        !> Number of stages of the last step.
         integer, intent(in) :: stages
-        !> Its length and its error, and the error that it would have had with two stages fewer and with two more; huge for those
-        !> that may not be.
+        !> Its size and error, and the errors it would have had with two stages fewer and two more; huge if not allowed.
         real(wp), intent(in) :: h, norm, fewer, more
         integer, intent(inout) :: wanted
         real(wp) :: now, other
@@ -163,7 +160,7 @@ contains
 
     contains
 
-        !> Steps that errors allow, over the last one.
+        !> Ratio of the step size allowed by the error to the last one.
         pure real(wp) function reach(error, s)
             real(wp), intent(in) :: error
             integer, intent(in) :: s
@@ -171,7 +168,7 @@ contains
             reach = min(farthest, max(error, tiny(1.0_wp))**(-1.0_wp/real(s + 1, wp)))
         end function reach
 
-        !> Work a unit of time with s stages.
+        !> Work per unit of time with s stages.
         pure real(wp) function work(error, s)
             real(wp), intent(in) :: error
             integer, intent(in) :: s
@@ -183,7 +180,7 @@ contains
         end function work
     end subroutine choose
 
-    !> What the next choice depends on.
+    !> Pack the data of the next choice.
     subroutine pack_state(self, pack)
         class(choice_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

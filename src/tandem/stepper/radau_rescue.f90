@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What a step of Radau IIA with three stages tries before it fails.
+!> Fallbacks for a step of Radau IIA with three stages before it fails.
 submodule(tandem_stepper_radau) tandem_stepper_radau_rescue
     use tandem_stepper_radau_tableau, only: a => a3
     implicit none (type, external)
@@ -10,20 +10,20 @@ submodule(tandem_stepper_radau) tandem_stepper_radau_rescue
     real(wp), parameter :: l(3, 3) = reshape([a(1, 1), 0.0_wp, 0.0_wp, a(1, 2), l22, 0.0_wp, &
         a(1, 3), l32, a(3, 3) - a(1, 3)*u13 - l32*u23], [3, 3])
 
-    !> Corrections of an iteration that starts from less than the past: where they cost less than a failure.
+    !> Largest number of corrections of an iteration without start values from the past: fewer cost less than a failure.
     integer, parameter :: many = 60
 
 contains
 
     module procedure rescue
-        !> Matrices made in the middle of the step before it is given up.
+        !> Largest number of matrices made in the middle of the step.
         integer, parameter :: most_matrices = 2
         integer :: k
 
         call continue_from_short(self, chart, state, h, t_end, stat)
         do k = 1, most_matrices
             if (stat /= status_newton_failed) exit
-            ! Where the iteration stood, in the middle of the step, the motion may be nearer to what the stages need.
+            ! The motion in the middle of the last iterate may be closer to the stages.
             associate (m => self%tableau)
                 call self%newton%renew(chart, state%t + m%c(2)*h, self%q(:, 2), self%qd(:, 2), self%rate_qd(:, 2), &
                     m%diagonal*h, stat)
@@ -39,8 +39,8 @@ contains
         end if
     end procedure rescue
 
-    !> Start values of the stages from the end of shorter steps, each four times as long as the one before: a transient that rates
-    !> at the start of the step would carry far away is over there. The last of them is the step itself.
+    !> Start values of the stages from the end of shorter steps, each four times as long as the previous one: there a transient that
+    !> the rates at the start of the step would extrapolate too far has decayed. The last of them is the step itself.
     subroutine continue_from_short(self, chart, state, h, t_end, stat)
         class(radau_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -81,18 +81,18 @@ contains
         end do
     end subroutine hold
 
-    !> The stages one after the other, each with a matrix of its own, over and over: what is stiff at the end of the step and soft
-    !> at its start has no matrix that serves all stages. With L in the place of A for the new rates and A - L for the old ones,
-    !> each sweep leaves 0.67 of an error or less, whatever each stage's Jacobian on the test equation in the left half-plane, 0.51
-    !> where stiffness grows along the step, and 0.35 where it stays. Source: P. J. van der Houwen, J. J. B. de Swart, Triangularly
+    !> Solve the stages one after the other, each with its own matrix, repeatedly: no matrix fits all stages if the system is stiff
+    !> at the end of the step and soft at its start. With L in place of A for the new rates and A - L for the old ones, each sweep
+    !> reduces the error to at most 0.67, for any Jacobian of each stage on the test equation in the left half-plane, to 0.51 if
+    !> stiffness grows along the step, and to 0.35 if it is constant. Source: P. J. van der Houwen, J. J. B. de Swart, Triangularly
     !> implicit iteration methods for ODE-IVP solvers, SIAM J. Sci. Comput. 18, 1997; the factors computed here.
     subroutine solve_in_turn(self, chart, h, t_end, stat)
         class(radau_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
-        !> The step and where it ends.
+        !> Step size and end of the step.
         real(wp), intent(in) :: h, t_end
         integer, intent(out) :: stat
-        !> Sweeps before the step is given up.
+        !> Largest number of sweeps.
         integer, parameter :: most_sweeps = 80
         real(wp) :: change, last_change, stage_change, theta
         integer :: i, k, n
@@ -119,23 +119,23 @@ contains
             stat = status_newton_failed
             return
         end if
-        ! The matrix of the method, for the error and what a next step may take over.
+        ! Matrix of the method, for the error estimate and for reuse in the next step.
         call self%newton%renew(chart, t_end, self%q(:, 3), self%qd(:, 3), self%rate_qd(:, 3), self%tableau%diagonal*h, stat)
         self%newton%is_worn = .true.
         self%remainder = 1.0_wp
     end subroutine solve_in_turn
 
-    !> One of the stages, with the new rates of those before it.
+    !> Solve one of the stages, with the new rates of the previous ones.
     subroutine solve_alone(self, chart, i, h, t_end, first_change, stat)
         class(radau_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
-        !> The stage.
+        !> Index of the stage.
         integer, intent(in) :: i
         real(wp), intent(in) :: h, t_end
-        !> The first correction, which shows what the rates of others have changed.
+        !> First correction, which is due to the changes of the other rates.
         real(wp), intent(out) :: first_change
         integer, intent(out) :: stat
-        !> Corrections, and the part of the first one below which they change no more than a sweep leaves.
+        !> Largest number of corrections, and their size relative to the first one below which they are negligible in a sweep.
         integer, parameter :: most_corrections = 6
         real(wp), parameter :: enough = 0.05_wp
         real(wp) :: change, t

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The coefficients of Radau IIA with 3, 5 and 7 stages, orders 5, 9 and 13, and what solves for their stages together: T^-1 A T is
-!> block diagonal, with one real eigenvalue and complex pairs.
+!> Coefficients of Radau IIA with 3, 5 and 7 stages, orders 5, 9 and 13, and the transformation for solving their stages together:
+!> T^-1 A T is block diagonal, with one real eigenvalue and complex pairs.
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed., sections IV.5 and IV.8; for 5 and 7 stages computed
 !> with 80 digits from the definition (tools/radau_tables.py).
 module tandem_stepper_radau_tableau
@@ -10,23 +10,23 @@ module tandem_stepper_radau_tableau
 
     public :: tableau_type, tableau_of, most_stages, a3
 
-    !> Stages of the largest method.
+    !> Number of stages of the largest method.
     integer, parameter :: most_stages = 7
 
-    !> A method. What has a column for each stage is filled as far as there are stages.
+    !> A method. Arrays with one column per stage are filled up to the number of stages.
     type :: tableau_type
         integer :: stages = 0
         !> Nodes and coefficients; a(:, i) are those of stage i.
         real(wp) :: c(most_stages) = 0.0_wp, a(most_stages, most_stages) = 0.0_wp
-        !> The real eigenvalue of A, and one of each complex pair over it.
+        !> Real eigenvalue of A, and one of each complex pair divided by it.
         real(wp) :: diagonal = 0.0_wp
         complex(wp) :: ratio((most_stages - 1)/2) = (0.0_wp, 0.0_wp)
         !> T and its inverse; t(:, i) and t_inverse(:, i) are their rows.
         real(wp) :: t(most_stages, most_stages) = 0.0_wp, t_inverse(most_stages, most_stages) = 0.0_wp
-        !> The embedded formula, whose order is the number of stages: the difference to it is h times the diagonal times the sum of
-        !> the rate at the start of the step and of these times the rates of the stages.
+        !> Embedded formula of order equal to the number of stages: the difference from it is h times the diagonal times the sum of
+        !> the rate at the start of the step and the products of these weights with the rates of the stages.
         real(wp) :: weight(most_stages) = 0.0_wp
-        !> That difference over h times the divided difference of all these rates, for h = 1.
+        !> This difference over h times the divided difference of all these rates, for h = 1.
         real(wp) :: principal = 0.0_wp
     end type tableau_type
 
@@ -37,11 +37,11 @@ module tandem_stepper_radau_tableau
         (88 - 7*s6)/360, (296 - 169*s6)/1800, (-2 + 3*s6)/225, &
         (296 + 169*s6)/1800, (88 + 7*s6)/360, (-2 - 3*s6)/225, &
         (16 - s6)/36, (16 + s6)/36, 1.0_wp/9], [3, 3])
-    !> Cubic roots of 81 and 9.
+    !> Cube roots of 81 and 9.
     real(wp), parameter :: root81 = 81.0_wp**(1.0_wp/3), root9 = 9.0_wp**(1.0_wp/3)
     real(wp), parameter :: diagonal3 = (6 + root81 - root9)/30
     complex(wp), parameter :: pairs3(1) = [cmplx((12 - root81 + root9)/60, -(root81 + root9)*sqrt(3.0_wp)/60, wp)]
-    !> Of 3 stages the transformation of the program RADAU5.
+    !> For 3 stages the transformation of the program RADAU5.
     real(wp), parameter :: t3(3, 3) = reshape([ &
         9.1232394870892942792e-02_wp, -0.14125529502095420843_wp, -3.0029194105147424492e-02_wp, &
         0.24171793270710701896_wp, 0.20412935229379993199_wp, 0.38294211275726193779_wp, &

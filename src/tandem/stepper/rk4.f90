@@ -19,7 +19,7 @@ module tandem_stepper_rk4
 
 contains
 
-    !> What the method is.
+    !> Properties of the method.
     pure function properties() result(properties_)
         type(properties_type) :: properties_
 
@@ -27,7 +27,7 @@ contains
             'W. Kutta 1901; Hairer, Norsett, Wanner I, table II.1.2', stability_limit=2.5_wp)
     end function properties
 
-    !> The tableau.
+    !> Set the tableau.
     subroutine set_tableau(self)
         class(rk4_type), intent(inout) :: self
 

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> SDIRK54, Table 1: singly diagonally implicit, order 4, 5 stages, L-stable, stiffly accurate. All stages share
-!> h a_ii = h / 4 and so one Newton matrix, which serves as many steps as it can.
+!> SDIRK54, Table 1: singly diagonally implicit, order 4, 5 stages, L-stable, stiffly accurate. All stages have the same h a_ii = h
+!> / 4 and therefore the same Newton matrix, which is reused for as many steps as possible.
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed., p. 100, table 6.5.
 module tandem_stepper_sdirk54
     use tandem_kinds, only: wp
@@ -33,8 +33,8 @@ module tandem_stepper_sdirk54
 
     !> The polynomial through the rates of stages 1, 4 and 5, at the start of the step.
     real(wp), parameter :: at_start(5) = [8.0_wp/3, 0.0_wp, 0.0_wp, -2.0_wp, 1.0_wp/3]
-    !> A kink that no stage has seen leaves up to a quarter of the step times its size, half of that on average; it counts where
-    !> it is so many times the embedded error.
+    !> A kink that no stage has sampled causes an error of up to a quarter of the step times its size, half of that on average; it
+    !> is used if it exceeds the embedded error by this factor.
     real(wp), parameter :: unseen = 0.125_wp, striking = 10.0_wp
 
     !> The L-stable method of order 4.
@@ -42,7 +42,7 @@ module tandem_stepper_sdirk54
         private
         type(newton_type) :: newton
         type(history_type) :: history
-        !> Rates of the stages (n, 5), those at the start of the step, and errors (n).
+        !> Rates of the stages (n, 5), rates at the start of the step, and errors (n).
         real(wp), allocatable :: rate_q(:, :), rate_qd(:, :), start_q(:), start_qd(:), error_q(:), error_qd(:)
     contains
         procedure, nopass :: properties
@@ -51,7 +51,7 @@ module tandem_stepper_sdirk54
 
 contains
 
-    !> What the method is.
+    !> Properties of the method.
     pure function properties() result(properties_)
         type(properties_type) :: properties_
 
@@ -116,9 +116,9 @@ contains
         end if
     end subroutine advance
 
-    !> The error of the last step. The embedded method alone grows without bound on stiff modes, R(infinity) = 10/3, so its
-    !> error goes through the Newton matrix (Hairer, Wanner II, (IV.8.19)). No stage lies in the first quarter of the step: a kink
-    !> there shows only in the rates at the start, which the polynomial through the stages then misses.
+    !> Error of the last step. The embedded method alone is unbounded on stiff modes, R(infinity) = 10/3, so that its error is
+    !> filtered by the Newton matrix (Hairer, Wanner II, (IV.8.19)). No stage is in the first quarter of the step: a kink there
+    !> appears only in the rates at the start, which then differ from the polynomial through the stages.
     subroutine estimate(self, chart, h, weight_q, weight_qd, norm)
         class(sdirk54_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -147,7 +147,7 @@ contains
         if (kink > striking*norm) norm = kink
     end subroutine estimate
 
-    !> What steps have left each.
+    !> Set the error of recent steps.
     subroutine learn_error(self, relative)
         class(sdirk54_type), intent(inout) :: self
         real(wp), intent(in) :: relative
@@ -155,7 +155,7 @@ contains
         self%newton%error_of_steps = relative
     end subroutine learn_error
 
-    !> What the next steps start from.
+    !> Pack the state for the next steps.
     subroutine pack_state(self, pack)
         class(sdirk54_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -28,12 +28,13 @@ contains
         !> Number of coordinates.
         integer, intent(in) :: n
 
-        ! Without temporaries, which would leave holes in the memory.
+        ! Without temporaries, which would fragment the memory.
         if (allocated(self%q)) deallocate (self%q, self%qd, self%qdd, self%dq, self%dqd)
         allocate (self%q(n), self%qd(n), self%qdd(n), self%dq(n), self%dqd(n), source=0.0_wp)
     end subroutine allocate_state
 
-    !> Become a start: all else is zero. What has the size stays where it is, as q and qd may be its own.
+    !> Set a start; all other components become zero. Arrays of equal size stay in place, because q and qd may be part of this
+    !> state.
     pure subroutine begin(self, t, q, qd)
         class(state_type), intent(inout) :: self
         !> Time, coordinates and velocities (n).
@@ -51,7 +52,7 @@ contains
         self%dqd(:) = 0.0_wp
     end subroutine begin
 
-    !> All of it.
+    !> Pack all components.
     subroutine pack_state(self, pack)
         class(state_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -60,7 +61,7 @@ contains
         call pack%item(self%q, self%qd, self%qdd, self%dq, self%dqd)
     end subroutine pack_state
 
-    !> Take the values of another state of the same size, or of any where nothing is allocated. Assignment would allocate again.
+    !> Copy a state of the same size, or of any size if nothing is allocated. Assignment would allocate again.
     pure subroutine copy(self, other)
         class(state_type), intent(inout) :: self
         type(state_type), intent(in) :: other
@@ -76,7 +77,7 @@ contains
         call copy_vector(n, other%dqd, self%dqd)
     end subroutine copy
 
-    !> Become another state, which is left without any, as this one is where there was none. Nothing is copied.
+    !> Move the arrays of another state to this one; the other one keeps none. Nothing is copied.
     pure subroutine take(self, other)
         class(state_type), intent(inout) :: self
         type(state_type), intent(inout) :: other
@@ -89,7 +90,7 @@ contains
         call move_alloc(other%dqd, self%dqd)
     end subroutine take
 
-    !> Go on along rates, or add weighted ones to sums.
+    !> Advance along rates, or add weighted rates to sums.
     pure subroutine go_along(n, h, rate_q, rate_qd, q, qd)
         integer, intent(in) :: n
         !> (n) each.
@@ -105,7 +106,7 @@ contains
     end subroutine go_along
 
     !> Coordinates and velocities at a time between two states: the polynomial of degree 5 through coordinates, velocities and
-    !> accelerations at both (Hermite). It is beside the constraints by no more than its own error.
+    !> accelerations at both (Hermite). It violates the constraints by no more than its own error.
     pure subroutine go_between(a, b, t, q, qd)
         type(state_type), intent(in) :: a, b
         real(wp), intent(in) :: t
@@ -122,12 +123,12 @@ contains
         end do
     end subroutine go_between
 
-    !> Weights of values, first and second derivatives at the start of an interval, and of those at its end, in the polynomial of
-    !> degree 5 through them (Hermite), and in its derivatives.
+    !> Weights of value, first and second derivative at the start of an interval, and at its end, in the polynomial of degree 5
+    !> through them (Hermite), and in its derivatives.
     pure subroutine quintic(h, x, shape, slope, bend)
-        !> Length of the interval, and the place in it, 0 to 1.
+        !> Length of the interval, and place in it, 0 to 1.
         real(wp), intent(in) :: h, x
-        !> For the value, its first and, where wanted, second derivative.
+        !> For the value, its first and, if requested, second derivative.
         real(wp), intent(out) :: shape(6), slope(6)
         real(wp), intent(out), optional :: bend(6)
         real(wp) :: y

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What joins the steppers: a one-step method on a chart. It knows t, h, increments and the chart's contract, nothing else.
+!> Common contract of the steppers: a one-step method on a chart, which uses only t, h, increments and the contract of the chart.
 module tandem_stepper
     use tandem_chart, only: chart_type
     use tandem_kinds, only: wp
@@ -10,30 +10,30 @@ module tandem_stepper
 
     public :: stepper_type, properties_type, weighted_norm
 
-    !> What a method is.
+    !> Properties of a method.
     type :: properties_type
         !> Name in options and reports.
         character(len=16) :: name = ''
         !> Classical order and number of stages.
         integer :: order = 0, stages = 0
-        !> True where stages are implicit.
+        !> True if stages are implicit.
         logical :: implicit = .false.
-        !> Order of the error estimate: the estimate behaves as h**(estimate_order + 1); 0 where there is none.
+        !> Order of the error estimate, which is proportional to h**(estimate_order + 1); 0 if there is none.
         integer :: estimate_order = 0
-        !> Stability in a word, and where the coefficients come from.
+        !> Keyword of the stability, and source of the coefficients.
         character(len=48) :: stability = ''
         character(len=96) :: source = ''
-        !> Order of the position between the ends of a step; the velocity has one less where it is Hermite's 6.
+        !> Order of the position between the ends of a step; that of the velocity is one less for Hermite's 6.
         integer :: dense_order = 6
-        !> Explicit methods: h |lambda| at which the step is at the limit of stability; 0 where there is none.
+        !> Explicit methods: h |lambda| at the stability limit of the step; 0 if there is none.
         real(wp) :: stability_limit = 0.0_wp
-        !> Whether stiff modes are damped: R(infinity) = 0.
+        !> True if stiff modes are damped: R(infinity) = 0.
         logical :: damps = .false.
-        !> Whether the step size controller foresees the next error from the last two (Gustafsson).
+        !> True if the step size controller predicts the next error from the last two (Gustafsson).
         logical :: is_predictive = .false.
-        !> Whether its order changes in a run: then what is said here is true of its first steps.
+        !> True if the order changes during a run: these properties are then those of the first steps.
         logical :: varies = .false.
-        !> The stepper that takes its place where a run shows that it is cheaper; blank for none.
+        !> Stepper that replaces this one when a run shows that it is cheaper; blank if none.
         character(len=16) :: partner = ''
     contains
         procedure :: has_fixed_steps
@@ -41,8 +41,8 @@ module tandem_stepper
 
     !> A one-step method: each file of this folder extends it.
     type, abstract :: stepper_type
-        !> Whether the chart restores the constraints at every stage, not at the end of the step alone. Explicit methods heed it;
-        !> set before the first step.
+        !> True if the chart restores the constraints at every stage, false if only at the end of the step. Used by explicit
+        !> methods; to be set before the first step.
         logical :: projects_stages = .true.
         !> The time scale of the model; set before `initialize`.
         real(wp) :: time_scale = 1.0_wp
@@ -56,7 +56,7 @@ module tandem_stepper
     end type stepper_type
 
     abstract interface
-        !> What the method is.
+        !> Properties of the method.
         pure function properties_interface() result(properties)
             import :: properties_type
             implicit none (type, external)
@@ -70,11 +70,11 @@ module tandem_stepper
             class(stepper_type), intent(inout) :: self
             !> Coordinate scales (n).
             real(wp), intent(in) :: scale(:)
-            !> For implicit steppers: what Newton's iteration may leave of q and qd.
+            !> For implicit steppers: tolerance of Newton's iteration for q and qd.
             real(wp), intent(in) :: newton_tolerance
         end subroutine initialize_interface
 
-        !> One step from `state` to `next`. `state` must be complete (qdd included) and stays as it is.
+        !> One step from `state` to `next`. `state` must be complete (qdd included) and is unchanged.
         subroutine advance_interface(self, chart, state, h, next, stat)
             import :: stepper_type, chart_type, state_type, wp
             implicit none (type, external)
@@ -83,27 +83,27 @@ module tandem_stepper
             type(state_type), intent(in) :: state
             !> Step size.
             real(wp), intent(in) :: h
-            !> The state at next%t, which the caller sets (state%t + h up to rounding); complete where stat = 0.
+            !> State at next%t, which the caller sets (state%t + h up to rounding); complete if stat = 0.
             type(state_type), intent(inout) :: next
             !> A status code.
             integer, intent(out) :: stat
         end subroutine advance_interface
 
-        !> The error of the last step in the norm of `weighted_norm`; only where `estimate_order` > 0.
+        !> Error of the last step in the norm of `weighted_norm`; only if `estimate_order` > 0.
         subroutine estimate_interface(self, chart, h, weight_q, weight_qd, norm)
             import :: stepper_type, chart_type, wp
             implicit none (type, external)
             class(stepper_type), intent(inout) :: self
             class(chart_type), intent(inout) :: chart
-            !> Size of that step.
+            !> Size of this step.
             real(wp), intent(in) :: h
             !> Weights of the errors of q and qd (n): 1 / (atol + rtol |y|).
             real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
-            !> At most 1 where the step meets the tolerances.
+            !> At most 1 if the step meets the tolerances.
             real(wp), intent(out) :: norm
         end subroutine estimate_interface
 
-        !> All that the next steps and the dense output of the last one depend on.
+        !> Pack the state on which the next steps and the dense output of the last one depend.
         subroutine pack_interface(self, pack)
             import :: stepper_type, pack_type
             implicit none (type, external)
@@ -114,16 +114,16 @@ module tandem_stepper
 
 contains
 
-    !> Whether there are fixed steps of it: not where errors and costs under error control decide what a step is.
+    !> True if the method has fixed steps: false if errors and costs under error control determine the steps.
     pure logical function has_fixed_steps(self)
         class(properties_type), intent(in) :: self
 
         has_fixed_steps = self%partner == '' .and. .not. self%varies
     end function has_fixed_steps
 
-    !> Increments at a time within the last step: the polynomial of degree 5 through position increment, velocity and
-    !> acceleration at both ends (Hermite), and its derivative. Position errors are of order h^6, velocity errors of h^5, which
-    !> is no less than the order of the step's own error up to order 5. A method with something better overrides it.
+    !> Increments at a time within the last step: the polynomial of degree 5 through position increment, velocity and acceleration
+    !> at both ends (Hermite), and its derivative. Position errors are of order h^6, velocity errors of order h^5, which is no less
+    !> than the order of the step's own error up to order 5. Methods with a better polynomial override this.
     subroutine interpolate(self, chart, start, arrived, t, dq, dqd, slope_q, slope_qd, stat)
         class(stepper_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -146,37 +146,37 @@ contains
             slope(4)*arrived%dq + slope(5)*arrived%qd + slope(6)*arrived%qdd
         slope_qd = bend(1)*start%dq + bend(2)*start%qd + bend(3)*start%qdd + &
             bend(4)*arrived%dq + bend(5)*arrived%qd + bend(6)*arrived%qdd
-        ! The chart's origin drops out of the difference of velocities.
+        ! The origin of the chart cancels in the difference of velocities.
         dqd = start%dqd - start%qd + slope_q
     end subroutine interpolate
 
-    !> What late steps of the same length have left each, against s + |y|: what the next ones may leave of their stages follows.
+    !> Relative error of recent steps of equal size, against s + |y|: determines the tolerance of the next stages.
     subroutine learn_error(self, relative)
         class(stepper_type), intent(inout) :: self
         real(wp), intent(in) :: relative
 
     end subroutine learn_error
 
-    !> An estimate of h |lambda| at the end of the last step, lambda the largest eigenvalue of the equations of motion; 0 for
-    !> methods that have no such limit.
+    !> Estimate of h |lambda| at the end of the last step, lambda the largest eigenvalue of the equations of motion; 0 for methods
+    !> without a stability limit.
     real(wp) function stiffness(self, h, arrived)
         class(stepper_type), intent(in) :: self
-        !> Size of that step.
+        !> Size of this step.
         real(wp), intent(in) :: h
-        !> The state at its end.
+        !> State at its end.
         type(state_type), intent(in) :: arrived
 
         stiffness = 0.0_wp
     end function stiffness
 
-    !> The longest step that pays after the last one, as the work on its stages tells.
+    !> Longest step that pays after the last one, judged by the work on its stages.
     pure real(wp) function longest_next(self)
         class(stepper_type), intent(in) :: self
 
         longest_next = huge(1.0_wp)
     end function longest_next
 
-    !> Of a method whose order varies, the order of the error estimate of the last step; 0 for others.
+    !> Order of the error estimate of the last step for a method of varying order; 0 for others.
     pure integer function order_of_estimate(self)
         class(stepper_type), intent(in) :: self
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The trapezoidal rule (78): order 2, A-stable, not L-stable: a stiff mode keeps ringing with a factor near -1 a step.
+!> The trapezoidal rule (78): order 2, A-stable, not L-stable: a stiff mode keeps ringing with a factor near -1 per step.
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.3; K. Atkinson 1989 in the paper.
 module tandem_stepper_trapezoid
     use tandem_kinds, only: wp
@@ -29,7 +29,7 @@ module tandem_stepper_trapezoid
 
 contains
 
-    !> What the method is.
+    !> Properties of the method.
     pure function properties() result(properties_)
         type(properties_type) :: properties_
 
@@ -50,7 +50,7 @@ contains
         self%error_qd = self%error_q
     end subroutine initialize
 
-    !> One step: the rates at both ends count half.
+    !> One step: the rates at both ends have weight 1/2.
     subroutine advance(self, chart, state, h, next, stat)
         class(trapezoid_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -76,8 +76,8 @@ contains
         end if
     end subroutine advance
 
-    !> The error of the last step, -h^3 y''' / 12 with y''' from the rates at its ends and at the start of the step before (for a
-    !> first step from those at its ends alone, as if it were of order 1), through the Newton matrix.
+    !> Error of the last step, -h^3 y''' / 12 with y''' from the rates at its ends and at the start of the previous step (for a
+    !> first step from those at its ends only, as if of order 1), filtered by the Newton matrix.
     subroutine estimate(self, chart, h, weight_q, weight_qd, norm)
         class(trapezoid_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -92,7 +92,7 @@ contains
         norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
     end subroutine estimate
 
-    !> What the next steps start from.
+    !> Pack the state for the next steps.
     subroutine pack_state(self, pack)
         class(trapezoid_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
