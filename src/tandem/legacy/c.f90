@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The C interface. `include/tandem.h` declares these functions and says what each does; here are their Fortran sides, which
-!> check pointers, convert texts, and leave the rest to the problem. Every function returns the status of the problem.
+!> The C interface. `include/tandem.h` declares and documents these functions; here are their Fortran sides, which check pointers,
+!> convert texts, and call the procedures of the problem. Every function returns the status of the problem.
 module tandem_legacy_c
     use tandem_error, only: to_text
     use tandem_kinds, only: long, wp
@@ -26,7 +26,7 @@ module tandem_legacy_c
     public :: c_get_state, c_get_state_at, c_get_multipliers, c_get_energies, c_get_statistic
     public :: c_count_warnings, c_get_warning, c_get_segment, c_save_state, c_restore_state
 
-    !> What `tandem_message` gives where there is no problem. Never changed.
+    !> Result of `tandem_message` without a problem. Never changed.
     character(kind=c_char), target :: no_problem(len(message_of_no_problem) + 1) = &
         transfer(message_of_no_problem//c_null_char, [c_null_char])
 
@@ -37,11 +37,11 @@ contains
         c_interface_version = interface_version
     end function c_interface_version
 
-    !> A problem; NULL only where there is no memory for it. The message tells whether the sizes can be.
+    !> Create a problem; NULL only without memory for it. The message states whether the sizes are valid.
     type(c_ptr) function c_new(n, n_holonomic, n_nonholonomic, user_data) bind(C, name='tandem_new')
         !> Numbers of coordinates, holonomic and nonholonomic constraints.
         integer(c_int), value :: n, n_holonomic, n_nonholonomic
-        !> Handed through to every function of the model.
+        !> Passed through to every function of the model.
         type(c_ptr), value :: user_data
         type(c_model_type), pointer :: model
         class(callback_model_type), pointer :: callback_model
@@ -56,7 +56,7 @@ contains
         c_new = new_handle(callback_model, n, n_holonomic, n_nonholonomic, stat)
     end function c_new
 
-    !> Give a problem back; NULL is allowed.
+    !> Free a problem; NULL is allowed.
     subroutine c_free(handle) bind(C, name='tandem_free')
         type(c_ptr), value :: handle
         type(problem_type), pointer :: problem
@@ -66,7 +66,7 @@ contains
         if (give_back(handle)) problem => null()
     end subroutine c_free
 
-    !> The message of the last call, always at the same place.
+    !> Message of the last call, always at the same address.
     type(c_ptr) function c_message(handle) bind(C, name='tandem_message')
         type(c_ptr), value :: handle
         type(problem_type), pointer :: problem
@@ -76,7 +76,7 @@ contains
         if (associated(problem)) c_message = c_loc(problem%message)
     end function c_message
 
-    !> Give a function of (t, q).
+    !> Set a function of (t, q).
     integer(c_int) function c_set_position_function(handle, name, function_) bind(C, name='tandem_set_position_function')
         type(c_ptr), value :: handle, name
         type(c_funptr), value :: function_
@@ -87,7 +87,7 @@ contains
         c_set_position_function = problem%stat
     end function c_set_position_function
 
-    !> Give a function of (t, q, qd).
+    !> Set a function of (t, q, qd).
     integer(c_int) function c_set_motion_function(handle, name, function_) bind(C, name='tandem_set_motion_function')
         type(c_ptr), value :: handle, name
         type(c_funptr), value :: function_
@@ -98,7 +98,7 @@ contains
         c_set_motion_function = problem%stat
     end function c_set_motion_function
 
-    !> Give a function of (t, q, x).
+    !> Set a function of (t, q, x).
     integer(c_int) function c_set_direction_function(handle, name, function_) bind(C, name='tandem_set_direction_function')
         type(c_ptr), value :: handle, name
         type(c_funptr), value :: function_
@@ -109,11 +109,11 @@ contains
         c_set_direction_function = problem%stat
     end function c_set_direction_function
 
-    !> Give a function of several terms.
+    !> Set a function of several terms.
     integer(c_int) function c_set_evaluate(handle, function_, provides) bind(C, name='tandem_set_evaluate')
         type(c_ptr), value :: handle
         type(c_funptr), value :: function_
-        !> Sum of the constants of the terms that it gives.
+        !> Sum of the constants of the provided terms.
         integer(c_int), value :: provides
         type(problem_type), pointer :: problem
 
@@ -161,7 +161,7 @@ contains
     !> Set a list of numbers.
     integer(c_int) function c_set_vector(handle, name, count, values) bind(C, name='tandem_set_vector')
         type(c_ptr), value :: handle, name
-        !> How many numbers.
+        !> Number of values.
         integer(c_int), value :: count
         type(c_ptr), value :: values
         type(problem_type), pointer :: problem
@@ -173,7 +173,7 @@ contains
             call problem%refuse('the list "'//text_of(name)//'" is NULL or has a negative number of entries', &
                 'give the numbers and how many they are')
         else
-            ! An empty list has an address too: gfortran takes one without for an argument that is absent.
+            ! An empty list needs an address too: gfortran treats an argument with a null address as absent.
             list => nothing(:0)
             if (count > 0) call c_f_pointer(values, list, [count])
             call problem%set_vector(text_of(name), list)
@@ -184,7 +184,7 @@ contains
     !> Name a constraint row.
     integer(c_int) function c_set_row_name(handle, row, name) bind(C, name='tandem_set_row_name')
         type(c_ptr), value :: handle
-        !> From 0 on, holonomic rows first.
+        !> From 0, holonomic rows first.
         integer(c_int), value :: row
         type(c_ptr), value :: name
         type(problem_type), pointer :: problem
@@ -197,10 +197,10 @@ contains
     !> Watch a coordinate, a velocity or a multiplier.
     integer(c_int) function c_add_event(handle, name, quantity, index, value, direction, stops) bind(C, name='tandem_add_event')
         type(c_ptr), value :: handle, name, quantity
-        !> From 0 on.
+        !> From 0.
         integer(c_int), value :: index
         real(c_double), value :: value
-        !> +1 where it rises through the value, -1 where it falls, 0 both; not 0: the run ends there.
+        !> +1 for a rise through the value, -1 for a fall, 0 for both; not 0: the run ends there.
         integer(c_int), value :: direction, stops
         type(problem_type), pointer :: problem
 
@@ -214,7 +214,7 @@ contains
         bind(C, name='tandem_add_event_function')
         type(c_ptr), value :: handle, name
         type(c_funptr), value :: function_
-        !> +1 where it rises through zero, -1 where it falls, 0 both; not 0: the run ends there.
+        !> +1 for a rise through zero, -1 for a fall, 0 for both; not 0: the run ends there.
         integer(c_int), value :: direction, stops
         type(problem_type), pointer :: problem
 
@@ -223,7 +223,7 @@ contains
         c_add_event_function = problem%stat
     end function c_add_event_function
 
-    !> Watch nothing from the next start on.
+    !> Remove all events from the next start on.
     integer(c_int) function c_clear_events(handle) bind(C, name='tandem_clear_events')
         type(c_ptr), value :: handle
         type(problem_type), pointer :: problem
@@ -233,7 +233,7 @@ contains
         c_clear_events = problem%stat
     end function c_clear_events
 
-    !> How many events were recorded.
+    !> Number of recorded events.
     integer(c_int) function c_count_events(handle, count) bind(C, name='tandem_count_events')
         type(c_ptr), value :: handle
         integer(c_int), intent(out), optional :: count
@@ -247,12 +247,12 @@ contains
         c_count_events = problem%stat
     end function c_count_events
 
-    !> One of the events that were recorded.
+    !> One of the recorded events.
     integer(c_int) function c_get_event(handle, index, event, direction, t, q, qd) bind(C, name='tandem_get_event')
         type(c_ptr), value :: handle
-        !> From 0 on, in the order of time.
+        !> From 0, in the order of time.
         integer(c_int), value :: index
-        !> Which one, from 0 on; how it passed through zero.
+        !> Index of the event, from 0; direction in which it passed through zero.
         integer(c_int), intent(out), optional :: event, direction
         real(c_double), intent(out), optional :: t
         real(c_double), intent(inout), optional :: q(*), qd(*)
@@ -268,10 +268,10 @@ contains
         c_get_event = problem%stat
     end function c_get_event
 
-    !> Which event has stopped the run.
+    !> Index of the event that has stopped the run.
     integer(c_int) function c_get_stop(handle, event) bind(C, name='tandem_get_stop')
         type(c_ptr), value :: handle
-        !> From 0 on; -1 where none has.
+        !> From 0; -1 if none has.
         integer(c_int), intent(out), optional :: event
         type(problem_type), pointer :: problem
         integer :: number
@@ -377,12 +377,12 @@ contains
         c_step = problem%stat
     end function c_step
 
-    !> Accepted steps, and rows of what they pass.
+    !> Accepted steps, and rows of the states at the passed times.
     integer(c_int) function c_advance(handle, t_end, max_steps, capacity, at_steps, times, q, qd, qdd, rows) &
         bind(C, name='tandem_advance')
         type(c_ptr), value :: handle
         real(c_double), value :: t_end
-        !> Most steps; how many rows there is room for; not 0: a row for each step, whose times are told.
+        !> Largest number of steps; number of rows that fit; not 0: a row for each step, whose time is returned.
         integer(c_int), value :: max_steps, capacity, at_steps
         !> (capacity), and rows of coordinates, velocities and accelerations (n).
         real(c_double), intent(inout), optional :: times(*), q(*), qd(*), qdd(*)
@@ -469,7 +469,7 @@ contains
         c_get_statistic = problem%stat
     end function c_get_statistic
 
-    !> How many warnings the run has.
+    !> Number of warnings of the run.
     integer(c_int) function c_count_warnings(handle, count) bind(C, name='tandem_count_warnings')
         type(c_ptr), value :: handle
         integer(c_int), intent(out), optional :: count
@@ -483,10 +483,10 @@ contains
         c_count_warnings = problem%stat
     end function c_count_warnings
 
-    !> One of them, as far as there is room.
+    !> One of the warnings, cut to the available length.
     integer(c_int) function c_get_warning(handle, index, capacity, text) bind(C, name='tandem_get_warning')
         type(c_ptr), value :: handle
-        !> From 0 on; for how many characters there is room, the NUL among them.
+        !> From 0; number of characters that fit, including the NUL.
         integer(c_int), value :: index, capacity
         character(kind=c_char), intent(inout), optional :: text(*)
         type(problem_type), pointer :: problem
@@ -507,13 +507,13 @@ contains
         c_get_warning = problem%stat
     end function c_get_warning
 
-    !> Save the run. Without words, only their number is given.
+    !> Save the run. Without words, only their number is returned.
     integer(c_int) function c_save_state(handle, capacity, words, count) bind(C, name='tandem_save_state')
         type(c_ptr), value :: handle
-        !> How many words there is room for.
+        !> Number of words that fit.
         integer(c_int), value :: capacity
         integer(c_int64_t), intent(inout), optional :: words(*)
-        !> How many there are.
+        !> Number of words of the saved run.
         integer(c_int), intent(out), optional :: count
         type(problem_type), pointer :: problem
         integer(long), allocatable :: row(:)
@@ -535,7 +535,7 @@ contains
         c_save_state = problem%stat
     end function c_save_state
 
-    !> Take a saved run up.
+    !> Continue a saved run.
     integer(c_int) function c_restore_state(handle, count, words) bind(C, name='tandem_restore_state')
         type(c_ptr), value :: handle
         integer(c_int), value :: count
@@ -551,7 +551,7 @@ contains
         c_restore_state = problem%stat
     end function c_restore_state
 
-    !> Which smooth piece of the model's functions of time is current, 1 before the first breakpoint. May be called from the
+    !> Number of the current smooth piece of the model's functions of time, 1 before the first breakpoint. May be called from the
     !> functions of the model.
     integer(c_int) function c_get_segment(handle) bind(C, name='tandem_get_segment')
         type(c_ptr), value :: handle
@@ -563,7 +563,7 @@ contains
         if (associated(problem%model)) c_get_segment = problem%model%segment
     end function c_get_segment
 
-    !> What a function of the interface begins with: find the problem of a handle; false, with a status, where it is none.
+    !> First operation of every function of the interface: find the problem of a handle; false, with a status, if it is invalid.
     logical function found(handle, problem, stat)
         type(c_ptr), intent(in) :: handle
         type(problem_type), pointer, intent(out) :: problem

@@ -19,7 +19,7 @@ contains
         real(c_double), value :: t
         !> Coordinates and velocities (n).
         real(c_double), intent(in), optional :: q(*), qd(*)
-        !> How many eigenvalues there are.
+        !> Number of eigenvalues.
         integer(c_int), intent(inout), optional :: count
         !> Real and imaginary parts, with room for 2 n each, and the matrix, with room for 4 n^2.
         real(c_double), intent(inout), optional :: re(*), im(*), a(*)

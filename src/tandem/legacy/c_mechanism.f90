@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Functions of the C interface about mechanisms that are described by keys, see `tandem_legacy_c`.
+!> Functions of the C interface for mechanisms described by keys, see `tandem_legacy_c`.
 module tandem_legacy_c_mechanism
     use tandem_legacy_c_model, only: c_model_type
     use tandem_legacy_c_text, only: text_of, value_of
@@ -16,9 +16,9 @@ module tandem_legacy_c_mechanism
 
 contains
 
-    !> A problem whose model is to be a mechanism; NULL only where there is no memory for it.
+    !> Create a problem for a mechanism; NULL only without memory for it.
     type(c_ptr) function c_new_mechanism(user_data) bind(C, name='tandem_new_mechanism')
-        !> Handed through to the functions of events.
+        !> Passed through to the functions of events.
         type(c_ptr), value :: user_data
         type(c_model_type), pointer :: model
         class(callback_model_type), pointer :: callbacks
@@ -36,7 +36,7 @@ contains
         if (associated(problem)) call problem%await_mechanism()
     end function c_new_mechanism
 
-    !> Give a key a value.
+    !> Set the value of a key.
     integer(c_int) function c_set_key(handle, key, value) bind(C, name='tandem_set_key')
         type(c_ptr), value :: handle, key, value
         type(problem_type), pointer :: problem
@@ -62,7 +62,7 @@ contains
         c_define = problem%stat
     end function c_define
 
-    !> Numbers of coordinates and constraints; zeros where there is no model yet.
+    !> Numbers of coordinates and constraints; zeros if there is no model yet.
     integer(c_int) function c_get_sizes(handle, n, n_holonomic, n_nonholonomic) bind(C, name='tandem_get_sizes')
         type(c_ptr), value :: handle
         integer(c_int), intent(inout), optional :: n, n_holonomic, n_nonholonomic
@@ -80,7 +80,7 @@ contains
         c_get_sizes = problem%stat
     end function c_get_sizes
 
-    !> The state of the drawing.
+    !> State of the reference configuration.
     integer(c_int) function c_get_drawing(handle, q, qd) bind(C, name='tandem_get_drawing')
         type(c_ptr), value :: handle
         !> (n)
@@ -98,10 +98,10 @@ contains
         c_get_drawing = problem%stat
     end function c_get_drawing
 
-    !> A name.
+    !> Name of a coordinate, unit or row.
     integer(c_int) function c_get_name(handle, what, index, capacity, text) bind(C, name='tandem_get_name')
         type(c_ptr), value :: handle, what
-        !> From 0 on; for how many characters there is room, the NUL among them.
+        !> From 0; number of characters that fit, including the NUL.
         integer(c_int), value :: index, capacity
         character(kind=c_char), intent(inout), optional :: text(*)
         type(problem_type), pointer :: problem

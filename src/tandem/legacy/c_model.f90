@@ -20,9 +20,9 @@ module tandem_legacy_c_model
             real(c_double), value :: t
             !> Coordinates (n).
             real(c_double), intent(in) :: q(*)
-            !> The term, all of it; matrices by rows.
+            !> The complete term; matrices by rows.
             real(c_double), intent(inout) :: value(*)
-            !> What was given to `tandem_new`.
+            !> Argument of `tandem_new`.
             type(c_ptr), value :: user_data
         end function c_position
 
@@ -42,7 +42,7 @@ module tandem_legacy_c_model
         integer(c_int) function c_evaluate(need, t, q, qd, phi, jacobian, nu, gamma, mass, force, user_data) bind(C)
             import :: c_double, c_int, c_ptr
             implicit none (type, external)
-            !> The terms wanted, a sum of need bits.
+            !> Requested terms, a sum of need bits.
             integer(c_int), value :: need
             real(c_double), value :: t
             real(c_double), intent(in) :: q(*), qd(*)
@@ -54,7 +54,7 @@ module tandem_legacy_c_model
 
     !> A model whose procedures are functions of C.
     type, extends(callback_model_type) :: c_model_type
-        !> Handed through to every function.
+        !> Passed through to every function.
         type(c_ptr) :: user_data = c_null_ptr
     contains
         procedure :: call_one, call_fused

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Texts of C, which end with a NUL, as texts of Fortran.
+!> Conversion of C texts, which end with a NUL, to Fortran texts.
 module tandem_legacy_c_text
     use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_ptr, c_size_t
     implicit none (type, external)
@@ -7,13 +7,13 @@ module tandem_legacy_c_text
 
     public :: text_of, value_of
 
-    !> No name or value is as long as this; a text without an end is cut here.
+    !> Upper bound of the length of names and values; a text without an end is cut here.
     integer(c_size_t), parameter :: longest_text = 256
-    !> Nor is a list of numbers as long as this.
+    !> Upper bound of the length of a list of numbers.
     integer(c_size_t), parameter :: longest_value = 1048576
 
     interface
-        !> strnlen of the C library: the length of a text that is read to a limit at most.
+        !> strnlen of the C library: length of a text, of which at most `limit` characters are read.
         pure integer(c_size_t) function strnlen(chars, limit) bind(C)
             import :: c_ptr, c_size_t
             implicit none (type, external)
@@ -24,7 +24,7 @@ module tandem_legacy_c_text
 
 contains
 
-    !> The length of a text of C; 0 for NULL.
+    !> Length of a C text; 0 for NULL.
     pure integer function length_of(chars)
         type(c_ptr), intent(in) :: chars
 
@@ -39,7 +39,7 @@ contains
         if (c_associated(chars)) value_length = int(strnlen(chars, longest_value))
     end function value_length
 
-    !> A text of C that may be long; empty for NULL.
+    !> A C text that may be long; empty for NULL.
     function value_of(chars) result(text)
         type(c_ptr), intent(in) :: chars
         character(len=value_length(chars)) :: text
@@ -47,7 +47,7 @@ contains
         call copy(chars, text)
     end function value_of
 
-    !> A text of C; empty for NULL.
+    !> A C text; empty for NULL.
     function text_of(chars) result(text)
         type(c_ptr), intent(in) :: chars
         character(len=length_of(chars)) :: text
@@ -55,7 +55,7 @@ contains
         call copy(chars, text)
     end function text_of
 
-    !> As many characters as there is room for.
+    !> Copy as many characters as fit.
     subroutine copy(chars, text)
         type(c_ptr), intent(in) :: chars
         character(len=*), intent(out) :: text

@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> A model whose procedures belong to a caller from another language. What is common to those languages is here: the addresses of
-!> the user's procedures, and what the model's procedure pointers lead to, which turns the arguments into contiguous arrays. An
-!> extension for each language calls the user's procedure in the manner of that language.
+!> A model whose procedures belong to a caller from another language. This module contains the common parts: the addresses of the
+!> user's procedures, and the targets of the model's procedure pointers, which convert the arguments to contiguous arrays. An
+!> extension for each language calls the user's procedure with the conventions of that language.
 !>
-!> A procedure that returns 0 must have set all of its value. The last entry is marked before it is called: where the mark is left
-!> the procedure has failed, as one in Python does that raises an exception.
+!> A procedure that returns 0 must have set its complete value. The last entry is marked before the call: if the mark is still
+!> there, the procedure has failed, such as one in Python that raises an exception.
 !>
-!> No pointer to an internal procedure is ever made, so that no code is built on the stack.
+!> Pointers to internal procedures are never made, so that no code is built on the stack.
 module tandem_legacy_callback_model
     use tandem_kinds, only: long, wp
     use tandem_legacy_terms, only: a_constraint_acceleration, a_force_q, a_force_qd, a_gamma_q, a_gamma_qd, a_holonomic, &
@@ -22,17 +22,16 @@ module tandem_legacy_callback_model
 
     public :: callback_model_type
 
-    !> A model of a caller from another language; sizes are set first, procedures are attached one by one.
+    !> A model of a caller from another language; set the sizes first, then attach procedures one by one.
     type, abstract, extends(model_type) :: callback_model_type
-        !> True where the language stores matrices by rows, as C does.
+        !> True for languages that store matrices by rows, such as C.
         logical :: by_rows = .false.
-        !> The user's procedures by their numbers in `tandem_legacy_terms`, and the fused one.
+        !> User procedures by their index in `tandem_legacy_terms`, and the fused one.
         type(c_funptr) :: callback(n_callbacks) = c_null_funptr, fused = c_null_funptr
-        !> Where the fused procedure may write terms that nobody wants now, so that it can compute them all each time; and the
-        !> addresses.
+        !> Memory for unrequested terms of the fused procedure, which may thus compute all terms each time; addresses of the terms.
         type(terms_type), pointer, private :: unwanted => null()
         type(c_ptr), private :: elsewhere(n_terms) = c_null_ptr
-        !> A matrix on its way (n*n).
+        !> A matrix during its conversion (n*n).
         real(wp), allocatable, private :: work(:)
     contains
         procedure :: prepare, release, set_callback, set_fused, take_function
@@ -40,25 +39,25 @@ module tandem_legacy_callback_model
         procedure(fused_interface), deferred :: call_fused
     end type callback_model_type
 
-    !> The mark: a NaN that no computation gives.
+    !> The mark: a NaN that computations do not produce.
     integer(long), parameter :: unset = int(z'7FF8756E73657421', long)
 
     abstract interface
-        !> Call the user's procedure of one term, or of an event.
+        !> Call the user procedure of one term, or of an event.
         subroutine call_interface(self, address, kind, rows, t, q, v, value, stat)
             import :: c_funptr, callback_model_type, wp
             implicit none (type, external)
             class(callback_model_type), intent(inout) :: self
             type(c_funptr), intent(in) :: address
-            !> Its argument list, see `tandem_legacy_terms`; rows of its value.
+            !> Kind of its argument list, see `tandem_legacy_terms`; rows of its value.
             integer, intent(in) :: kind, rows
-            !> Time, NaN where the term must not depend on it; coordinates (n).
+            !> Time, NaN if the term must not depend on it; coordinates (n).
             real(wp), intent(in) :: t, q(*)
-            !> What a procedure of motion or direction has besides: the velocities (n), or the constant vector x, (n) or (nh + nd).
+            !> Additional argument of a procedure of motion or direction: velocities (n), or constant vector x, (n) or (nh + nd).
             real(wp), intent(in) :: v(*)
-            !> A scalar, a vector (rows), or a matrix of that many rows and n columns.
+            !> A scalar, a vector (rows), or a matrix of so many rows and n columns.
             real(wp), intent(inout) :: value(*)
-            !> The user's status.
+            !> Status of the user procedure.
             integer, intent(out) :: stat
         end subroutine call_interface
 
@@ -67,7 +66,7 @@ module tandem_legacy_callback_model
             import :: c_ptr, callback_model_type, n_terms, wp
             implicit none (type, external)
             class(callback_model_type), intent(inout) :: self
-            !> The terms wanted, a sum of need bits.
+            !> Requested terms, a sum of need bits.
             integer, intent(in) :: need
             real(wp), intent(in) :: t, q(*), qd(*)
             !> Addresses of Phi, C, nu, gamma, M, S + Q_A.
@@ -78,7 +77,7 @@ module tandem_legacy_callback_model
 
 contains
 
-    !> Work space for the sizes of the model; they must be possible.
+    !> Allocate work space for the sizes of the model, which must be valid.
     subroutine prepare(self)
         class(callback_model_type), intent(inout) :: self
 
@@ -89,12 +88,12 @@ contains
             self%elsewhere = [c_loc(terms%phi), c_loc(terms%jacobian), c_loc(terms%nu), c_loc(terms%gamma), c_loc(terms%mass), &
                 c_loc(terms%force)]
         end associate
-        ! Callers set all of it.
+        ! Callers set the whole array.
         if (allocated(self%work)) deallocate (self%work)
         allocate (self%work(self%n*self%n))
     end subroutine prepare
 
-    !> Give the work space back.
+    !> Deallocate the work space.
     subroutine release(self)
         class(callback_model_type), intent(inout) :: self
 
@@ -102,12 +101,12 @@ contains
         self%unwanted => null()
     end subroutine release
 
-    !> Let the model have a procedure, or no longer have it.
+    !> Attach a procedure to the model, or detach it.
     subroutine set_callback(self, term, address)
         class(callback_model_type), intent(inout) :: self
-        !> Number of the procedure in `tandem_legacy_terms`.
+        !> Index of the procedure in `tandem_legacy_terms`.
         integer, intent(in) :: term
-        !> Null takes it back.
+        !> Null detaches it.
         type(c_funptr), intent(in) :: address
         logical :: has
 
@@ -152,16 +151,16 @@ contains
             if (has) self%reaction_derivative => reaction_derivative
         case (a_mass_derivative); nullify (self%mass_derivative)
             if (has) self%mass_derivative => mass_derivative
-        case default ! the table has no other rows
+        case default ! The table has no other rows.
         end select
     end subroutine set_callback
 
-    !> Let the model have a procedure for several terms, or no longer have it.
+    !> Attach a procedure for several terms to the model, or detach it.
     subroutine set_fused(self, address, provides)
         class(callback_model_type), intent(inout) :: self
-        !> Null takes it back.
+        !> Null detaches it.
         type(c_funptr), intent(in) :: address
-        !> The terms that it gives, a sum of need bits.
+        !> Provided terms, a sum of need bits.
         integer, intent(in) :: provides
 
         self%fused = address
@@ -170,12 +169,12 @@ contains
         if (c_associated(address)) self%evaluate => evaluate
     end subroutine set_fused
 
-    !> Where a fused procedure is to write: those terms that are wanted to their place, the others to scratch, and the
-    !> Jacobian there too if it comes by rows. Addresses, since most calls want one short vector and should cost little more.
-    !> What is wanted is marked.
+    !> Find the addresses for a fused procedure: requested terms are written in place, others to scratch memory, and the Jacobian
+    !> there too if it comes by rows. Addresses keep the overhead small, because most calls request one short vector. Requested
+    !> terms are marked.
     subroutine find_places(self, need, terms, place)
         class(callback_model_type), intent(in) :: self
-        !> The terms wanted, a sum of need bits.
+        !> Requested terms, a sum of need bits.
         integer, intent(in) :: need
         type(terms_type), intent(inout), target :: terms
         !> Addresses of Phi, C, nu, gamma, M, S + Q_A.
@@ -212,13 +211,13 @@ contains
         end if
     end subroutine find_places
 
-    !> Whether a fused procedure has set what it was to set. One term tells that of a procedure that has failed before it set
-    !> anything; of one that fails in between, the marks that are left are seen as NaN.
+    !> Check that a fused procedure has set the requested terms. The mark of one term suffices for a procedure that has failed
+    !> before it set anything; after a later failure the remaining marks are NaN in the result.
     subroutine judge_terms(self, need, terms, stat)
         class(callback_model_type), intent(in) :: self
         integer, intent(in) :: need
         type(terms_type), intent(in) :: terms
-        !> That of the procedure; negative where it has not.
+        !> Status of the procedure; negative if it has set nothing.
         integer, intent(inout) :: stat
 
         if (iand(need, need_force) /= 0) then
@@ -246,7 +245,7 @@ contains
         if (n > 0) value(n) = transfer(unset, value(n))
     end subroutine mark
 
-    !> A value that still has a mark was not set, whatever the procedure says.
+    !> Fail if a value still has its mark, whatever status the procedure returned.
     pure subroutine judge(n, value, stat)
         integer, intent(in) :: n
         real(wp), intent(in) :: value(*)
@@ -256,14 +255,15 @@ contains
         if (transfer(value(n), unset) == unset) stat = -1
     end subroutine judge
 
-    !> What was stored by rows, by columns.
+    !> Convert storage by rows to storage by columns.
     pure subroutine from_rows(m, n, rows, value)
         integer, intent(in) :: m, n
         real(wp), intent(in) :: rows(n, m)
         real(wp), intent(inout) :: value(m, n)
         integer :: first, i, j
 
-        ! Four rows at a time, whose entries of a column are written as a whole, as elimination reads them soon; then two.
+        ! Four rows at a time, so that their entries in a column are written together, because elimination reads them soon; then
+        ! two.
         first = 1
         do while (first + 3 <= m)
             !GCC$ novector
@@ -287,7 +287,7 @@ contains
         if (modulo(m, 2) == 1) value(m, :) = rows(:, m)
     end subroutine from_rows
 
-    ! --- the procedures that the model's pointers lead to -----------------------------------------------------------------
+    ! --- procedures to which the model's pointers point -----------------------------------------------------------------------
 
     !> Several terms at once.
     subroutine evaluate(self, need, t, q, qd, terms, stat)
@@ -310,7 +310,7 @@ contains
         end select
     end subroutine evaluate
 
-    !> A vector of the user's; what has no v is given q in its place.
+    !> A vector of the user; procedures without an argument v receive q in its place.
     subroutine take_vector(self, term, t, q, v, value, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: term
@@ -327,13 +327,13 @@ contains
         end select
     end subroutine take_vector
 
-    !> The value (1) of a function of time, position and velocity that is no term, that of an event.
+    !> Value (1) of a user function of time, position and velocity that is not a term, such as that of an event.
     subroutine take_function(self, address, t, q, qd, value, stat)
         class(callback_model_type), intent(inout) :: self
         type(c_funptr), intent(in) :: address
         real(wp), intent(in) :: t, q(:), qd(:)
         real(wp), intent(out) :: value(:)
-        !> The user's status; negative where the value was not set.
+        !> Status of the user procedure; negative if the value was not set.
         integer, intent(out) :: stat
 
         call mark(size(value), value)
@@ -341,7 +341,7 @@ contains
         call judge(size(value), value, stat)
     end subroutine take_function
 
-    !> A matrix of the user's, into its place, which may be a part of a larger matrix.
+    !> A matrix of the user, stored in place, which may be a part of a larger matrix.
     subroutine take_matrix(self, term, t, q, v, value, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: term
@@ -370,7 +370,7 @@ contains
         end select
     end subroutine take_matrix
 
-    !> The time for terms that must not depend on it: a term that does so all the same gives NaN, which is noticed.
+    !> Time for terms that must not depend on it: a term that uses it becomes NaN, which is detected.
     pure real(wp) function no_time()
         no_time = ieee_value(no_time, ieee_quiet_nan)
     end function no_time

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The comparison of a caller's procedures with differences, in the words of the language that they are written in: the first that
-!> is wrong, the entry, and both values.
+!> Comparison of a caller's procedures with differences, reported in the terms of their language: the first wrong one, the entry,
+!> and both values.
 module tandem_legacy_comparison
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -16,21 +16,21 @@ module tandem_legacy_comparison
 
     public :: compare_procedures
 
-    !> Random states near the given one: as many as `tandem check` looks at.
+    !> Number of random states near the given one, as for `tandem check`.
     integer, parameter :: n_states = 10
-    !> Room for what is said of an entry.
+    !> Length of the description of an entry.
     integer, parameter :: place_length = label_length + 48
 
 contains
 
-    !> Compare every procedure of a model with differences of another one near (t, q, qd). What runs with the model does not
-    !> notice.
+    !> Compare every procedure of a model with differences of another one near (t, q, qd). A running simulation of the model is not
+    !> affected.
     subroutine compare_procedures(model, t, q, qd, error)
         class(callback_model_type), intent(inout), target :: model
         !> Time, coordinates and velocities (n).
         real(wp), intent(in) :: t, q(:), qd(:)
-        !> invalid_option where t, q or qd is not finite, invalid_model where something is missing or wrong, and else the status of
-        !> a procedure that could not be evaluated.
+        !> invalid_option if t, q or qd is not finite, invalid_model if something is missing or wrong, else the status of a
+        !> procedure that could not be evaluated.
         type(error_type), allocatable, intent(out) :: error
         type(finding_type), allocatable :: findings(:)
         integer :: segment
@@ -46,7 +46,7 @@ contains
         if (.not. allocated(error)) call tell_first(model, t, findings, error)
     end subroutine compare_procedures
 
-    !> The first procedure that is wrong, since those that are compared later may be off for that reason alone; how many they are.
+    !> Report the first wrong procedure, because later comparisons may fail for the same reason; and the number of wrong ones.
     subroutine tell_first(model, t, findings, error)
         class(callback_model_type), intent(in) :: model
         real(wp), intent(in) :: t
@@ -68,7 +68,7 @@ contains
                     trim(place(model, finding))//' near the state', 'let it give finite numbers there, or the status 1')
                 return
             else if (.not. ieee_is_finite(finding%expected)) then
-                ! Not the fault of what is compared: a value that differences are taken of is none.
+                ! Not an error of the compared procedure: a value from which differences are taken is not a number.
                 call set_error(error, status_invalid_model, trim(finding%name)//' cannot be compared: '// &
                     trim(source(model, finding))//' '//to_text(finding%expected)//' for '//trim(place(model, finding)), &
                     'see whether terms overflow in these units')
@@ -84,7 +84,7 @@ contains
         end associate
     end subroutine tell_first
 
-    !> What is wrong.
+    !> Subject of the report.
     pure function subject(model, finding) result(text)
         class(callback_model_type), intent(in) :: model
         type(finding_type), intent(in) :: finding
@@ -105,7 +105,7 @@ contains
         end select
     end function subject
 
-    !> An entry as the caller's language writes it, and the constraint that it belongs to.
+    !> An entry in the notation of the caller's language, and its constraint.
     pure function place(model, finding) result(text)
         class(callback_model_type), intent(in) :: model
         type(finding_type), intent(in) :: finding
@@ -116,14 +116,14 @@ contains
         case ('holonomic_jacobian', 'holonomic_rate', 'constraint_acceleration', 'jacobian_derivative', 'nu_derivative', &
             'gamma_q', 'gamma_qd')
             text = trim(text)//' (constraint "'//model%row_name(finding%row)//'")'
-        case default ! rows of the others are coordinates
+        case default ! Rows of the others are coordinates.
         end select
     end function place
 
     !> Indices of an entry: [0][2] in C, (1,3) in Fortran.
     pure function entry_text(by_rows, row, column) result(text)
         logical, intent(in) :: by_rows
-        !> From 1 on; column 0 for a vector.
+        !> From 1; column 0 for a vector.
         integer, intent(in) :: row, column
         character(len=40) :: text
 
@@ -137,7 +137,7 @@ contains
         end if
     end function entry_text
 
-    !> What an entry is compared with.
+    !> Source of the expected value.
     pure function source(model, finding) result(text)
         class(callback_model_type), intent(in) :: model
         type(finding_type), intent(in) :: finding

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What a caller of the C or the Fortran 77 interface has said of a problem: its model, what was chosen, the events; and the status
-!> and the message that every operation leaves. `tandem_legacy_problem` adds the run.
+!> Description of a problem by a caller of the C or the Fortran 77 interface: its model, options, events; and the status and message
+!> of the last operation. `tandem_legacy_problem` adds the run.
 module tandem_legacy_description
     use tandem_analysis_linearisation, only: linearisation_type
     use tandem_analysis_settling, only: settling_type
@@ -26,39 +26,39 @@ module tandem_legacy_description
 
     public :: description_type, check_sizes, message_of_no_problem, message_length
 
-    !> The message where there is no problem to keep one.
+    !> Message without a problem to store one.
     character(len=*), parameter :: message_of_no_problem = &
         'invalid_option: the handle is not that of a problem; make one with tandem_new or TDNEW'
     character(len=*), parameter :: message_of_success = 'ok: all went well'
-    !> More characters than any message takes; what is behind them is cut.
+    !> Upper bound of the length of messages; longer ones are cut.
     integer, parameter :: message_length = 2047
-    !> Matrices of more rows than this cannot be counted by default integers.
+    !> Largest number of rows of matrices whose size is a default integer.
     integer, parameter :: largest_n = 32767
-    !> A run keeps about so many matrices of n rows and columns.
+    !> Approximate number of matrices of n rows and columns in a run.
     integer, parameter :: n_matrices = 20
 
     type :: description_type
-        !> What runs: the user's procedures, or a mechanism, which there is not before it is complete.
+        !> Model of the run: the user's procedures, or a mechanism, which is null until it is complete.
         class(model_type), pointer :: model => null()
-        !> The user's procedures; of a mechanism only those of events.
+        !> User procedures; for a mechanism only those of events.
         class(callback_model_type), pointer :: callbacks => null()
-        !> Whether the model is to be a mechanism, and its keys.
+        !> True if the model is a mechanism; its keys.
         logical :: is_mechanism = .false.
         type(entries_type) :: keys
-        !> What was chosen; counts from the next start on.
+        !> Options, which take effect at the next start.
         type(options_type) :: options
-        !> What is asked of a start that is assembled.
+        !> Settings of an assembled start.
         type(assembly_type), private :: assembly
         type(event_list_type) :: events
         !> Status of the last operation.
         integer :: stat = status_ok
-        !> Message of the last operation, ended by a NUL. It never moves: callers of C keep its address, and `printf` may be handed
-        !> the address before the operation that the message is of.
+        !> Message of the last operation, terminated by a NUL. Its address never changes: callers of C may store it, and a call of
+        !> `printf` may evaluate it before the operation in another argument.
         character(kind=c_char) :: message(message_length + 1) = c_null_char
         logical, private :: sizes_can_be = .false.
-        !> Whether there is a run; a change of the model ends it.
+        !> True while there is a run; changing the model ends it.
         logical :: started = .false.
-        !> True while the user's procedures may be called: what those use must not change. To be read only.
+        !> True during calls of user procedures: data in use must not change. Read only.
         logical :: busy = .false.
     contains
         procedure :: set_up, await_mechanism, prepare, release, refuse
@@ -71,10 +71,10 @@ module tandem_legacy_description
 
 contains
 
-    !> Make a problem of a model without procedures. The status tells whether the sizes can be.
+    !> Create a problem for a model without procedures. The status states whether the sizes are valid.
     subroutine set_up(self, model, n, n_holonomic, n_nonholonomic)
         class(description_type), intent(inout) :: self
-        !> Now the problem's.
+        !> The problem takes over the pointer.
         class(callback_model_type), pointer, intent(in) :: model
         !> Numbers of coordinates, holonomic and nonholonomic constraints.
         integer, intent(in) :: n, n_holonomic, n_nonholonomic
@@ -91,7 +91,7 @@ contains
         call self%conclude(error)
     end subroutine set_up
 
-    !> The model is to be a mechanism, of which there is nothing yet.
+    !> Create a problem for a mechanism without keys.
     subroutine await_mechanism(self)
         class(description_type), intent(inout) :: self
 
@@ -100,7 +100,7 @@ contains
         call self%succeed()
     end subroutine await_mechanism
 
-    !> Work space for the user's procedures, whose sizes must be possible; a mechanism must be complete.
+    !> Allocate work space for the user's procedures, whose sizes must be valid; a mechanism must be complete.
     subroutine prepare(self, error)
         class(description_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
@@ -114,7 +114,7 @@ contains
         end if
     end subroutine prepare
 
-    !> False, with a status, where the model is a mechanism, whose equations are not the user's.
+    !> True if the model consists of user procedures; false, with a status, for a mechanism.
     logical function is_by_procedures(self)
         class(description_type), intent(inout) :: self
 
@@ -122,7 +122,7 @@ contains
         if (self%is_mechanism) call self%refuse('the equations of a mechanism are the library''s', 'describe it by its keys')
     end function is_by_procedures
 
-    !> Give everything back; false where a procedure of the user asks for it while it is called.
+    !> Release all memory; false if called from a user procedure.
     logical function release(self)
         class(description_type), intent(inout) :: self
 
@@ -135,7 +135,7 @@ contains
         deallocate (self%callbacks)
     end function release
 
-    !> Refuse sizes for which not even the work space can be allocated.
+    !> Refuse sizes whose work space cannot be allocated.
     subroutine check_sizes(model, error)
         class(callback_model_type), intent(in) :: model
         type(error_type), allocatable, intent(out) :: error
@@ -178,10 +178,10 @@ contains
         end if
     end subroutine conclude
 
-    !> End an operation that was asked for in a way that cannot be.
+    !> End an operation that was called with invalid arguments.
     subroutine refuse(self, message, advice)
         class(description_type), intent(inout) :: self
-        !> What is wrong, and what to do.
+        !> Problem and remedy.
         character(len=*), intent(in) :: message, advice
         type(error_type), allocatable :: error
 
@@ -189,7 +189,7 @@ contains
         call self%conclude(error)
     end subroutine refuse
 
-    !> False, with a status, while one of the user's procedures is being called.
+    !> False, with a status, during a call of a user procedure.
     logical function is_free(self)
         class(description_type), intent(inout) :: self
 
@@ -198,7 +198,7 @@ contains
             'call the interface from outside of the model''s procedures')
     end function is_free
 
-    !> The model is changed: what runs with it has ended, and must be started anew.
+    !> Change the model: its run ends and must be started again.
     subroutine change_model(self)
         class(description_type), intent(inout) :: self
 
@@ -206,14 +206,14 @@ contains
         call self%succeed()
     end subroutine change_model
 
-    !> Give a procedure of the model.
+    !> Set a procedure of the model.
     subroutine set_procedure(self, name, kind, address)
         class(description_type), intent(inout) :: self
-        !> Its name, in either case.
+        !> Name of the procedure, in either case.
         character(len=*), intent(in) :: name
-        !> Its argument list, see `tandem_legacy_terms`.
+        !> Kind of its argument list, see `tandem_legacy_terms`.
         integer, intent(in) :: kind
-        !> Null takes it back.
+        !> Null removes it.
         type(c_funptr), intent(in) :: address
         character(len=*), parameter :: arguments(3) = [character(len=10) :: '(t, q)', '(t, q, qd)', '(t, q, x)']
         integer :: term
@@ -233,12 +233,12 @@ contains
         end if
     end subroutine set_procedure
 
-    !> Give a procedure of several terms.
+    !> Set a procedure of several terms.
     subroutine set_evaluate(self, address, provides)
         class(description_type), intent(inout) :: self
-        !> Null takes it back.
+        !> Null removes it.
         type(c_funptr), intent(in) :: address
-        !> What it gives, a sum of need bits; anything where it is taken back.
+        !> Provided terms, a sum of need bits; ignored if the procedure is removed.
         integer, intent(in) :: provides
         integer, parameter :: all_terms = need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force
 
@@ -253,7 +253,7 @@ contains
         end if
     end subroutine set_evaluate
 
-    !> End an operation that went well.
+    !> End a successful operation.
     subroutine succeed(self)
         class(description_type), intent(inout) :: self
         type(error_type), allocatable :: no_error
@@ -261,8 +261,8 @@ contains
         call self%conclude(no_error)
     end subroutine succeed
 
-    !> Set an option to one of a number, an integer and a word; or constant_mass, which is the model's, to an integer that is not 0;
-    !> or what is asked of a start that is assembled.
+    !> Set an option to a number, an integer or a word; or constant_mass, which belongs to the model, to an integer, nonzero for
+    !> true; or a setting of an assembled start.
     subroutine set_named(self, name, number, whole, word)
         class(description_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -282,9 +282,9 @@ contains
         end if
     end subroutine set_named
 
-    !> Set a list of numbers of the model: coordinate_scale (n), breakpoints, nu_jumps (as many; not 0 means that nu jumps),
-    !> mass_blocks (sizes of the diagonal blocks of M); of a start that is assembled: weight_q, weight_qd, fixed_q, fixed_qd (n; not
-    !> 0 means that it stays); or of the options. No numbers take the list back.
+    !> Set a list of numbers of the model: coordinate_scale (n), breakpoints, nu_jumps (as many; nonzero if nu jumps), mass_blocks
+    !> (sizes of the diagonal blocks of M); of an assembled start: weight_q, weight_qd, fixed_q, fixed_qd (n; nonzero if fixed); or
+    !> of the options. An empty list removes it.
     subroutine set_vector(self, name, values)
         class(description_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -320,7 +320,7 @@ contains
     !> Name a constraint row, for messages.
     subroutine set_row_name(self, row, name)
         class(description_type), intent(inout) :: self
-        !> Row of C from 1 on, holonomic rows first.
+        !> Row of C from 1, holonomic rows first.
         integer, intent(in) :: row
         character(len=*), intent(in) :: name
         character(len=label_length), allocatable :: names(:)
@@ -346,13 +346,13 @@ contains
         call self%succeed()
     end subroutine set_row_name
 
-    !> Ask for one more event, which counts from the next start on.
+    !> Add an event, which takes effect at the next start.
     subroutine add_event(self, name, direction, stops, quantity, index, value, function_)
         class(description_type), intent(inout) :: self
         character(len=*), intent(in) :: name
-        !> +1 where it rises, -1 where it falls, 0 both; not 0: the run ends there.
+        !> +1 for a rise, -1 for a fall, 0 for both; not 0: the run ends there.
         integer, intent(in) :: direction, stops
-        !> What is watched, its entry from 1 on, and its value; or a function.
+        !> Watched quantity, its entry from 1, and the value; or a function.
         character(len=*), intent(in), optional :: quantity
         integer, intent(in), optional :: index
         real(wp), intent(in), optional :: value
@@ -364,7 +364,7 @@ contains
         call self%conclude(error)
     end subroutine add_event
 
-    !> Ask for no events from the next start on.
+    !> Remove all events from the next start on.
     subroutine clear_events(self)
         class(description_type), intent(inout) :: self
 
@@ -373,7 +373,7 @@ contains
         call self%succeed()
     end subroutine clear_events
 
-    !> Compare the procedures with differences of each other near (t, q, qd). A run that is under way does not notice.
+    !> Compare the procedures with differences of each other near (t, q, qd). A current run is not affected.
     subroutine check(self, t, q, qd)
         class(description_type), intent(inout) :: self
         !> Time, coordinates and velocities (n).
@@ -391,15 +391,15 @@ contains
         call self%conclude(error)
     end subroutine check
 
-    !> Eigenvalues of small motions about (t, q, qd), which satisfies the constraints. A run that is under way does not notice.
+    !> Eigenvalues of small motions about (t, q, qd), which satisfies the constraints. A current run is not affected.
     subroutine linearise(self, t, q, qd, count, re, im, a)
         class(description_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(*), qd(*)
-        !> How many there are, at most 2 n.
+        !> Number of eigenvalues, at most 2 n.
         integer, intent(out) :: count
-        !> Their parts (count), sorted by the real ones.
+        !> Real and imaginary parts (count), sorted by the real parts.
         real(wp), intent(inout) :: re(*), im(*)
-        !> The matrix (count, count), one column after the other.
+        !> Matrix (count, count), by columns.
         real(wp), intent(inout), optional :: a(*)
         type(linearisation_type), allocatable :: it
         type(error_type), allocatable :: error
@@ -422,11 +422,11 @@ contains
         call self%conclude(error)
     end subroutine linearise
 
-    !> Move q to the nearest equilibrium at t, stable or not. A run that is under way does not notice.
+    !> Move q to the nearest equilibrium at t, stable or not. A current run is not affected.
     subroutine find_equilibrium(self, t, q)
         class(description_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        !> Coordinates (n); unchanged where none is found.
+        !> Coordinates (n); unchanged if none is found.
         real(wp), intent(inout) :: q(*)
         type(settling_type), allocatable :: settling
         type(error_type), allocatable :: error
@@ -443,13 +443,13 @@ contains
         call self%conclude(error)
     end subroutine find_equilibrium
 
-    !> Move (q, qd) to the nearest steady motion at t. A run that is under way does not notice.
+    !> Move (q, qd) to the nearest steady motion at t. A current run is not affected.
     subroutine find_steady_motion(self, t, q, qd, motions)
         class(description_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        !> Coordinates and velocities (n); unchanged where none is found.
+        !> Coordinates and velocities (n); unchanged if none is found.
         real(wp), intent(inout) :: q(*), qd(*)
-        !> Along which motions: words of `find_steady_from_words`, with blanks or commas between them.
+        !> Motions to be steady: words of `find_steady_from_words`, separated by blanks or commas.
         character(len=*), intent(in) :: motions
         type(settling_type), allocatable :: settling
         type(error_type), allocatable :: error
@@ -469,11 +469,11 @@ contains
         call self%conclude(error)
     end subroutine find_steady_motion
 
-    !> Move (q, qd) to the nearest state at t that satisfies the constraints. A run that is under way does not notice.
+    !> Move (q, qd) to the nearest state at t that satisfies the constraints. A current run is not affected.
     subroutine assemble_start(self, t, q, qd)
         class(description_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        !> Coordinates and velocities (n); unchanged where there is no such state, or none near enough.
+        !> Coordinates and velocities (n); unchanged if there is no such state, or none close enough.
         real(wp), intent(inout) :: q(*), qd(*)
         type(error_type), allocatable :: error
         integer :: segment
@@ -490,7 +490,7 @@ contains
         call self%conclude(error)
     end subroutine assemble_start
 
-    !> Keep a message as C reads it, as far as there is room.
+    !> Store a message for C, cut to its room.
     subroutine set_message(self, text)
         class(description_type), intent(inout) :: self
         character(len=*), intent(in) :: text

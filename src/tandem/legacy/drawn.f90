@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Problems whose model is a mechanism: its keys are given one by one, then it is built of them, and tells what it is.
+!> Problems whose model is a mechanism: keys are set one by one, then the mechanism is built from them and can be queried.
 module tandem_legacy_drawn
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -17,12 +17,12 @@ module tandem_legacy_drawn
 
 contains
 
-    !> Give a key a value as text; a later one takes the place of an earlier one.
+    !> Set the value of a key by a text; a later value replaces an earlier one.
     subroutine set_key(problem, key, text)
         class(description_type), intent(inout) :: problem
-        !> Such as body.rod.mass; blanks at its end do not count.
+        !> Such as body.rod.mass; trailing blanks are ignored.
         character(len=*), intent(in) :: key
-        !> As scene files have it: a number, "a text", true, false, or a list of these in brackets.
+        !> As in scene files: a number, "a text", true, false, or a list of these in brackets.
         character(len=*), intent(in) :: text
         type(value_type) :: value
         logical :: is_good
@@ -37,10 +37,10 @@ contains
         end if
     end subroutine set_key
 
-    !> Give a key a value.
+    !> Set the value of a key.
     subroutine set_value(problem, key, value)
         class(description_type), intent(inout) :: problem
-        !> As of `set_key`.
+        !> As in `set_key`.
         character(len=*), intent(in) :: key
         type(value_type), intent(in) :: value
 
@@ -56,7 +56,7 @@ contains
         end if
     end subroutine set_value
 
-    !> False, with a status, where the problem takes no keys.
+    !> False, with a status, if the problem takes no keys.
     logical function is_open(problem)
         class(description_type), intent(inout) :: problem
 
@@ -69,12 +69,13 @@ contains
         end if
     end function is_open
 
-    !> Build the mechanism of its keys. Where that fails, keys can be mended and it can be tried again.
+    !> Build the mechanism from its keys. After a failure keys can be corrected and the call repeated.
     subroutine define_mechanism(problem, planar, may_be_open, times)
         class(description_type), intent(inout) :: problem
-        !> Whether bodies move in the plane; whether joints need not meet in the drawing, since the start will be assembled.
+        !> True if bodies move in the plane; true if joints may be open in the reference configuration, because the start will be
+        !> assembled.
         logical, intent(in) :: planar, may_be_open
-        !> Start and end of the runs, between which kinks of functions of time are looked for (s).
+        !> Start and end of the runs, between which kinks of functions of time are searched (s).
         real(wp), intent(in) :: times(2)
         type(mechanism_type), pointer :: mechanism
         type(shown_type), allocatable :: shown(:)
@@ -96,7 +97,7 @@ contains
         call problem%conclude(error)
     end subroutine define_mechanism
 
-    !> Coordinates and velocities of the drawing.
+    !> Coordinates and velocities of the reference configuration.
     subroutine get_drawing(problem, q, qd)
         class(description_type), intent(inout) :: problem
         !> (n)
@@ -110,12 +111,12 @@ contains
         call problem%succeed()
     end subroutine get_drawing
 
-    !> The name of a coordinate, its unit, or the name of a row.
+    !> Name of a coordinate, its unit, or name of a row.
     subroutine get_name(problem, what, i, text)
         class(description_type), intent(inout) :: problem
         !> coordinate, unit or row.
         character(len=*), intent(in) :: what
-        !> From 1 on.
+        !> From 1.
         integer, intent(in) :: i
         character(len=:), allocatable, intent(out) :: text
         integer :: n
@@ -140,7 +141,7 @@ contains
         end associate
     end subroutine get_name
 
-    !> False, with a status, where there is no mechanism yet.
+    !> False, with a status, if there is no mechanism yet.
     logical function is_complete(problem)
         class(description_type), intent(inout) :: problem
 

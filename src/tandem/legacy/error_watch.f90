@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The error of a run of a caller from another language by a second, more accurate one: the run is watched from its start to an end
-!> that is known before, however many calls it takes, then the second one is made.
+!> Error of a run of a caller from another language, by a second, more accurate run: the run is recorded from its start to an end
+!> given in advance, over any number of calls, then the second one is made.
 module tandem_legacy_error_watch
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
@@ -15,15 +15,15 @@ module tandem_legacy_error_watch
 
     public :: error_watch_type
 
-    !> What is known of the error of a run.
+    !> Error of a run.
     type :: error_watch_type
         type(global_error_type) :: global_error
-        !> Why the second run has failed.
+        !> Reason of a failure of the second run.
         type(error_type), allocatable :: failure
-        !> Whether the run is watched and has not reached the end yet; where that is.
+        !> True while the run is recorded and has not reached the end; the end.
         logical, private :: is_on = .false.
         real(wp), private :: t_end = 0.0_wp
-        !> Whether it was watched from its start on, and that (n).
+        !> True if it was recorded from its start; the start (n).
         logical, private :: has_begun = .false.
         real(wp), allocatable, private :: q(:), qd(:)
     contains
@@ -32,11 +32,11 @@ module tandem_legacy_error_watch
 
 contains
 
-    !> Watch a run that stands at its start.
+    !> Record a run that is at its start.
     subroutine begin(self, simulation, t_end, error)
         class(error_watch_type), intent(inout) :: self
         type(simulation_type), intent(in) :: simulation
-        !> Where the errors are to be known.
+        !> Time at which the error is to be estimated.
         real(wp), intent(in) :: t_end
         type(error_type), allocatable, intent(out) :: error
         type(statistics_type) :: statistics
@@ -57,7 +57,7 @@ contains
         end if
     end subroutine begin
 
-    !> There is another run, or none.
+    !> Reset for another run, or none.
     subroutine forget(self)
         class(error_watch_type), intent(inout) :: self
 
@@ -67,7 +67,7 @@ contains
         if (allocated(self%failure)) deallocate (self%failure)
     end subroutine forget
 
-    !> Integrate to t_end; a run that is watched to an earlier one ends a step there.
+    !> Integrate to t_end; if an earlier end was given for the estimate, a step ends there.
     subroutine integrate(self, simulation, t_end, error)
         class(error_watch_type), intent(inout) :: self
         type(simulation_type), intent(inout) :: simulation
@@ -82,7 +82,7 @@ contains
         call simulation%integrate(t_end, error)
     end subroutine integrate
 
-    !> One step that does not pass t_limit, nor the end to which the run is watched.
+    !> One step that does not pass t_limit, nor the end given for the estimate.
     subroutine step(self, simulation, t_limit, error)
         class(error_watch_type), intent(inout) :: self
         type(simulation_type), intent(inout) :: simulation
@@ -100,13 +100,13 @@ contains
         if (.not. (self%is_on .or. allocated(error))) call self%global_error%observe(simulation, at_end, error)
     end subroutine step
 
-    !> Make the second run; what goes on with the first one does not notice.
+    !> Make the second run; the first one can be continued unaffected.
     subroutine estimate(self, model, simulation, error)
         class(error_watch_type), intent(inout) :: self
-        !> That of the run.
+        !> Model of the run.
         class(model_type), intent(inout), target :: model
         type(simulation_type), intent(in) :: simulation
-        !> invalid_option where the run was not watched or is not at the end yet; why the second one failed.
+        !> invalid_option if the run was not recorded or is not at the end yet; else the reason of a failure of the second run.
         type(error_type), allocatable, intent(out) :: error
         integer :: segment
 

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Events of a caller from another language: a coordinate, a velocity or a multiplier that reaches a value, or a function of the
-!> caller's that passes through zero. They are recorded or stop the run.
+!> Events of a caller from another language: a coordinate, a velocity or a multiplier reaches a value, or a function of the caller
+!> passes through zero. They are recorded or stop the run.
 module tandem_legacy_events
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -17,10 +17,10 @@ module tandem_legacy_events
 
     public :: event_list_type
 
-    !> What can be watched.
+    !> Quantities that can be watched.
     character(len=6), parameter :: quantities(3) = [character(len=6) :: 'q', 'qd', 'lambda']
 
-    !> A threshold, or a function where there is one.
+    !> A threshold, or a function if there is one.
     type, extends(threshold_event_type) :: callback_event_type
         class(callback_model_type), pointer :: model => null()
         type(c_funptr) :: function_ = c_null_funptr
@@ -28,7 +28,7 @@ module tandem_legacy_events
         procedure :: evaluate
     end type callback_event_type
 
-    !> What was asked for, which counts from the next start on, and what the run watches, which does not move.
+    !> Requested events, which take effect at the next start, and events of the current run, which do not move in memory.
     type :: event_list_type
         type(callback_event_type), allocatable, private :: wanted(:)
         type(callback_event_type), pointer, private :: watched(:) => null()
@@ -38,16 +38,16 @@ module tandem_legacy_events
 
 contains
 
-    !> Ask for one more event: a quantity, its entry and a value, or a function.
+    !> Add an event: a quantity, its entry and a value, or a function.
     subroutine add(self, model, name, direction, stops, error, quantity, index, value, function_)
         class(event_list_type), intent(inout) :: self
         class(callback_model_type), pointer, intent(in) :: model
-        !> Of its own.
+        !> Unique name.
         character(len=*), intent(in) :: name
         !> See `event_type`.
         integer, intent(in) :: direction
         logical, intent(in) :: stops
-        !> invalid_option where it cannot be.
+        !> invalid_option if the event is invalid.
         type(error_type), allocatable, intent(out) :: error
         !> See `threshold_event_type`; in either case.
         character(len=*), intent(in), optional :: quantity
@@ -100,14 +100,14 @@ contains
         end subroutine refuse
     end subroutine add
 
-    !> Ask for no events any more.
+    !> Remove all requested events.
     subroutine clear(self)
         class(event_list_type), intent(inout) :: self
 
         if (allocated(self%wanted)) deallocate (self%wanted)
     end subroutine clear
 
-    !> Let a run that has just been started watch what is asked for; it and the run before watch nothing else any more.
+    !> Attach the requested events to a run that has just started, in place of all previous ones.
     subroutine watch(self, simulation)
         class(event_list_type), intent(inout) :: self
         type(simulation_type), intent(inout) :: simulation
@@ -121,7 +121,7 @@ contains
         end do
     end subroutine watch
 
-    !> Forget what a run watches that has ended.
+    !> Remove the events of a run that has ended.
     subroutine release(self)
         class(event_list_type), intent(inout) :: self
 
@@ -129,7 +129,7 @@ contains
         self%watched => null()
     end subroutine release
 
-    !> The number of the event that has stopped the run; 0 where none has.
+    !> Index of the event that has stopped the run; 0 if none has.
     integer function stopped_by(self, simulation)
         class(event_list_type), intent(in) :: self
         type(simulation_type), intent(in) :: simulation
@@ -141,7 +141,7 @@ contains
         end do
     end function stopped_by
 
-    !> The caller's function, or the quantity less the value.
+    !> The caller's function, or the quantity minus the value.
     subroutine evaluate(self, t, q, qd, lambda, value, stat)
         class(callback_event_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), lambda(:)

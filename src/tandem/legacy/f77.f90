@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
-! The Fortran 77 interface: external subroutines, so that callers need no module. doc/linking.md describes them;
-! include/tandem.inc holds the named constants. Names have six characters at most, as the language has it.
+! The Fortran 77 interface: external subroutines, so that callers need no module. doc/linking.md describes them; include/tandem.inc
+! contains the named constants. Names have at most six characters, as required by the language.
 !
-! H(4) is a handle, IERR the status. RPAR and IPAR are handed through to the procedures of the model in each call that may
-! call them. What callers see of this file is kept in include/interface.txt.
+! H(4) is a handle, IERR the status. RPAR and IPAR are passed through to the procedures of the model in each call that may call
+! them. The public part of this file is listed in include/interface.txt.
 
-!> The version of the interface, to be compared with TDIVER of the include file.
+!> Version of the interface, to be compared with TDIVER of the include file.
 subroutine tdvers(iver)
     use tandem_legacy_version, only: interface_version
     implicit none (type, external)
@@ -14,7 +14,7 @@ subroutine tdvers(iver)
     iver = interface_version
 end subroutine tdvers
 
-!> A new problem with N coordinates, NH holonomic and ND nonholonomic constraints.
+!> Create a problem with N coordinates, NH holonomic and ND nonholonomic constraints.
 subroutine tdnew(h, n, nh, nd, ierr)
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_f77_model, only: f77_model_type
@@ -36,7 +36,7 @@ subroutine tdnew(h, n, nh, nd, ierr)
     call to_handle(new_handle(callback_model, n, nh, nd, ierr), h)
 end subroutine tdnew
 
-!> Give a problem back. The handle is then zero.
+!> Free a problem. The handle becomes zero.
 subroutine tdfree(h, ierr)
     use tandem_legacy_handle, only: give_back, problem_of, to_address
     use tandem_legacy_problem, only: problem_type
@@ -57,7 +57,7 @@ subroutine tdfree(h, ierr)
     ierr = status_ok
 end subroutine tdfree
 
-!> The text of the last IERR.
+!> Text of the last IERR.
 subroutine tdtext(h, text)
     use tandem_legacy_description, only: message_length, message_of_no_problem
     use tandem_legacy_handle, only: problem_of, to_address
@@ -77,11 +77,11 @@ subroutine tdtext(h, text)
         if (problem%message(i) == c_null_char) exit
         if (i <= len(text)) text(i:i) = problem%message(i)
     end do
-    ! What is cut says so.
+    ! Mark a text that is cut.
     if (i - 1 > len(text)) text(max(1, len(text) - 2):) = '...'
 end subroutine tdtext
 
-!> Give a procedure of (T, Q): the subroutine SUB(N, M, T, Q, VAL, RPAR, IPAR, ISTAT), or TDNONE.
+!> Set a procedure of (T, Q): the subroutine SUB(N, M, T, Q, VAL, RPAR, IPAR, ISTAT), or TDNONE.
 subroutine tdpos(h, name, sub, ierr)
     use tandem_legacy_f77_model, only: f77_position, found, problem_type, unless_none
     use tandem_legacy_terms, only: of_position
@@ -98,7 +98,7 @@ subroutine tdpos(h, name, sub, ierr)
     ierr = problem%stat
 end subroutine tdpos
 
-!> Give a procedure of (T, Q, QD): the subroutine SUB(N, M, T, Q, QD, VAL, RPAR, IPAR, ISTAT), or TDNONE.
+!> Set a procedure of (T, Q, QD): the subroutine SUB(N, M, T, Q, QD, VAL, RPAR, IPAR, ISTAT), or TDNONE.
 subroutine tdmot(h, name, sub, ierr)
     use tandem_legacy_f77_model, only: f77_motion, found, problem_type, unless_none
     use tandem_legacy_terms, only: of_motion
@@ -115,7 +115,7 @@ subroutine tdmot(h, name, sub, ierr)
     ierr = problem%stat
 end subroutine tdmot
 
-!> Give a procedure of (T, Q, X): the subroutine SUB(N, M, T, Q, X, VAL, RPAR, IPAR, ISTAT), or TDNONE.
+!> Set a procedure of (T, Q, X): the subroutine SUB(N, M, T, Q, X, VAL, RPAR, IPAR, ISTAT), or TDNONE.
 subroutine tddir(h, name, sub, ierr)
     use tandem_legacy_f77_model, only: f77_direction, found, problem_type, unless_none
     use tandem_legacy_terms, only: of_direction
@@ -132,8 +132,8 @@ subroutine tddir(h, name, sub, ierr)
     ierr = problem%stat
 end subroutine tddir
 
-!> Give a procedure of several terms, SUB(NEED, N, NH, ND, T, Q, QD, PHI, C, ANU, GAM, AM, F, RPAR, IPAR, ISTAT), or TDNONE;
-!> IPROV is the sum of the constants of those that it gives, and anything with TDNONE.
+!> Set a procedure of several terms, SUB(NEED, N, NH, ND, T, Q, QD, PHI, C, ANU, GAM, AM, F, RPAR, IPAR, ISTAT), or TDNONE; IPROV is
+!> the sum of the constants of the provided terms, ignored with TDNONE.
 subroutine tdeval(h, sub, iprov, ierr)
     use tandem_legacy_f77_model, only: f77_evaluate, found, problem_type, unless_none
     use, intrinsic :: iso_c_binding, only: c_funloc
@@ -213,7 +213,7 @@ subroutine tdsetv(h, name, k, values, ierr)
     ierr = problem%stat
 end subroutine tdsetv
 
-!> Name the constraint row I, from 1 on, holonomic rows first.
+!> Name the constraint row I, from 1, holonomic rows first.
 subroutine tdrow(h, i, name, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -227,8 +227,8 @@ subroutine tdrow(h, i, name, ierr)
     ierr = problem%stat
 end subroutine tdrow
 
-!> Watch the entry I of QUANT, which is q, qd or lambda, for the value VALUE; IDIR: 1 where it rises through that, -1 where it
-!> falls, 0 both; ISTOP not 0: the run ends there.
+!> Watch the entry I of QUANT, which is q, qd or lambda, for the value VALUE; IDIR: 1 for a rise through it, -1 for a fall, 0 for
+!> both; ISTOP not 0: the run ends there.
 subroutine tdevnt(h, name, quant, i, value, idir, istop, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -259,7 +259,7 @@ subroutine tdevfn(h, name, sub, idir, istop, ierr)
     ierr = problem%stat
 end subroutine tdevfn
 
-!> Watch nothing from the next start on.
+!> Remove all events from the next start on.
 subroutine tdevcl(h, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -272,7 +272,7 @@ subroutine tdevcl(h, ierr)
     ierr = problem%stat
 end subroutine tdevcl
 
-!> How many events were recorded.
+!> Number of recorded events.
 subroutine tdnevt(h, n, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -286,8 +286,8 @@ subroutine tdnevt(h, n, ierr)
     ierr = problem%stat
 end subroutine tdnevt
 
-!> The event of place I in the order of time: which one it is, NUMBER, how it passed through zero, IDIR, when, T, and where, Q(N),
-!> QD(N).
+!> Event at place I in the order of time: its index NUMBER, the direction IDIR in which it passed through zero, the time T and the
+!> state Q(N), QD(N).
 subroutine tdgevt(h, i, number, idir, t, q, qd, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -306,7 +306,7 @@ subroutine tdgevt(h, i, number, idir, t, q, qd, ierr)
     ierr = problem%stat
 end subroutine tdgevt
 
-!> Which event has stopped the run; 0 where none has.
+!> Index of the event that has stopped the run; 0 if none has.
 subroutine tdstop(h, number, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -397,8 +397,8 @@ subroutine tdstrt(h, t, q, qd, rpar, ipar, ierr)
     ierr = problem%stat
 end subroutine tdstrt
 
-!> Integrate to TEND; where that is the current time, nothing is done. T, Q(N), QD(N) are then the state reached, also after a
-!> failure on the way.
+!> Integrate to TEND; if this is the current time, nothing is done. T, Q(N), QD(N) are then the state reached, also after a failure
+!> before TEND.
 subroutine tdintg(h, t, q, qd, tend, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -500,7 +500,7 @@ subroutine tdstat(h, name, value, ierr)
     ierr = problem%stat
 end subroutine tdstat
 
-!> How many warnings the run has.
+!> Number of warnings of the run.
 subroutine tdnwrn(h, nwarn, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -514,7 +514,7 @@ subroutine tdnwrn(h, nwarn, ierr)
     ierr = problem%stat
 end subroutine tdnwrn
 
-!> The text of warning I, from 1 on; what is longer than TEXT is cut.
+!> Text of warning I, from 1, cut to the length of TEXT.
 subroutine tdwarn(h, i, text, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -531,7 +531,7 @@ subroutine tdwarn(h, i, text, ierr)
     ierr = problem%stat
 end subroutine tdwarn
 
-!> Save the run in the integers ISAVE(NSAVE), of which N are used; with NSAVE = 0, N alone is given.
+!> Save the run in the integers ISAVE(NSAVE), of which N are used; with NSAVE = 0 only N is returned.
 subroutine tdsave(h, nsave, isave, n, ierr)
     use tandem_error, only: to_text
     use tandem_kinds, only: long
@@ -558,11 +558,11 @@ subroutine tdsave(h, nsave, isave, n, ierr)
         end if
         ierr = problem%stat
     end if
-    ! Last, for callers who give one variable for both numbers.
+    ! Last, for callers that pass one variable for both numbers.
     n = needed
 end subroutine tdsave
 
-!> Take up the run that TDSAVE has put into ISAVE(N).
+!> Continue the run that TDSAVE has stored in ISAVE(N).
 subroutine tdrest(h, n, isave, ierr)
     use tandem_kinds, only: long
     use tandem_legacy_f77_model, only: found, problem_type
@@ -581,8 +581,8 @@ subroutine tdrest(h, n, isave, ierr)
     ierr = problem%stat
 end subroutine tdrest
 
-!> Which smooth piece of the model's functions of time is current, 1 before the first breakpoint; 0 where H is no handle.
-!> May be called from the procedures of the model.
+!> Number of the current smooth piece of the model's functions of time, 1 before the first breakpoint; 0 for an invalid H. May be
+!> called from the procedures of the model.
 subroutine tdsegm(h, iseg)
     use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type

@@ -1,8 +1,7 @@
 ! SPDX-License-Identifier: MIT
 ! Subroutines of the Fortran 77 interface about equilibria and linearised systems; the others are in f77.f90.
 
-!> Eigenvalues RE(K), IM(K) of small motions about T, Q(N), QD(N), and the matrix A(K*K), one column after the other; K is at most
-!> 2 N.
+!> Eigenvalues RE(K), IM(K) of small motions about T, Q(N), QD(N), and the matrix A(K*K), by columns; K is at most 2 N.
 subroutine tdlin(h, t, q, qd, k, re, im, a, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -36,8 +35,8 @@ subroutine tdequi(h, t, q, rpar, ipar, ierr)
     ierr = problem%stat
 end subroutine tdequi
 
-!> Move Q(N), QD(N) to the nearest steady motion at T along MOTION: names with blanks or commas between them, NAME=RATE where a rate
-!> is held; a blank text for all symmetries.
+!> Move Q(N), QD(N) to the nearest steady motion at T along MOTION: names separated by blanks or commas, NAME=RATE for a given rate;
+!> a blank text for all symmetries.
 subroutine tdstdy(h, t, q, qd, motion, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-! Subroutines of the Fortran 77 interface about mechanisms that are described by keys; the others are in f77.f90. Blanks at the ends
-! of keys and values do not count.
+! Subroutines of the Fortran 77 interface for mechanisms described by keys; the others are in f77.f90. Trailing blanks of keys and
+! values are ignored.
 
-!> A problem whose model is to be a mechanism.
+!> Create a problem for a mechanism.
 subroutine tdmech(h, ierr)
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_f77_model, only: f77_model_type, found, problem_type
@@ -26,7 +26,7 @@ subroutine tdmech(h, ierr)
     ierr = problem%stat
 end subroutine tdmech
 
-!> Give the key KEY a value as scene files have it: '1.5', '"a text"', 'true', '[0, "l/2"]'.
+!> Set the key KEY to a value as in scene files: '1.5', '"a text"', 'true', '[0, "l/2"]'.
 subroutine tdkey(h, key, value, ierr)
     use tandem_legacy_drawn, only: set_key
     use tandem_legacy_f77_model, only: found, problem_type
@@ -41,7 +41,7 @@ subroutine tdkey(h, key, value, ierr)
     ierr = problem%stat
 end subroutine tdkey
 
-!> Give the key KEY the number X.
+!> Set the key KEY to the number X.
 subroutine tdknum(h, key, x, ierr)
     use tandem_legacy_drawn, only: set_value
     use tandem_legacy_f77_model, only: found, problem_type, wp
@@ -58,7 +58,7 @@ subroutine tdknum(h, key, x, ierr)
     ierr = problem%stat
 end subroutine tdknum
 
-!> Give the key KEY the text TEXT, without quotes: a word, a name, or an expression.
+!> Set the key KEY to the text TEXT, without quotes: a word, a name, or an expression.
 subroutine tdktxt(h, key, text, ierr)
     use tandem_legacy_drawn, only: set_value
     use tandem_legacy_f77_model, only: found, problem_type
@@ -74,7 +74,7 @@ subroutine tdktxt(h, key, text, ierr)
     ierr = problem%stat
 end subroutine tdktxt
 
-!> Give the key KEY the list of numbers X(N).
+!> Set the key KEY to the list of numbers X(N).
 subroutine tdkvec(h, key, n, x, ierr)
     use tandem_legacy_drawn, only: set_value
     use tandem_legacy_f77_model, only: found, problem_type, wp
@@ -104,8 +104,8 @@ subroutine tdkvec(h, key, n, x, ierr)
     ierr = problem%stat
 end subroutine tdkvec
 
-!> Build the mechanism of its keys. IPLAN not 0: in the plane; IOPEN not 0: joints need not meet in the drawing; kinks of functions
-!> of time are looked for from T0 to T1.
+!> Build the mechanism from its keys. IPLAN not 0: in the plane; IOPEN not 0: joints may be open in the reference configuration;
+!> kinks of functions of time are searched from T0 to T1.
 subroutine tddefn(h, iplan, iopen, t0, t1, ierr)
     use tandem_legacy_drawn, only: define_mechanism
     use tandem_legacy_f77_model, only: found, problem_type, wp
@@ -120,7 +120,7 @@ subroutine tddefn(h, iplan, iopen, t0, t1, ierr)
     ierr = problem%stat
 end subroutine tddefn
 
-!> Numbers of coordinates, holonomic and nonholonomic constraints; zeros where there is no model yet.
+!> Numbers of coordinates, holonomic and nonholonomic constraints; zeros if there is no model yet.
 subroutine tdsize(h, n, nh, nd, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -141,7 +141,7 @@ subroutine tdsize(h, n, nh, nd, ierr)
     ierr = problem%stat
 end subroutine tdsize
 
-!> The state of the drawing, Q(N) and QD(N).
+!> State of the reference configuration, Q(N) and QD(N).
 subroutine tddraw(h, q, qd, ierr)
     use tandem_legacy_drawn, only: get_drawing
     use tandem_legacy_f77_model, only: found, problem_type, wp
@@ -156,7 +156,7 @@ subroutine tddraw(h, q, qd, ierr)
     ierr = problem%stat
 end subroutine tddraw
 
-!> The name of coordinate I (WHAT = 'coordinate'), its unit ('unit'), or the name of constraint row I ('row'), from 1 on.
+!> Name of coordinate I (WHAT = 'coordinate'), its unit ('unit'), or name of constraint row I ('row'), from 1.
 subroutine tdname(h, what, i, text, ierr)
     use tandem_legacy_drawn, only: get_name
     use tandem_legacy_f77_model, only: found, problem_type

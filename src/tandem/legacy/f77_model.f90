@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> A model whose procedures are external subroutines in the style of Fortran 77, with RPAR and IPAR handed through.
+!> A model whose procedures are external subroutines in the style of Fortran 77; RPAR and IPAR are passed through.
 module tandem_legacy_f77_model
     use tandem_kinds, only: wp
     use tandem_legacy_callback_model, only: callback_model_type
@@ -14,7 +14,7 @@ module tandem_legacy_f77_model
     private
 
     public :: f77_model_type, unless_none, found, f77_position, f77_motion, f77_direction, f77_evaluate
-    ! What the subroutines of the interface need besides.
+    ! Also needed by the subroutines of the interface.
     public :: problem_type, wp
 
     abstract interface
@@ -26,9 +26,9 @@ module tandem_legacy_f77_model
             integer, intent(in) :: n, m
             !> Time; coordinates (n).
             real(wp), intent(in) :: t, q(*)
-            !> The term, all of it.
+            !> The complete term.
             real(wp), intent(inout) :: val(*)
-            !> The caller's own.
+            !> Arrays of the caller.
             real(wp), intent(inout) :: rpar(*)
             integer, intent(inout) :: ipar(*)
             !> 0 on entry; > 0 cannot be evaluated here, < 0 stop.
@@ -61,7 +61,7 @@ module tandem_legacy_f77_model
         subroutine f77_evaluate(need, n, nh, nd, t, q, qd, phi, c, anu, gam, am, f, rpar, ipar, istat)
             import :: wp
             implicit none (type, external)
-            !> The terms wanted, a sum of need bits; numbers of coordinates, holonomic and nonholonomic constraints.
+            !> Requested terms, a sum of need bits; numbers of coordinates, holonomic and nonholonomic constraints.
             integer, intent(in) :: need, n, nh, nd
             real(wp), intent(in) :: t, q(*), qd(*)
             !> PHI(NH), C(NH + ND, N), ANU(NH + ND), GAM(NH + ND), AM(N, N), F(N).
@@ -72,7 +72,7 @@ module tandem_legacy_f77_model
     end interface
 
     abstract interface
-        !> `f77_evaluate` as it is called: arrays by their addresses, which is how Fortran 77 hands them over.
+        !> `f77_evaluate` as called: arrays are passed by address, as in Fortran 77.
         subroutine f77_evaluate_by_address(need, n, nh, nd, t, q, qd, phi, c, anu, gam, am, f, rpar, ipar, istat) bind(C)
             import :: c_double, c_int, c_ptr
             implicit none (type, external)
@@ -86,7 +86,7 @@ module tandem_legacy_f77_model
 
     !> A model whose procedures are subroutines of Fortran 77.
     type, extends(callback_model_type) :: f77_model_type
-        !> The first entries of the arrays that the current call of the interface was given.
+        !> First entries of the arrays passed in the current call of the interface.
         real(wp), pointer, contiguous, private :: rpar(:) => null()
         integer, pointer, contiguous, private :: ipar(:) => null()
     contains
@@ -95,7 +95,7 @@ module tandem_legacy_f77_model
 
 contains
 
-    !> The address of a procedure, null for the one that stands for none.
+    !> Address of a procedure, null for the placeholder TDNONE.
     type(c_funptr) function unless_none(address)
         type(c_funptr), intent(in) :: address
         procedure(f77_position) :: tdnone
@@ -104,12 +104,12 @@ contains
         if (c_associated(address, c_funloc(tdnone))) unless_none = c_null_funptr
     end function unless_none
 
-    !> What a subroutine of the interface begins with: find the problem of a handle; false, with a status, where it is none.
+    !> First operation of every subroutine of the interface: find the problem of a handle; false, with a status, if it is invalid.
     logical function found(h, problem, ierr, rpar, ipar)
         integer, intent(in) :: h(4)
         type(problem_type), pointer, intent(out) :: problem
         integer, intent(out) :: ierr
-        !> Handed through to the procedures of the model until the next call with them.
+        !> Passed through to the procedures of the model until the next call with these arguments.
         real(wp), intent(inout), target, optional :: rpar(1)
         integer, intent(inout), target, optional :: ipar(1)
 

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Figures of a run by name, for callers who cannot see `statistics_type`: those that reports list (`tandem_simulate_figures`), and
-!> the number of redundant rows. And all that a run has to warn of.
+!> Figures of a run by name, for callers without access to `statistics_type`: those of reports (`tandem_simulate_figures`), and the
+!> number of redundant rows. Also all warnings of a run.
 module tandem_legacy_figures
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: long, wp
@@ -17,13 +17,13 @@ module tandem_legacy_figures
 
     public :: find_warnings, get_figure
 
-    !> Room for the name of a figure.
+    !> Length of the name of a figure.
     integer, parameter :: name_length = 40
 
-    !> Waits for the figure of a name, in lower case.
+    !> Selects the figure of a name, in lower case.
     type, extends(figure_reader_type) :: finder_type
         character(len=name_length) :: name = ''
-        !> Its length: most other names have another one, which is seen at once.
+        !> Length of the name: most other names are excluded by their length.
         integer :: length = 0
         logical :: found = .false.
         real(wp) :: number = 0.0_wp
@@ -42,14 +42,14 @@ contains
 
     !> One figure of a run; counters are exact up to 2**53.
     subroutine get_figure(simulation, global_error, name, value, error)
-        !> The run, and the error that a second one has told.
+        !> The run, and its error estimated by a second one.
         type(simulation_type), intent(in) :: simulation
         type(global_error_type), intent(in) :: global_error
-        !> Its name, in either case.
+        !> Name of the figure, in either case.
         character(len=*), intent(in) :: name
-        !> Its value; 0 where there is no such figure.
+        !> Value; 0 if there is no such figure.
         real(wp), intent(out) :: value
-        !> invalid_option where there is no such figure.
+        !> invalid_option if there is no such figure.
         type(error_type), allocatable, intent(out) :: error
         type(finder_type) :: finder
         type(lister_type) :: lister
@@ -59,11 +59,11 @@ contains
         case ('n_redundant')
             value = real(simulation%n_redundant, wp)
             return
-        case ('position_error', 'velocity_error', 'acceleration_error') ! as version 1006 called them
+        case ('position_error', 'velocity_error', 'acceleration_error') ! Names in version 1006.
             finder%name = 'largest_'//trim(finder%name)
-        case ('is_stiff') ! likewise
+        case ('is_stiff') ! As above.
             finder%name = 'stiff'
-        case default ! the name of a figure
+        case default ! The name of a figure.
         end select
         finder%length = len_trim(finder%name)
         if (len_trim(name) <= name_length) then
@@ -78,7 +78,7 @@ contains
         call set_error(error, status_invalid_option, '"'//trim(name)//'" is not a statistic', 'there are '//lister%names)
     end subroutine get_figure
 
-    !> The figures of a second run, where one was made, by the names that reports have.
+    !> Figures of a second run, if one was made, by the names of reports.
     subroutine tell_global_error(global_error, reader)
         type(global_error_type), intent(in) :: global_error
         class(figure_reader_type), intent(inout) :: reader
@@ -129,12 +129,12 @@ contains
         self%names = self%names//', '//lower_case(name)
     end subroutine list_value
 
-    !> What a report would warn of: what the run has noticed, then what there is to doubt about its errors.
+    !> Warnings for a report: those of the run, then those about its estimated error.
     subroutine find_warnings(simulation, watch, warnings)
-        !> The run, and what is known of its error.
+        !> The run, and its estimated error.
         type(simulation_type), intent(in) :: simulation
         type(error_watch_type), intent(in) :: watch
-        !> None where all is well.
+        !> Empty if there are none.
         type(warning_type), allocatable, intent(out) :: warnings(:)
         type(warning_type), allocatable :: doubts(:)
         integer :: i

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> A handle is the address of a tag that leads to a problem. The tag outlives the problem, so that a handle that was given back is
-!> refused, and so are its copies; it takes sixteen bytes, which the C library frees when the program ends. There is neither a
-!> table nor any other state that threads could share.
+!> A handle is the address of a tag that points to a problem. The tag outlives the problem, so that a freed handle and its copies
+!> are refused; it takes sixteen bytes, which the C library frees at the end of the program. There is neither a table nor any other
+!> state shared by threads.
 !>
-!> A handle of Fortran 77 is four default integers, the address and a check word, so that an array that is no handle is noticed too.
+!> A handle of Fortran 77 consists of four default integers, the address and a check word, so that other arrays are detected.
 module tandem_legacy_handle
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_problem, only: problem_type
@@ -18,14 +18,14 @@ module tandem_legacy_handle
 
     !> Integers in a handle of Fortran 77.
     integer, parameter :: handle_length = 4
-    !> Mixed into the check word.
+    !> Constant of the check word.
     integer, parameter :: seal = 1413630030
 
-    !> What the address of a handle leads to.
+    !> Target of the address in a handle.
     type :: tag_type
-        !> None where it was given back.
+        !> Null after the problem was freed.
         type(problem_type), pointer :: problem => null()
-        !> Its own address: what is no tag has hardly that.
+        !> Address of the tag, which identifies it: other memory is very unlikely to contain its own address.
         integer(c_intptr_t) :: address = 0
     end type tag_type
 
@@ -37,8 +37,8 @@ module tandem_legacy_handle
             type(c_ptr), value :: address
         end subroutine c_free_memory
 
-        !> Have a function called with an argument when the program ends, after those that were asked for later. Threads may do this
-        !> at the same time. It is part of the C++ ABI, so that every C library has it.
+        !> Register a function to be called with an argument at the end of the program, in reverse order of registration.
+        !> Thread-safe. Part of the C++ ABI, so that every C library provides it.
         integer(c_int) function at_exit(function_, argument, library) bind(C, name='__cxa_atexit')
             import :: c_funptr, c_int, c_ptr
             implicit none (type, external)
@@ -49,14 +49,13 @@ module tandem_legacy_handle
 
 contains
 
-    !> Make a problem of a model without procedures, and its handle; null where there is no memory for them: the model is then
-    !> given back.
+    !> Create a problem for a model without procedures, and its handle; null without memory for them: the model is then freed.
     type(c_ptr) function new_handle(model, n, n_holonomic, n_nonholonomic, stat)
-        !> Now the problem's.
+        !> The problem takes over the pointer.
         class(callback_model_type), pointer, intent(inout) :: model
         !> Numbers of coordinates, holonomic and nonholonomic constraints.
         integer, intent(in) :: n, n_holonomic, n_nonholonomic
-        !> Whether the sizes can be.
+        !> Status of the sizes.
         integer, intent(out) :: stat
         type(tag_type), pointer :: tag
 
@@ -77,7 +76,7 @@ contains
         tag%address = transfer(new_handle, tag%address)
     end function new_handle
 
-    !> The problem of a handle; none for null and for one that was given back.
+    !> Problem of a handle; null for a null or freed handle.
     subroutine problem_of(handle, problem)
         type(c_ptr), intent(in) :: handle
         type(problem_type), pointer, intent(out) :: problem
@@ -89,9 +88,9 @@ contains
         if (tag%address == transfer(handle, tag%address)) problem => tag%problem
     end subroutine problem_of
 
-    !> Give the problem of a handle back; false, with a status in the problem, where one of its procedures asks for that.
+    !> Free the problem of a handle; false, with a status in the problem, if called from one of its procedures.
     logical function give_back(handle)
-        !> That of a problem.
+        !> Handle of a problem.
         type(c_ptr), intent(in) :: handle
         type(tag_type), pointer :: tag
         integer(c_int) :: stat
@@ -100,11 +99,11 @@ contains
         give_back = tag%problem%release()
         if (.not. give_back) return
         deallocate (tag%problem)
-        ! Where that fails, the tag is not freed at the end either.
+        ! If this fails, the tag is not freed at the end of the program.
         stat = at_exit(c_funloc(c_free_memory), handle, c_null_ptr)
     end function give_back
 
-    !> The four integers of a handle; zeros where there is none.
+    !> The four integers of a handle; zeros for a null address.
     pure subroutine to_handle(address, handle)
         type(c_ptr), intent(in) :: address
         integer, intent(out) :: handle(handle_length)
@@ -116,7 +115,7 @@ contains
         handle(4) = interface_version
     end subroutine to_handle
 
-    !> The address in a handle; null where the integers are no handle.
+    !> Address in a handle; null for an invalid one.
     pure type(c_ptr) function to_address(handle)
         integer, intent(in) :: handle(handle_length)
 

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A problem: all that a handle of the C or the Fortran 77 interface stands for, and what can be done with it. Every operation
-!> leaves a status and a message in the problem; two problems share nothing.
+!> A problem: the object of a handle of the C or the Fortran 77 interface, and its operations. Every operation sets a status and a
+!> message in the problem; problems have no common data.
 module tandem_legacy_problem
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
@@ -17,7 +17,7 @@ module tandem_legacy_problem
 
     public :: problem_type
 
-    !> What was said of it, and its run.
+    !> Description of a problem, and its run.
     type, extends(description_type) :: problem_type
         type(simulation_type) :: simulation
         type(error_watch_type), private :: watch
@@ -32,7 +32,7 @@ module tandem_legacy_problem
 
 contains
 
-    !> False, with a status, where no run was started.
+    !> False, with a status, if no run was started.
     logical function is_running(self)
         class(problem_type), intent(inout) :: self
 
@@ -43,7 +43,7 @@ contains
             'call tandem_start or TDSTRT first')
     end function is_running
 
-    !> Start a run at (t, q, qd) with the options of now.
+    !> Start a run at (t, q, qd) with the current options.
     subroutine start(self, t, q, qd)
         class(problem_type), intent(inout) :: self
         !> Start time, coordinates and velocities (n).
@@ -64,8 +64,8 @@ contains
         call self%conclude(error)
     end subroutine start
 
-    !> Integrate to t_end, or to an event that stops the run. To be there already is no error: loops over times of output begin with
-    !> the start.
+    !> Integrate to t_end, or to an event that stops the run. If t_end is the current time, nothing is done: loops over times of
+    !> output begin with the start.
     subroutine integrate(self, t_end)
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t_end
@@ -101,20 +101,20 @@ contains
         call self%conclude(error)
     end subroutine step
 
-    !> Up to `most` accepted steps that do not pass t_end, and rows of what they pass: at the times given, or one for each step.
-    !> Ends early where an event stops the run, and where there is no room for another row; without any it goes on to t_end. What a
-    !> failure leaves behind is what was reached until then.
+    !> Take up to `most` accepted steps that do not pass t_end, and store rows of states: at the given times, or one for each step.
+    !> Ends early at an event that stops the run, and when the rows are full; without rows it continues to t_end. After a failure
+    !> the results contain all states reached before it.
     subroutine advance(self, t_end, most, at_steps, capacity, rows, times, q, qd, qdd)
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t_end
         integer, intent(in) :: most
-        !> Whether each step is a row, whose time is told; else rows are at the times given, which ascend.
+        !> True for a row at each step, whose time is returned; false for rows at given ascending times.
         logical, intent(in) :: at_steps
-        !> Room for rows, and how many there are now.
+        !> Number of rows that fit, and number of rows stored.
         integer, intent(in) :: capacity
         integer, intent(out) :: rows
         real(wp), intent(inout), optional :: times(*)
-        !> Coordinates, velocities, accelerations (n, capacity). A mechanism that is not complete has no model to ask for n.
+        !> Coordinates, velocities, accelerations (n, capacity). An incomplete mechanism has no model that defines n.
         real(wp), intent(inout), optional :: q(self%callbacks%n, *), qd(self%callbacks%n, *), qdd(self%callbacks%n, *)
         type(error_type), allocatable :: error
         integer :: taken
@@ -132,7 +132,7 @@ contains
         if (.not. at_steps) call take_rows()
         do taken = 1, most
             if (allocated(error) .or. .not. self%simulation%state%t < t_end) exit
-            ! The next time may lie within the last step: who asks for it must come before another step.
+            ! The next requested time may be within the last step, whose dense output another step would overwrite.
             if (rows >= capacity .and. (at_steps .or. capacity > 0)) exit
             call self%watch%step(self%simulation, t_end, error)
             if (allocated(error)) exit
@@ -145,7 +145,7 @@ contains
 
     contains
 
-        !> The rows that the last step has passed.
+        !> Store the rows within the last step.
         subroutine take_rows()
             associate (simulation => self%simulation, n => self%model%n)
                 do while (rows < capacity)
@@ -166,7 +166,7 @@ contains
         end subroutine take_rows
     end subroutine advance
 
-    !> Watch the run, which stands at its start, so that its error at t_end can be estimated there.
+    !> Record the run, which is at its start, for the estimate of its error at t_end.
     subroutine watch_error(self, t_end)
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t_end
@@ -177,7 +177,7 @@ contains
         call self%conclude(error)
     end subroutine watch_error
 
-    !> Estimate the error of the run that was watched, by a second one.
+    !> Estimate the error of the recorded run by a second one.
     subroutine estimate_error(self)
         class(problem_type), intent(inout) :: self
         type(error_type), allocatable :: error
@@ -189,7 +189,7 @@ contains
         call self%conclude(error)
     end subroutine estimate_error
 
-    !> The state at the end of the last accepted step, or the start. What is not present is not given.
+    !> State at the end of the last accepted step, or the start. Absent arguments are skipped.
     subroutine get_state(self, t, q, qd, qdd)
         class(problem_type), intent(inout) :: self
         real(wp), intent(out), optional :: t
@@ -202,7 +202,7 @@ contains
         call self%succeed()
     end subroutine get_state
 
-    !> The current state without a change of status, where there is one: what was reached before a failure.
+    !> Return the current state, if there is one, without a change of status: the state reached before a failure.
     subroutine show_state(self, t, q, qd)
         class(problem_type), intent(in) :: self
         real(wp), intent(inout) :: t, q(*), qd(*)
@@ -256,7 +256,7 @@ contains
         call self%conclude(error)
     end subroutine get_multipliers
 
-    !> Kinetic and potential energy at the current state; the latter is 0 where the model gives none.
+    !> Kinetic and potential energy at the current state; the latter is 0 if the model has none.
     subroutine get_energies(self, kinetic, potential)
         class(problem_type), intent(inout) :: self
         real(wp), intent(out) :: kinetic, potential
@@ -293,7 +293,7 @@ contains
         call self%conclude(error)
     end subroutine get_statistic
 
-    !> How many events were recorded so far.
+    !> Number of events recorded so far.
     subroutine count_events(self, n)
         class(problem_type), intent(inout) :: self
         integer, intent(out) :: n
@@ -304,12 +304,12 @@ contains
         call self%succeed()
     end subroutine count_events
 
-    !> One of the events that were recorded. What is not present is not given.
+    !> One of the recorded events. Absent arguments are skipped.
     subroutine get_event(self, i, number, direction, t, q, qd)
         class(problem_type), intent(inout) :: self
-        !> Its place in the order of time, from 1 on.
+        !> Place in the order of time, from 1.
         integer, intent(in) :: i
-        !> Which one it is, from 1 on, and its direction: 1, -1, or 0 where the function touched zero or was zero at the start.
+        !> Index of the event, from 1, and its direction: 1, -1, or 0 if the function touched zero or was zero at the start.
         integer, intent(out) :: number, direction
         real(wp), intent(out) :: t
         !> Coordinates and velocities (n).
@@ -333,10 +333,10 @@ contains
         call self%succeed()
     end subroutine get_event
 
-    !> Which event has stopped the run where it stands now.
+    !> Index of the event that has stopped the run at its current state.
     subroutine get_stop(self, number)
         class(problem_type), intent(inout) :: self
-        !> From 1 on; 0 for none.
+        !> From 1; 0 for none.
         integer, intent(out) :: number
 
         number = 0
@@ -345,7 +345,7 @@ contains
         call self%succeed()
     end subroutine get_stop
 
-    !> How many warnings the run has so far; 0 where there is no run.
+    !> Number of warnings so far; 0 without a run.
     subroutine count_warnings(self, n)
         class(problem_type), intent(inout) :: self
         integer, intent(out) :: n
@@ -361,9 +361,9 @@ contains
     !> One of the warnings.
     subroutine get_warning(self, i, text)
         class(problem_type), intent(inout) :: self
-        !> Its number, from 1 on.
+        !> Index of the warning, from 1.
         integer, intent(in) :: i
-        !> Empty where there is no such warning.
+        !> Empty if there is no such warning.
         character(len=:), allocatable, intent(out) :: text
         type(warning_type), allocatable :: warnings(:)
 
@@ -379,7 +379,7 @@ contains
         call self%succeed()
     end subroutine get_warning
 
-    !> All that the run remembers, as a row of numbers.
+    !> Save the state of the run as an array of numbers.
     subroutine save_state(self, words)
         class(problem_type), intent(inout) :: self
         integer(long), allocatable, intent(out) :: words(:)
@@ -390,10 +390,10 @@ contains
         call self%conclude(error)
     end subroutine save_state
 
-    !> Take a run up that was saved, in a problem that is set up and started alike. Where that fails, it must be started anew.
+    !> Continue a saved run in a problem with the same set-up and start. After a failure the run must be started again.
     subroutine restore_state(self, words)
         class(problem_type), intent(inout) :: self
-        !> What `save_state` gave.
+        !> Result of `save_state`.
         integer(long), intent(in) :: words(:)
         type(error_type), allocatable :: error
 

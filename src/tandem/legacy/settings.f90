@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Options by name, for callers who cannot see `options_type`. The names are those of the table of options, in either case. A value
-!> that cannot be is refused at once, and the one before stays; how options go together is seen when a run starts.
+!> Options by name, for callers without access to `options_type`. The names are those of the table of options, in either case.
+!> Invalid values are refused at once, and the previous value stays; contradictions between options are reported at the start of a
+!> run.
 module tandem_legacy_settings
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -14,7 +15,7 @@ module tandem_legacy_settings
 
     public :: set_option, take_flags, take_list
 
-    !> Gives the option of a name its value, which is one of four kinds.
+    !> Sets the option of a name to a value, which is one of four kinds.
     type, extends(option_visitor_type) :: setter_type
         character(len=:), allocatable :: name
         real(wp), allocatable :: number
@@ -22,7 +23,7 @@ module tandem_legacy_settings
         character(len=:), allocatable :: word
         real(wp), allocatable :: list(:)
         logical :: found = .false.
-        !> The options of that kind, for messages.
+        !> Names of the options of this kind, for messages.
         character(len=:), allocatable :: known
         type(error_type), allocatable :: error
     contains
@@ -31,23 +32,23 @@ module tandem_legacy_settings
 
 contains
 
-    !> Set an option, or what is asked of a start that is assembled, to one of a number, an integer, a word and a list.
+    !> Set an option, or a setting of an assembled start, to a number, an integer, a word or a list.
     subroutine set_option(options, assembly, name, error, number, whole, word, list)
         type(options_type), intent(inout) :: options
         type(assembly_type), intent(inout) :: assembly
         !> Name of a component, in either case.
         character(len=*), intent(in) :: name
-        !> invalid_option where there is no such option of that kind, or its value cannot be.
+        !> invalid_option if there is no such option of this kind, or its value is invalid.
         type(error_type), allocatable, intent(out) :: error
         real(wp), intent(in), optional :: number
         integer, intent(in), optional :: whole
         !> In either case.
         character(len=*), intent(in), optional :: word
-        !> No entries take the list back.
+        !> An empty list removes it.
         real(wp), intent(in), optional :: list(:)
         type(options_type) :: changed
         type(setter_type) :: setter
-        !> The kind, and what else there is of it, which the problem sets.
+        !> Kind of value; names of this kind that the problem sets itself.
         character(len=:), allocatable :: kind, others
         logical :: taken
 
@@ -107,19 +108,19 @@ contains
             if (size(self%list) > 0) list = self%list
         end if
         if (.not. present(word)) return
-        ! Before it is cut to the room that the option has: a longer word must not become another.
+        ! Check before the word is cut to the length of the option, which could make it a valid one.
         call check_word(row, self%word, choices, self%error)
         word = self%word
     end subroutine set_if_named
 
-    !> Set what is asked of a start that is assembled, to one of a number, a word and a list.
+    !> Set a setting of an assembled start to a number, a word or a list.
     subroutine set_assembly(assembly, name, taken, error, number, word, list)
         type(assembly_type), intent(inout) :: assembly
         !> In lower case.
         character(len=*), intent(in) :: name
-        !> Whether there is such a one.
+        !> True if there is such a setting.
         logical, intent(out) :: taken
-        !> invalid_option where its value cannot be.
+        !> invalid_option if its value is invalid.
         type(error_type), allocatable, intent(out) :: error
         real(wp), intent(in), optional :: number
         character(len=*), intent(in), optional :: word
@@ -159,7 +160,7 @@ contains
         end subroutine take_limit
     end subroutine set_assembly
 
-    !> A list, or none where there are no numbers.
+    !> A list, not allocated if it is empty.
     pure subroutine take_list(values, list)
         real(wp), intent(in) :: values(:)
         real(wp), allocatable, intent(inout) :: list(:)
@@ -168,7 +169,7 @@ contains
         if (size(values) > 0) list = values
     end subroutine take_list
 
-    !> Whether each of some numbers is not 0; none where there are none.
+    !> True for each nonzero number; not allocated if there are none.
     pure subroutine take_flags(values, flags)
         real(wp), intent(in) :: values(:)
         logical, allocatable, intent(inout) :: flags(:)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The table of the procedures that a caller from C or Fortran 77 can give: their names, which are those of the components
-!> of `model_type`, and which of three argument lists each has.
+!> Table of the procedures that a caller from C or Fortran 77 can provide: their names, which are those of the components of
+!> `model_type`, and the kind of argument list of each.
 module tandem_legacy_terms
     implicit none (type, external)
     private
@@ -15,13 +15,13 @@ module tandem_legacy_terms
     !> Argument lists: (t, q), (t, q, qd), and (t, q, x) with a constant vector x.
     integer, parameter :: of_position = 1, of_motion = 2, of_direction = 3
 
-    !> Numbers of the procedures: places in the table below.
+    !> Indices of the procedures: places in the table below.
     integer, parameter :: a_holonomic = 1, a_holonomic_jacobian = 2, a_holonomic_rate = 3, a_nonholonomic_jacobian = 4
     integer, parameter :: a_nonholonomic_rhs = 5, a_mass_matrix = 6, a_potential_energy = 7, a_nu_derivative = 8
     integer, parameter :: a_constraint_acceleration = 9, an_inertia_force = 10, an_applied_force = 11, a_kinetic_energy = 12
     integer, parameter :: a_gamma_q = 13, a_gamma_qd = 14, a_force_q = 15, a_force_qd = 16
     integer, parameter :: a_jacobian_derivative = 17, a_reaction_derivative = 18, a_mass_derivative = 19
-    !> How many there are.
+    !> Number of procedures.
     integer, parameter :: n_callbacks = 19
 
     !> One row of the table.
@@ -32,7 +32,7 @@ module tandem_legacy_terms
         integer :: kind
     end type term_row_type
 
-    !> The table; a procedure's number is its place here.
+    !> The table; the index of a procedure is its place here.
     type(term_row_type), parameter :: terms(n_callbacks) = [ &
         term_row_type('holonomic', of_position), &
         term_row_type('holonomic_jacobian', of_position), &
@@ -56,7 +56,7 @@ module tandem_legacy_terms
 
 contains
 
-    !> The number of a name, in lower case; 0 where there is none.
+    !> Index of a name, in lower case; 0 if unknown.
     pure integer function find_term(name)
         !> Name, trailing blanks allowed.
         character(len=*), intent(in) :: name
@@ -66,7 +66,7 @@ contains
         end do
     end function find_term
 
-    !> The names with one argument list, joined by commas, for messages.
+    !> Names with one kind of argument list, separated by commas, for messages.
     pure function names_of_kind(kind) result(text)
         !> `of_position`, `of_motion` or `of_direction`.
         integer, intent(in) :: kind

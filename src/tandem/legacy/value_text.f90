@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Values of a mechanism's keys as text, as scene files have them: a number, "a text", true, false, or a list of these in brackets.
+!> Values of a mechanism's keys as text, as in scene files: a number, "a text", true, false, or a list of these in brackets.
 module tandem_legacy_value_text
     use tandem_kinds, only: wp
     use tandem_mechanism_entries, only: atom_type, is_text, is_truth, value_type
@@ -15,7 +15,7 @@ contains
     pure subroutine read_value(text, value, is_good)
         character(len=*), intent(in) :: text
         type(value_type), intent(out) :: value
-        !> Whether the text is a value, and nothing else.
+        !> True if the text is a single value.
         logical, intent(out) :: is_good
         type(atom_type) :: atom
         integer :: at, n
@@ -54,7 +54,7 @@ contains
         is_good = is_good .and. at > len(text)
     end subroutine read_value
 
-    !> The rest of a list behind its opening bracket, to behind the closing one.
+    !> Read the rest of a list after its opening bracket, including the closing one.
     pure subroutine read_atoms(text, at, atoms, is_good)
         character(len=*), intent(in) :: text
         integer, intent(inout) :: at
@@ -77,7 +77,7 @@ contains
         at = at + 1
     end subroutine read_atoms
 
-    !> The character there, a blank behind the end.
+    !> Character at a place, a blank after the end.
     pure character function next(text, at)
         character(len=*), intent(in) :: text
         integer, intent(in) :: at

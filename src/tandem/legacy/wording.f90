@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> Messages in the words of a caller's language: what they advise must be what can be done from there. The library's own messages
-!> name what modern Fortran has.
+!> Messages in the terms of a caller's language, so that their advice can be followed there. The library's own messages use names of
+!> modern Fortran.
 module tandem_legacy_wording
     implicit none (type, external)
     private
 
     public :: in_words_of
 
-    !> A phrase, and what stands for it in C and in Fortran 77.
+    !> A phrase, and its replacements for C and for Fortran 77.
     type :: phrase_type
         character(len=72) :: modern
         character(len=64) :: c, f77
@@ -40,17 +40,17 @@ module tandem_legacy_wording
         phrase_type('tandem_watch_error or TDWERR', 'tandem_watch_error', 'TDWERR'), &
         phrase_type('tandem_new_mechanism or TDMECH', 'tandem_new_mechanism', 'TDMECH'), &
         phrase_type('tandem_define or TDDEFN', 'tandem_define', 'TDDEFN'), &
-        ! A value that is left as it was is noticed only where it comes from another language.
+        ! Unset values are detected only for procedures from another language.
         phrase_type('a model procedure asked to stop', 'a model procedure asked to stop'//or_unset, &
             'a model procedure asked to stop'//or_unset), &
-        ! So is one with a status that means nothing, as it comes from an exception in Python.
+        ! The same for an undefined status, such as that of an exception in Python.
         phrase_type('could not be evaluated at a point', 'could not be evaluated'//or_unset//' at a point', &
             'could not be evaluated'//or_unset//' at a point'), &
         phrase_type('returned a negative status', 'returned a negative status'//or_unset, 'returned a negative status'//or_unset)]
 
 contains
 
-    !> A message in the words of C or of Fortran 77.
+    !> Translate a message for C or Fortran 77.
     pure subroutine in_words_of(is_c, message)
         logical, intent(in) :: is_c
         character(len=:), allocatable, intent(inout) :: message
