@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The list of all charts that book their time.
+!> List of all charts with time measurement.
 submodule(tandem_profile_factory) tandem_profile_all
     use tandem_chart_factory, only: choose_chart, cost_type
     use tandem_profile_chart, only: profiled_chart_type

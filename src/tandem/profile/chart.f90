@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> The chart of a simulation that books the time of what it is asked for.
+!> The chart of a simulation with time measurement of its operations.
 !>
-!> It extends the chart instead of forwarding to one, so that its numbers and counters are the same variables: a step takes the
-!> same course. What is not here is of no account, or done once.
+!> It extends the chart instead of forwarding to one, so that its data and counters are the same variables: steps give identical
+!> results. Operations not listed here take negligible time, or are done once.
 module tandem_profile_chart
     use tandem_kinds, only: wp
     use tandem_profile_ledger, only: mark_type, profile_type
@@ -17,9 +17,9 @@ module tandem_profile_chart
 
     public :: profiled_chart_type
 
-    !> Give one with its `profile` to `initialize` of the simulation.
+    !> Pass one, with its `profile` set, to `initialize` of the simulation.
     type, extends(own_chart_type) :: profiled_chart_type
-        !> Where the time is booked; it must outlive the simulation.
+        !> Measured times; must outlive the simulation.
         type(profile_type), pointer :: profile => null()
     contains
         procedure :: renew, refresh
@@ -40,7 +40,7 @@ contains
         real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
         integer, intent(out) :: stat
 
-        ! As in the chart itself: what is known of the last point is not looked at.
+        ! As in the chart itself: data of the last point is invalid.
         call self%forget()
         call self%restore_position(t, increment, q, stat)
         if (stat == status_ok) call self%restore_velocity(t, q, increment_qd, qd, stat)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The chart that a run would get, as one that books its time.
+!> Creates the chart of a run, with time measurement.
 module tandem_profile_factory
     use tandem_chart, only: chart_type
     use tandem_kinds, only: wp
@@ -11,16 +11,16 @@ module tandem_profile_factory
 
     public :: new_profiled_chart
 
-    ! The submodule alone uses the modules of the charts, so that a change in one of them recompiles few files.
+    ! Only the submodule uses the modules of the charts, so that a change in one of them recompiles few files.
     interface
         !> For `initialize` of the simulation.
         module subroutine new_profiled_chart(model, options, t, q, qd, profile, chart)
             implicit none (type, external)
             class(model_type), intent(inout), target :: model
             type(options_type), intent(in) :: options
-            !> The start of the run.
+            !> Start of the run.
             real(wp), intent(in) :: t, q(:), qd(:)
-            !> Where the time is booked; it must outlive the simulation.
+            !> Measured times; must outlive the simulation.
             type(profile_type), intent(in), target :: profile
             class(chart_type), allocatable, intent(out) :: chart
         end subroutine new_profiled_chart

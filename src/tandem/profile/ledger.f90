@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> Where the time of a run goes: every moment belongs to one part, the innermost that was entered and not left.
+!> Time measurement of a run: every moment belongs to one part, the innermost one that was entered and not left.
 !>
-!> The clock is read once where a part is entered and once where it is left, so that the times of all parts sum to that of the
-!> whole. A reading costs some 20 to 60 ns, as much as a small part of a step, and is booked on both sides of it: what an
-!> empty part shows on either side is measured in a loop, and taken off for each call. In a run it costs more, because it keeps the
-!> processor from looking ahead: `compare` finds how much from a run with clocks and the same without them.
+!> The clock is read once when a part is entered and once when it is left, so that the times of all parts sum to the total. A
+!> reading takes some 20 to 60 ns, as much as a small part of a step, and counts on both sides of it: the time of an empty part on
+!> either side is measured in a loop, and subtracted for each call. In a run it is larger, because it restricts out-of-order
+!> execution: `compare` finds the difference from runs with and without clocks.
 !>
-!> A run that is to be timed has this as the timer of its model (`model%timer`), its chart is a `profiled_chart_type`, and its
-!> observers are wrapped (`profiled_observer_type`). Others pay nothing.
+!> For a measured run this is the timer of the model (`model%timer`), the chart is a `profiled_chart_type`, and observers are
+!> wrapped (`profiled_observer_type`). Other runs have no overhead.
 module tandem_profile_ledger
     use tandem_kinds, only: long, wp
     use tandem_model_timer, only: timer_type
@@ -17,34 +17,34 @@ module tandem_profile_ledger
 
     public :: profile_type, mark_type
 
-    !> What `leave` must know of `enter`.
+    !> Data of `enter` for `leave`.
     type :: mark_type
         private
-        !> The part that was left, when, and how many parts had been left by then.
+        !> Part that was left, its time, and number of parts left until then.
         integer :: before = part_control, part = part_control
         integer(long) :: since = 0, pairs = 0
     end type mark_type
 
-    !> The times and calls of a run, from `begin` to `finish`.
+    !> Times and calls of a run, from `begin` to `finish`.
     type, extends(timer_type) :: profile_type
-        !> How often each part was entered.
+        !> Number of entries of each part.
         integer(long) :: calls(n_parts) = 0
-        !> Seconds that an empty part shows itself, and that it adds to the part around it: what is taken off for each.
+        !> Time of an empty part (s): counted in the part itself, and in the enclosing part; both are subtracted per call.
         real(wp) :: cost_within = 0.0_wp, cost_around = 0.0_wp
-        !> Both together, measured in a loop.
+        !> Sum of both, measured in a loop.
         real(wp) :: cost_in_loop = 0.0_wp
-        !> Seconds of the two runs of `compare`, with clocks and without; 0 where there were none.
+        !> Times of the two runs of `compare` (s), with and without clocks; 0 if there were none.
         real(wp) :: clocked = 0.0_wp, plain = 0.0_wp
-        !> How often a part was left: each time the clock was read twice.
+        !> Number of parts left: the clock is read twice for each.
         integer(long) :: pairs = 0
-        !> Seconds from `begin` to `finish`, clocks included, and how many of them the processor has worked for this process.
+        !> Wall time from `begin` to `finish` including clocks (s), and processor time of this process in it.
         real(wp) :: measured = 0.0_wp, processor = 0.0_wp
-        !> Ticks of the clock in each part without the parts within, and with them; parts entered from it, and pairs within.
+        !> Clock ticks in each part excluding and including inner parts; parts entered from it, and pairs of readings within.
         integer(long), private :: ticks(n_parts) = 0, whole(n_parts) = 0, entered(n_parts) = 0, within(n_parts) = 0
         integer, private :: current = part_control
         integer(long), private :: since = 0, rate = 1
         real(wp), private :: processor_from = 0.0_wp
-        !> Whether a procedure of the model is being called, and what to leave then.
+        !> True during a call of a procedure of the model; mark to leave it.
         logical, private :: is_in_call = .false.
         type(mark_type), private :: call_mark
     contains
@@ -55,10 +55,10 @@ module tandem_profile_ledger
 
 contains
 
-    !> Start anew, with the part `part_control`; measures first what the clock costs, which takes some milliseconds.
+    !> Reset, beginning with the part `part_control`; first measures the cost of the clock, which takes some milliseconds.
     subroutine begin(self)
         class(profile_type), intent(inout) :: self
-        !> Parts in a batch; the cheapest batch counts, because others work on the machine.
+        !> Parts in a batch; the fastest batch is used, because of other load on the machine.
         integer, parameter :: batch = 2000, n_batches = 11
         type(profile_type) :: trial
         type(mark_type) :: mark
@@ -81,7 +81,7 @@ contains
         call self%start_clock()
     end subroutine begin
 
-    !> Forget all and look at the clock.
+    !> Reset all counters and read the clock.
     subroutine start_clock(self)
         class(profile_type), intent(inout) :: self
 
@@ -102,7 +102,7 @@ contains
     !> Enter a part.
     subroutine enter(self, part, mark)
         class(profile_type), intent(inout) :: self
-        !> Its number.
+        !> Index of the part.
         integer, intent(in) :: part
         !> For `leave`.
         type(mark_type), intent(out) :: mark
@@ -120,7 +120,7 @@ contains
         self%since = now
     end subroutine enter
 
-    !> Leave the part that was entered with this mark.
+    !> Leave the part entered with this mark.
     subroutine leave(self, mark)
         class(profile_type), intent(inout) :: self
         type(mark_type), intent(in) :: mark
@@ -135,7 +135,7 @@ contains
         self%since = now
     end subroutine leave
 
-    !> Enter the part that a procedure of the model is, from another one perhaps.
+    !> Enter the part of a procedure of the model, possibly from that of another one.
     subroutine begin_call(self, number)
         class(profile_type), intent(inout) :: self
         integer, intent(in) :: number
@@ -145,7 +145,7 @@ contains
         self%is_in_call = .true.
     end subroutine begin_call
 
-    !> Leave the model.
+    !> Leave the part of the model.
     subroutine end_call(self)
         class(profile_type), intent(inout) :: self
 
@@ -153,7 +153,7 @@ contains
         self%is_in_call = .false.
     end subroutine end_call
 
-    !> The end of what is measured.
+    !> End the measurement.
     subroutine finish(self)
         class(profile_type), intent(inout) :: self
         integer(long) :: now
@@ -167,13 +167,13 @@ contains
         self%measured = real(sum(self%ticks), wp)/real(self%rate, wp)
     end subroutine finish
 
-    !> Take off for the clock what it has cost in another run, but not less than it costs in a loop, nor more than `most` times as
-    !> much: beyond that, one of the two was disturbed.
+    !> Set the cost of the clock from another run, at least its cost in a loop and at most `most` times as much: beyond that, one of
+    !> the two runs was disturbed.
     subroutine compare(self, clocked, plain, pairs)
         class(profile_type), intent(inout) :: self
-        !> Seconds of that run with clocks and without.
+        !> Times of this run with and without clocks (s).
         real(wp), intent(in) :: clocked, plain
-        !> How often parts were left in it.
+        !> Number of parts left in it.
         integer(long), intent(in) :: pairs
         real(wp), parameter :: most = 3.0_wp
         real(wp) :: factor
@@ -187,50 +187,50 @@ contains
         self%cost_around = factor*self%cost_around
     end subroutine compare
 
-    !> Seconds of a part, those of the parts within left out, and the clock's too. Below zero where that is more than was measured:
-    !> the part then takes less than can be told.
+    !> Time of a part excluding inner parts and the clock (s). Negative if the clock exceeds the measured time: the part is then too
+    !> short to be measured.
     pure real(wp) function seconds(self, part)
         class(profile_type), intent(in) :: self
-        !> Its number.
+        !> Index of the part.
         integer, intent(in) :: part
 
         seconds = real(self%ticks(part), wp)/real(self%rate, wp) - self%cost_within*real(self%calls(part), wp) - &
             self%cost_around*real(self%entered(part), wp)
     end function seconds
 
-    !> Seconds of a part with all parts within, without the clock's.
+    !> Time of a part including inner parts, without the clock (s).
     pure real(wp) function whole_seconds(self, part)
         class(profile_type), intent(in) :: self
-        !> Its number.
+        !> Index of the part.
         integer, intent(in) :: part
 
         whole_seconds = real(self%whole(part), wp)/real(self%rate, wp) - self%cost_within*real(self%calls(part), wp) - &
             (self%cost_within + self%cost_around)*real(self%within(part), wp)
     end function whole_seconds
 
-    !> Seconds of all parts, the run without the clock's.
+    !> Time of all parts, the run without the clock (s).
     pure real(wp) function total(self)
         class(profile_type), intent(in) :: self
 
         total = self%measured - self%clock_seconds()
     end function total
 
-    !> Seconds that the run would not have taken without output, what the model and the chart did for it included.
+    !> Additional time of a run due to output (s), including calls of the model and the chart for it.
     pure real(wp) function output_seconds(self)
         class(profile_type), intent(in) :: self
 
-        ! Whatever else belongs to output lies within these two.
+        ! All other parts of output are within these two.
         output_seconds = self%whole_seconds(part_rows) + self%whole_seconds(part_open)
     end function output_seconds
 
-    !> Seconds of all parts but output and watching.
+    !> Time of all parts except output and watching (s).
     pure real(wp) function bare_seconds(self)
         class(profile_type), intent(in) :: self
 
         bare_seconds = self%total() - self%output_seconds() - self%whole_seconds(part_watch)
     end function bare_seconds
 
-    !> Seconds that were taken off for the clock.
+    !> Time subtracted for the clock (s).
     pure real(wp) function clock_seconds(self)
         class(profile_type), intent(in) :: self
 

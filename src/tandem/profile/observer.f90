@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> An observer that forwards to another one and books its time.
+!> An observer that forwards to another one and measures its time.
 module tandem_profile_observer
     use tandem_error, only: error_type
     use tandem_profile_ledger, only: mark_type, profile_type
@@ -10,12 +10,12 @@ module tandem_profile_observer
 
     public :: profiled_observer_type
 
-    !> Give it to `integrate` of the simulation in the place of `inner`.
+    !> Pass it to `integrate` of the simulation in place of `inner`.
     type, extends(observer_type) :: profiled_observer_type
-        !> The observer that does the work, and where its time is booked; both must outlive this one.
+        !> Observer that does the work, and measured times; both must outlive this one.
         class(observer_type), pointer :: inner => null()
         type(profile_type), pointer :: profile => null()
-        !> As what: `part_rows` for one that writes.
+        !> Part for the time: `part_rows` for an observer that writes.
         integer :: part = part_watch
     contains
         procedure :: observe
@@ -23,7 +23,7 @@ module tandem_profile_observer
 
 contains
 
-    !> Forward. What observes may be of this type again.
+    !> Forward. The inner observer may be of this type again.
     recursive subroutine observe(self, simulation, occasion, error)
         class(profiled_observer_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The parts of a run that a profile tells apart: what they are called, and to which group each belongs.
+!> Parts of a run in a profile: their names and groups.
 module tandem_profile_parts
     use tandem_model_derivatives, only: derivative_name, n_derivatives, need_all_derivatives
     use tandem_model_terms, only: term_name
@@ -15,30 +15,30 @@ module tandem_profile_parts
     public :: part_single, part_terms, part_derivatives
     public :: group_model, group_chart, group_newton, group_control, group_output, group_start, group_watch
 
-    !> Whatever is in no other part: the steppers' sums, the choice of steps, the state, events.
+    !> Everything not in another part: sums of steppers, choice of steps, state, events.
     integer, parameter :: part_control = 1
     !> The start of a simulation; observers that do not write.
     integer, parameter :: part_start = 2, part_watch = 3
-    !> Parts of output: rows gathered in memory, brought to the disk, the state for a checkpoint, the file opened and closed.
+    !> Parts of output: rows collected in memory, written to disk, state of checkpoints, file opened and closed.
     integer, parameter :: part_rows = 4, part_blocks = 5, part_checkpoint = 6, part_open = 7
-    !> What a chart is asked for.
+    !> Operations of a chart.
     integer, parameter :: part_renew = 8, part_refresh = 9, part_position = 10, part_velocity = 11, part_acceleration = 12, &
         part_errors = 13, part_rank = 14, part_health = 15, part_multipliers = 16, part_energy = 17, part_projection = 18
-    !> Newton's iteration: matrices formed and factored, taken over from steps before, corrections, residuals and systems of stages
-    !> that are solved together, errors through the matrix.
+    !> Newton's iteration: matrices computed and factored, reused from previous steps, corrections, residuals and systems of coupled
+    !> stages, error filter by the matrix.
     integer, parameter :: part_matrix = 19, part_reuse = 20, part_correction = 21, part_coupled = 22, part_filter = 23
-    !> The call of a model with the number i (`tandem_model_timer`) is the part `part_single + i`; first come those of the single
-    !> procedures (`single_name`).
+    !> Call number i of a model (`tandem_model_timer`) is the part `part_single + i`; those of the single procedures come first
+    !> (`single_name`).
     integer, parameter :: part_single = 23, n_singles = of_evaluate
     !> A call of `evaluate`, or of `evaluate_derivatives`, with the need mask m is `part_terms + m`, or `part_derivatives + m`.
     integer, parameter :: part_terms = part_single + of_evaluate, part_derivatives = part_single + of_evaluate_derivatives
-    !> How many parts there are.
+    !> Number of parts.
     integer, parameter :: n_parts = part_derivatives + need_all_derivatives
 
     !> The groups.
     integer, parameter :: group_model = 1, group_chart = 2, group_newton = 3, group_control = 4, group_output = 5, &
         group_start = 6, group_watch = 7
-    !> How many there are, and what they are called.
+    !> Number of groups, and their names.
     integer, parameter :: n_part_groups = 7
     character(len=20), parameter :: part_group_name(n_part_groups) = [character(len=20) :: 'model', 'chart', 'Newton', &
         'stepper and control', 'output', 'start', 'watching']
@@ -52,8 +52,7 @@ module tandem_profile_parts
         'multipliers', 'kinetic energy', 'velocity after a jump', 'matrices', 'matrices kept', 'corrections', &
         'stages solved together', 'error filter']
 
-    !> The procedures of a model that give one term each, in the order of `model_type`, and the bit of the term where it is one of
-    !> `term_name`.
+    !> Procedures of a model with one term each, in the order of `model_type`, and the bit of the term if it is one of `term_name`.
     character(len=24), parameter :: single_name(n_singles) = [character(len=24) :: 'holonomic', 'holonomic_jacobian', &
         'holonomic_rate', 'nonholonomic_jacobian', 'nonholonomic_rhs', 'constraint_acceleration', 'mass_matrix', &
         'inertia_force', 'applied_force', 'kinetic_energy', 'potential_energy', 'jacobian_derivative', 'nu_derivative', &
@@ -62,9 +61,9 @@ module tandem_profile_parts
 
 contains
 
-    !> The name of a part, with blanks behind; those of the model are the names of its procedures.
+    !> Name of a part, padded with blanks; parts of the model have the names of its procedures.
     pure function part_name(part) result(name)
-        !> Its number.
+        !> Index of the part.
         integer, intent(in) :: part
         character(len=name_length) :: name
 
@@ -81,10 +80,10 @@ contains
         end if
     end function part_name
 
-    !> The names that a need mask stands for, with a blank before each.
+    !> Append the names of the bits of a need mask, each after a blank.
     pure subroutine add_names(mask, names, text)
         integer, intent(in) :: mask
-        !> In the order of their bits.
+        !> In the order of the bits.
         character(len=*), intent(in) :: names(:)
         character(len=*), intent(out) :: text
         integer :: i, last
@@ -97,9 +96,9 @@ contains
         end do
     end subroutine add_names
 
-    !> The group of a part.
+    !> Group of a part.
     pure integer function part_group(part)
-        !> Its number.
+        !> Index of the part.
         integer, intent(in) :: part
 
         select case (part)
@@ -120,9 +119,9 @@ contains
         end select
     end function part_group
 
-    !> The terms of the model that a call counted under a part evaluates, a sum of need bits.
+    !> Terms of the model that a call of a part evaluates, a sum of need bits.
     pure integer function terms_of_part(part)
-        !> Its number.
+        !> Index of the part.
         integer, intent(in) :: part
 
         terms_of_part = 0

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The same for sparse charts. Points, velocities and accelerations of a step are asked for one by one in the chart itself.
+!> The same for sparse charts. Points, velocities and accelerations of a step are separate operations of the chart itself.
 module tandem_profile_sparse_chart
     use tandem_kinds, only: wp
     use tandem_profile_ledger, only: mark_type, profile_type
@@ -12,9 +12,9 @@ module tandem_profile_sparse_chart
 
     public :: profiled_chart_type
 
-    !> Give one with its `profile` to `initialize` of the simulation.
+    !> Pass one, with its `profile` set, to `initialize` of the simulation.
     type, extends(own_chart_type) :: profiled_chart_type
-        !> Where the time is booked; it must outlive the simulation.
+        !> Measured times; must outlive the simulation.
         type(profile_type), pointer :: profile => null()
     contains
         procedure :: renew, refresh, restore_position, restore_velocity, solve_dynamics
