@@ -1,7 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Arrays that begin with a line of the cache: a column of `lane` numbers then lies in one line and not across two, which by itself
-!> is worth 5 to 8 % of the time of an explicit step. Fortran cannot ask for that, and where the system puts an array depends on
-!> what was allocated before.
+!> Arrays that begin at a cache line: a column of `lane` numbers then occupies one line instead of two, which alone saves 5 to 8 %
+!> of the time of an explicit step. Fortran has no such attribute, and the address of an array depends on earlier allocations.
 module tandem_linalg_aligned
     use, intrinsic :: iso_c_binding, only: c_intptr_t, c_loc
     use tandem_kinds, only: wp
@@ -10,27 +9,27 @@ module tandem_linalg_aligned
 
     public :: allocate_aligned
 
-    !> Allocate and set to zero; what was there before is lost.
+    !> Allocate and set to zero; earlier contents are lost.
     interface allocate_aligned
         module procedure allocate_vector
         module procedure allocate_matrix
     end interface allocate_aligned
 
-    !> The length of a line, in bytes.
+    !> Length of a cache line in bytes.
     integer(c_intptr_t), parameter :: line = 64
-    !> So often another place is tried; the last one serves wherever it is.
+    !> Largest number of attempts; the result of the last one is used in any case.
     integer, parameter :: most_tries = 16
-    !> With more numbers it does not matter.
+    !> Largest number of entries for which the alignment matters.
     integer, parameter :: most_numbers = 4096
 
-    !> A place that did not serve, and what keeps the next one from lying a multiple of its length away.
+    !> A misaligned allocation, and a spacer that keeps the next one from the same alignment.
     type :: place_type
         real(wp), allocatable :: vector(:), matrix(:, :), spacer(:)
     end type place_type
 
 contains
 
-    !> For n numbers.
+    !> Allocate n numbers.
     subroutine allocate_vector(x, n)
         real(wp), allocatable, intent(out) :: x(:)
         integer, intent(in) :: n
@@ -46,7 +45,7 @@ contains
         x = 0.0_wp
     end subroutine allocate_vector
 
-    !> For a matrix of so many rows and columns.
+    !> Allocate a matrix.
     subroutine allocate_matrix(a, rows, columns)
         real(wp), allocatable, intent(out) :: a(:, :)
         integer, intent(in) :: rows, columns
@@ -62,7 +61,7 @@ contains
         a = 0.0_wp
     end subroutine allocate_matrix
 
-    !> Whether n numbers may stay where they are.
+    !> True if the address of n numbers is acceptable.
     logical function serves(n, x)
         integer, intent(in) :: n
         real(wp), intent(in), target :: x(n)

@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
 !> Orthonormal bases of the ranges and null spaces of Phi_q and of C = [Phi_q; E], and the one rank decision.
 !>
-!> The result is one orthogonal matrix Q = [U, Xe, W]: its first nh columns U span range(Phi_q'), the first m = nh + nd
-!> columns X span range(C'), the last n - nh columns V span null(Phi_q), and the last n - m columns W span null(C). So
-!> V contains W, and the leading block of C X is Phi_q U.
+!> The result is one orthogonal matrix Q = [U, Xe, W]: its first nh columns U span range(Phi_q'), the first m = nh + nd columns X
+!> span range(C'), the last n - nh columns V span null(Phi_q), and the last n - m columns W span null(C). So V contains W, and the
+!> leading block of C X is Phi_q U.
 !>
-!> Pivoted QR (the default) takes its pivots within the rows of Phi first, then within those of E; the SVD is the paper's,
-!> W = V Z with Z from E V. Rows are brought to unit length first, so that the rank does not depend on their units.
+!> Pivoted QR (the default) takes its pivots first within the rows of Phi, then within those of E; the SVD is the paper's, W = V Z
+!> with Z from E V. Rows are scaled to unit length first, so that the rank does not depend on their units.
 module tandem_linalg_basis
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dgeqp3, dgesvd, dorgqr, dormqr
@@ -15,16 +15,16 @@ module tandem_linalg_basis
 
     public :: basis_type, rank_tolerance
 
-    !> Rows of unit length whose smallest singular value is at most this count as dependent. Constraints stay usable up to a
-    !> condition number of about 5e8; beyond 1e10 the multipliers and the velocities have no digits that could be trusted.
+    !> Rows of unit length are dependent if their smallest singular value is at most this. Constraints are usable up to a condition
+    !> number of about 5e8; beyond 1e10 multipliers and velocities have no correct digits.
     real(wp), parameter :: rank_tolerance = 1.0e-10_wp
-    !> A diagonal entry of R below this asks for the singular values.
+    !> A diagonal entry of R below this requires the singular values.
     real(wp), parameter :: suspicion = 1.0e-7_wp
 
     type :: basis_type
-        !> [U, Xe, W] (n, n); only the columns asked for are formed.
+        !> [U, Xe, W] (n, n); only the requested columns are computed.
         real(wp), allocatable :: q(:, :)
-        !> True where the rows depend on each other, and a row that does.
+        !> True if the rows are dependent; a dependent row.
         logical :: deficient = .false.
         integer :: dependent_row = 0
         !> The smallest singular value of the rows of unit length, or its estimate from R.
@@ -39,11 +39,11 @@ module tandem_linalg_basis
 
 contains
 
-    !> Allocate for n coordinates, nh holonomic and m constraints in all.
+    !> Allocate for n coordinates, nh holonomic and m constraints in total.
     subroutine allocate_basis(self, n, nh, m, columns)
         class(basis_type), intent(inout) :: self
         integer, intent(in) :: n, nh, m
-        !> The most columns of Q that will be asked for, at least m; by default n, which singular values take.
+        !> Largest number of requested columns of Q, at least m; by default n, which the singular value decomposition needs.
         integer, intent(in), optional :: columns
         integer :: width
 
@@ -55,7 +55,7 @@ contains
         if (present(columns)) width = columns
         allocate (self%q(n, width), self%rows(n, max(m, 1)), self%tau(max(m, 1)), self%singular(max(m, 1)), source=0.0_wp)
         allocate (self%order(max(m, 1)), source=0)
-        ! Enough for the blocked forms of all four routines: (n + 1) 32 for QR, 5 n for the SVD.
+        ! Sufficient for the blocked forms of all four routines: (n + 1) 32 for QR, 5 n for the SVD.
         allocate (self%work(32*(n + 1)), source=0.0_wp)
     end subroutine allocate_basis
 
@@ -85,7 +85,7 @@ contains
         real(wp), intent(in) :: matrix(:, :)
         !> Coordinate scales (n); the bases are those of C diag(scale).
         real(wp), intent(in) :: scale(:)
-        !> How many columns of Q to form: nh for U, m for X, n for V and W too.
+        !> Number of columns of Q to compute: nh for U, m for X, n for V and W too.
         integer, intent(in) :: columns
         integer :: i, info, ne
 
@@ -104,7 +104,7 @@ contains
             if (ne > 0) then
                 if (nh > 0) call dormqr('L', 'T', n, ne, nh, self%rows(:, :nh), n, self%tau, self%rows(1, nh + 1), n, &
                     self%work, lwork, info)
-                ! The reflectors of this block act on rows nh + 1 ... n only, so both blocks are one set of m reflectors.
+                ! The reflectors of this block act only on rows nh + 1 ... n, so that both blocks are one set of m reflectors.
                 call dgeqp3(n - nh, ne, self%rows(nh + 1, nh + 1), n, self%order(nh + 1), self%tau(nh + 1), self%work, lwork, info)
                 self%order(nh + 1:self%m) = self%order(nh + 1:self%m) + nh
             end if
@@ -120,7 +120,7 @@ contains
         if (.not. self%deficient) self%dependent_row = 0
     end subroutine factor_qr
 
-    !> The rank decision: singular values of the rows of unit length.
+    !> Rank decision: singular values of the rows of unit length.
     subroutine decide_rank(self, matrix, scale)
         class(basis_type), intent(inout) :: self
         real(wp), intent(in) :: matrix(:, :), scale(:)
@@ -134,8 +134,8 @@ contains
         self%deficient = info /= 0 .or. .not. self%smallest > rank_tolerance*self%singular(1)
     end subroutine decide_rank
 
-    !> Bases by singular value decomposition, as the paper has them: V from Phi_q, Z from E V, W = V Z. For set-up and
-    !> comparison: it allocates.
+    !> Bases by singular value decomposition, as in the paper: V from Phi_q, Z from E V, W = V Z. For set-up and comparison: it
+    !> allocates.
     subroutine factor_svd(self, matrix, scale)
         class(basis_type), intent(inout) :: self
         !> C (m, n), holonomic rows first.
@@ -174,8 +174,8 @@ contains
         end if
     end subroutine factor_svd
 
-    !> 1 / the smallest singular value of a matrix of cosines (at most m, m): the secant of the largest angle between two
-    !> subspaces; 1 for an empty matrix.
+    !> 1 / the smallest singular value of a matrix of cosines (at most m, m): the secant of the largest angle between two subspaces;
+    !> 1 for an empty matrix.
     real(wp) function largest_secant(self, cosines)
         class(basis_type), intent(inout) :: self
         real(wp), intent(in) :: cosines(:, :)

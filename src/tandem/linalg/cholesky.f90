@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Cholesky factorisation of a symmetric positive definite matrix; work space allocated once. Up to order 16 by loops of our
-!> own, LAPACK above, for the reasons given with the LU factorisation.
+!> Cholesky factorisation of a symmetric positive definite matrix; work space allocated once. Up to order 16 by loops, above by
+!> LAPACK, for the reasons given for the LU factorisation.
 module tandem_linalg_cholesky
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dpotrf, dpotrs
@@ -34,13 +34,13 @@ contains
         allocate (self%factor_(n, n))
     end subroutine allocate_cholesky
 
-    !> Factor a matrix (n, n), of which the lower triangle is read. stat > 0: the leading minor of that order is not
-    !> positive, or so small against its own diagonal that the solution would be noise.
+    !> Factor a matrix (n, n), of which the lower triangle is used. stat > 0: the leading minor of this order is not positive, or so
+    !> small relative to its diagonal entry that the solution would be inaccurate.
     subroutine factor(self, matrix, stat)
         class(cholesky_type), intent(inout) :: self
         real(wp), intent(in) :: matrix(:, :)
         integer, intent(out) :: stat
-        !> A pivot of a singular matrix is rounding, a few n eps of its diagonal entry, over the smallest relative pivot before.
+        !> Limit of a relative pivot times the smallest previous one: rounding of a pivot is a few n eps over the latter.
         real(wp), parameter :: smallest_pivot = 8.0e-15_wp
         real(wp) :: ratio, least
         integer :: i
@@ -78,7 +78,7 @@ contains
         end if
     end subroutine solve
 
-    !> X := X A^-1 for a matrix (l, n), column by column: its rows are solved for side by side.
+    !> X := X A^-1 for a matrix (l, n), column by column: its rows are solved simultaneously.
     pure subroutine solve_rows(self, x)
         class(cholesky_type), intent(in) :: self
         real(wp), intent(inout), contiguous :: x(:, :)
@@ -111,7 +111,7 @@ contains
         end do
     end subroutine solve_rows
 
-    !> The factor, column by column. stat > 0: the leading minor of that order is not positive.
+    !> The factor, column by column. stat > 0: the leading minor of this order is not positive.
     subroutine factor_small(self, stat)
         class(cholesky_type), intent(inout) :: self
         integer, intent(out) :: stat

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> LU factorisation of a square complex matrix by LAPACK, for pairs of stages of implicit methods; work space allocated once. Loops
-!> of our own, as the real one has up to order 16, saved 1 to 2 % of the steps of `radau5` on the disk and the motorcycle.
+!> as for real matrices up to order 16 saved only 1 to 2 % of the steps of `radau5` on the disk and the motorcycle.
 module tandem_linalg_complex_lu
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: zgetrf, zgetrs
@@ -15,7 +15,7 @@ module tandem_linalg_complex_lu
         integer :: n = 0
         complex(wp), allocatable :: factors(:, :), b(:)
         integer, allocatable :: pivots(:)
-        !> For checkpoints, which know real numbers (n, n).
+        !> For checkpoints, which store real numbers (n, n).
         real(wp), allocatable :: part(:, :)
     contains
         procedure :: allocate => allocate_complex_lu, factor, solve, pack_state
@@ -54,7 +54,7 @@ contains
         real(wp), intent(inout), contiguous :: x(:), y(:)
         integer :: i, info
 
-        ! LAPACK would print that a leading dimension is 0.
+        ! LAPACK would print a message for a leading dimension of 0.
         if (self%n == 0) return
         do i = 1, self%n
             self%b(i) = cmplx(x(i), y(i), wp)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Rows that depend on each other: which to keep, what the others are made of, and the solution of least norm where a matrix has
-!> not full rank. For starts and for failures, not for steps: these procedures allocate.
+!> Dependent rows: choice of the rows to keep, representation of the others by these, and the solution of least norm of a
+!> rank-deficient system. For starts and after failures, not for steps: these procedures allocate.
 module tandem_linalg_dependence
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dgelsy, dpotrf, dpotri, dsyrk
@@ -12,20 +12,20 @@ module tandem_linalg_dependence
 
 contains
 
-    !> Leave out rows until the others are independent: always the one with the largest part in the combination that vanishes, of
-    !> equal ones the last, so that a copy goes and not its original. Rows behind `n_first` go before those up to it.
+    !> Drop rows until the others are independent: each time the one with the largest coefficient in the vanishing combination, of
+    !> equal ones the last, so that a copy is dropped and not its original. Rows after `n_first` are dropped first.
     subroutine split_rows(matrix, scale, n_first, tolerance, kept, dropped, combination)
-        !> Rows (m, n) and the scales of their unknowns (n).
+        !> Rows (m, n) and scales of their unknowns (n).
         real(wp), intent(in) :: matrix(:, :), scale(:)
-        !> How many rows to spare where others can go.
+        !> Number of first rows to be kept if others can be dropped.
         integer, intent(in) :: n_first
-        !> Rows of unit length depend on each other where their smallest singular value is at most this.
+        !> Rows of unit length are dependent if their smallest singular value is at most this.
         real(wp), intent(in) :: tolerance
         !> Numbers of the independent rows and of the others, ascending.
         integer, allocatable, intent(out) :: kept(:), dropped(:)
         !> matrix(dropped, :) = combination matrix(kept, :).
         real(wp), allocatable, intent(out) :: combination(:, :)
-        !> Smaller parts in the combination do not count, and parts that differ by less are equal.
+        !> Smaller coefficients of the combination are ignored; coefficients that differ by less are equal.
         real(wp), parameter :: counts = 1.0e-2_wp, equal = 1.0e-6_wp
         real(wp), allocatable :: rows(:, :), share(:)
         type(row_space_type) :: space
@@ -37,7 +37,7 @@ contains
         do k = 1, size(matrix, 1)
             kept = pack([(i, i=1, size(is_kept))], is_kept)
             rows = matrix(kept, :)
-            ! Singular vectors cost many times this look, and who asks suspects the rows that are there at first.
+            ! Singular vectors cost many times more than this test, and callers expect dependent rows at first.
             if (k > 1) then
                 if (are_clearly_independent(rows, scale, tolerance)) exit
             end if
@@ -60,12 +60,12 @@ contains
         end do
     end subroutine split_rows
 
-    !> Whether rows of unit length are so independent that no closer look is needed: of their Gram matrix G the smallest eigenvalue,
-    !> the square of the smallest singular value, is at least 1/trace(G^-1), which rounding changes by 1e-14.
+    !> True if rows of unit length are so independent that no further test is needed: for their Gram matrix G the smallest
+    !> eigenvalue, the square of the smallest singular value, is at least 1/trace(G^-1), which rounding changes by 1e-14.
     logical function are_clearly_independent(matrix, scale, tolerance) result(are)
-        !> Rows (m, n) and the scales of their unknowns (n).
+        !> Rows (m, n) and scales of their unknowns (n).
         real(wp), intent(in) :: matrix(:, :), scale(:)
-        !> The smallest singular value is to be clearly above this.
+        !> The smallest singular value must clearly exceed this.
         real(wp), intent(in) :: tolerance
         real(wp), parameter :: clearly = 1.0e-4_wp
         real(wp), allocatable :: rows(:, :), gram(:, :)
@@ -94,7 +94,7 @@ contains
         are = 1.0_wp > trace*max(clearly, 10*tolerance)**2
     end function are_clearly_independent
 
-    !> The solution of least length of the least-squares problem A x = b; A may have any rank.
+    !> Solution of least length of the least-squares problem A x = b; A may have any rank.
     subroutine solve_least_norm(a, b, x)
         !> A (m, n), b (m).
         real(wp), intent(in) :: a(:, :), b(:)

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> Eigenvalues and eigenvectors of a square matrix, and its eigenvalue zero. For set-up: the procedures allocate.
 !>
-!> A zero in a Jordan block of size k comes out of any eigenvalue routine as some eps^(1/k) of the norm. So zeros are taken off
-!> before that, by the staircase of null spaces: the null space of the matrix, then that of what it is on the quotient, and so on,
-!> in orthogonal transformations. Their dimensions tell the sizes of the blocks.
+!> Any eigenvalue routine computes a zero in a Jordan block of size k as some eps^(1/k) of the norm. Zeros are therefore split off
+!> first, by the staircase of null spaces: the null space of the matrix, then that of its restriction to the quotient space, and so
+!> on, by orthogonal transformations. Their dimensions give the sizes of the blocks.
 !>
 !> Source: V. N. Kublanovskaya 1966; G. H. Golub, J. H. Wilkinson, Ill-conditioned eigensystems and the computation of the Jordan
 !> canonical form, SIAM Review 18, 1976; LAPACK Users' Guide.
@@ -16,22 +16,22 @@ module tandem_linalg_eigenvalues
 
     public :: find_eigenvalues, split_zeros, bound_errors
 
-    !> The backward error of the iteration over eps and the norm of the balanced matrix, of which it takes about the square root of
-    !> the order.
+    !> Factor of the backward error of the iteration: its ratio to eps and the norm of the balanced matrix is about this times the
+    !> square root of the order.
     real(wp), parameter :: rounding_of_iteration = 2.0_wp
 
 contains
 
-    !> Eigenvalues (n) and right eigenvectors (n, n) of length 1 of a matrix of finite numbers, and how well each is determined.
+    !> Eigenvalues (n) and right eigenvectors (n, n) of length 1 of a matrix of finite numbers, and their condition.
     subroutine find_eigenvalues(a, values, vectors, condition, stat, left_vectors, rounding)
         !> (n, n)
         real(wp), intent(in) :: a(:, :)
         complex(wp), intent(out) :: values(:), vectors(:, :)
-        !> The cosine between left and right eigenvector: an error E of the matrix moves the eigenvalue by up to |E| over it.
+        !> Cosine between left and right eigenvector: an error E of the matrix changes the eigenvalue by up to |E| over it.
         real(wp), intent(out) :: condition(:)
-        !> > 0: without convergence.
+        !> > 0: no convergence.
         integer, intent(out) :: stat
-        !> Left eigenvectors (n, n) of length 1, and bounds to first order on what rounding of the iteration adds to each value (n).
+        !> Left eigenvectors (n, n) of length 1, and first-order bounds of the rounding error of each value (n).
         complex(wp), intent(out), optional :: left_vectors(:, :)
         real(wp), intent(out), optional :: rounding(:)
         real(wp), dimension(size(a, 1), size(a, 1)) :: copy, left, right
@@ -45,7 +45,7 @@ contains
         stat = 0
         if (n == 0) return
         copy = a
-        ! Enough for the blocked form, and for the condition numbers.
+        ! Sufficient for the blocked form, and for the condition numbers.
         allocate (work(n*(n + 40)), iwork(2*n))
         call dgeevx('B', 'V', 'V', 'E', n, copy, n, wr, wi, left, n, right, n, low, high, scale, norm, condition, rcondv, work, &
             size(work), iwork, stat)
@@ -58,14 +58,14 @@ contains
         end do
         call make_complex(right, wi, vectors)
         if (present(left_vectors)) call make_complex(left, wi, left_vectors)
-        ! Of the balanced matrix, whose condition numbers these are.
+        ! The condition numbers are those of the balanced matrix.
         if (present(rounding)) rounding = rounding_of_iteration*sqrt(real(n, wp))*epsilon(1.0_wp)*norm/ &
             max(condition, tiny(1.0_wp)**0.25_wp)
     end subroutine find_eigenvalues
 
-    !> Vectors as LAPACK stores them, pairs as real and imaginary parts.
+    !> Convert vectors from the storage of LAPACK, in which pairs are real and imaginary parts.
     pure subroutine make_complex(parts, imaginary, vectors)
-        !> (n, n), and the imaginary parts of the eigenvalues (n).
+        !> (n, n), and imaginary parts of the eigenvalues (n).
         real(wp), intent(in) :: parts(:, :), imaginary(:)
         complex(wp), intent(out) :: vectors(:, :)
         integer :: j
@@ -83,14 +83,14 @@ contains
         end do
     end subroutine make_complex
 
-    !> Bounds on errors of eigenvalues from those to first order, which hold as long as they are small beside the distances to the
-    !> other eigenvalues. Of others, as near a Jordan block, errors of the matrix are drawn at random within its bounds; eigenvalues
-    !> move by no more than some times as much as they do then.
+    !> Bounds on errors of eigenvalues from first-order ones, which hold if they are small compared with the distances to other
+    !> eigenvalues. Otherwise, as near a Jordan block, errors of the matrix are drawn at random within its bounds; the bounds are a
+    !> multiple of the resulting changes of the eigenvalues.
     subroutine bound_errors(a, uncertainty, values, errors)
-        !> The matrix, bounds on the errors of its entries (n, n), and its eigenvalues (n).
+        !> Matrix, bounds on the errors of its entries (n, n), and its eigenvalues (n).
         real(wp), intent(in) :: a(:, :), uncertainty(:, :)
         complex(wp), intent(in) :: values(:)
-        !> To first order; bounds in their place.
+        !> First-order errors on entry, bounds on return.
         real(wp), intent(inout) :: errors(:)
         integer, parameter :: samples = 4
         real(wp), parameter :: apart = 8.0_wp, safety = 10.0_wp
@@ -119,26 +119,26 @@ contains
                 moved(i) = max(moved(i), abs(values(i) - others(k)))
             end do
         end do
-        ! Eigenvalues that meet move alike.
+        ! Coinciding eigenvalues change alike.
         do i = 1, size(values)
             if (is_close(i)) ignored(i) = maxval(moved, mask=abs(values - values(i)) <= safety*moved)
         end do
         where (is_close) errors = min(errors, safety*ignored)
     end subroutine bound_errors
 
-    !> Split the eigenvalue zero off: Q' A Q = [N, X; 0, B] with N nilpotent (k, k) and B without an eigenvalue that is zero within
+    !> Split off the eigenvalue zero: Q' A Q = [N, X; 0, B] with N nilpotent (k, k) and B without an eigenvalue that is zero within
     !> the tolerance.
     subroutine split_zeros(a, tolerance, q, k, dimensions, dropped)
-        !> (n, n); Q' A Q in its place.
+        !> (n, n); Q' A Q on return.
         real(wp), intent(inout) :: a(:, :)
-        !> Singular values of at most this count as zero.
+        !> Singular values of at most this are treated as zero.
         real(wp), intent(in) :: tolerance
         !> Q (n, n), and k.
         real(wp), intent(out) :: q(:, :)
         integer, intent(out) :: k
-        !> How many chains have a vector at each stage: entry j is the number of Jordan blocks of size j or more.
+        !> Number of chains with a vector at each stage: entry j is the number of Jordan blocks of size j or more.
         integer, allocatable, intent(out) :: dimensions(:)
-        !> The size of what counts as zero is added to it.
+        !> The size of the parts treated as zero is added to it.
         real(wp), intent(inout), optional :: dropped
         real(wp), allocatable :: z(:, :)
         integer :: n, i, r

@@ -1,14 +1,14 @@
 ! SPDX-License-Identifier: MIT
-!> One pivoted elimination of C (m, n), m <= n: C = Cd [I, Y] up to the order of the columns. It gives a right inverse
-!> R = [Cd^-1; 0] (C R = I) and a null-space basis D = [-Y; I] (C D = 0), all that an explicit step needs of C.
+!> One pivoted elimination of C (m, n), m <= n: C = Cd [I, Y] up to the order of the columns. It gives a right inverse R = [Cd^-1;
+!> 0] (C R = I) and a null-space basis D = [-Y; I] (C D = 0), which suffice for an explicit step.
 !>
-!> Gauss-Jordan in place; each row takes its largest free column as pivot, which bounds the growth as partial pivoting does.
-!> The pivot columns are remembered: a neighbouring C is eliminated without a search, and the search is made anew when a pivot
-!> has become small in its row or an entry of Y has grown too much.
+!> Gauss-Jordan in place; the pivot of each row is its largest free column, which bounds the growth as partial pivoting does. The
+!> pivot columns are stored: a neighbouring C is eliminated without a search. The search is repeated when a pivot has become small
+!> in its row or an entry of Y has grown too much.
 !>
-!> Columns are padded with zeros to a multiple of `lane`, so that inner loops have a constant length: at the sizes of one
-!> mechanism that is worth more than the arithmetic it wastes. With more than `largest_small` rows, where the matrix leaves the
-!> nearest cache, remembered pivot columns are taken by LAPACK, with row pivoting and without the inverse of Cd.
+!> Columns are padded with zeros to a multiple of `lane`, so that inner loops have a constant length, which for the size of one
+!> mechanism saves more than the additional arithmetic costs. With more than `largest_small` rows, for which the matrix exceeds the
+!> first-level cache, stored pivot columns are eliminated by LAPACK, with row pivoting and without the inverse of Cd.
 module tandem_linalg_elimination
     use tandem_kinds, only: lane, short, wp
     use tandem_linalg_aligned, only: allocate_aligned
@@ -20,29 +20,29 @@ module tandem_linalg_elimination
 
     public :: elimination_type, largest_small
 
-    !> Most rows for which loops are faster than LAPACK: measured with OpenBLAS, where at 128 rows a step takes them twice as long.
+    !> Largest number of rows for which loops are faster than LAPACK (OpenBLAS); with 128 rows a step by loops takes twice as long.
     integer, parameter :: largest_small = 64
-    !> A row of which at most this part is left depends on the rows before it; as the rank decision of `tandem_linalg_basis`.
+    !> A row is dependent on the previous ones if at most this part of it remains, as in the rank decision of `tandem_linalg_basis`.
     real(wp), parameter :: rank_tolerance = 1.0e-10_wp
 
     type :: elimination_type
         !> m rows, padded to `height`, and n columns.
         integer :: m = 0, n = 0, height = 0
-        !> C (height, n); what the elimination makes of it: [Cd^-1, Y] (height, n), by LAPACK factors of Cd in place of its inverse.
+        !> C (height, n); result of the elimination: [Cd^-1, Y] (height, n), by LAPACK factors of Cd in place of its inverse.
         real(wp), allocatable :: matrix(:, :), eliminated(:, :)
-        !> The columns of C in their new order (n): the pivot column of each row, then the free ones.
+        !> Columns of C in the order of elimination (n): the pivot column of each row, then the free ones.
         integer, allocatable :: order(:)
-        !> The number of this choice of pivots; it changes with every new choice, and comes back with `release`.
+        !> Number of this choice of pivots; it changes with every new choice, and `release` restores it.
         integer :: choice = 0
         integer, private :: parity = 1, last_choice = 0, held_choice = 0, held_parity = 1
         logical, private :: has_pivots = .false., held_has_pivots = .false.
-        !> Largest scaled entry of each row of C when it was measured last, the pivots; two columns; 1 for rows and 0 for padding
-        !> (height); the unit matrix (height, height).
+        !> Largest scaled entry of each row of C at the last measurement, saved values, pivots; two columns; 1 for rows and 0 for
+        !> padding (height); unit matrix (height, height).
         real(wp), allocatable, private :: row_size(:), held_row_size(:), pivots(:), column(:), second(:), mask(:), unit(:, :)
-        !> Scales of the unknowns (n), and those of the pivot columns (height).
+        !> Scales of the unknowns (n), and of the pivot columns (height).
         real(wp), allocatable, private :: scale(:), pivot_scale(:)
         integer, allocatable, private :: held_order(:)
-        !> By LAPACK: the row exchanges, and what rows are multiplied by before, powers of 2 (m).
+        !> By LAPACK: row exchanges, and scale factors of the rows, powers of 2 (m).
         integer, allocatable, private :: exchanges(:)
         real(wp), allocatable, private :: row_factor(:)
     contains
@@ -53,20 +53,20 @@ module tandem_linalg_elimination
         procedure, private :: choose_pivots, factor, solve_all, swap
     end type elimination_type
 
-    ! By LAPACK, where there are many rows.
+    ! By LAPACK, for many rows.
     interface
-        !> Take all remembered pivots. stat > 0: they do not serve.
+        !> Eliminate with all stored pivots. stat > 0: they are not usable.
         module subroutine factor(self, matrix, is_choosy, stat)
             implicit none (type, external)
             class(elimination_type), intent(inout) :: self
             !> C (m, n).
             real(wp), intent(in) :: matrix(self%m, self%n)
-            !> Whether to refuse small pivots and large entries of Y too, for which a search may find better ones.
+            !> True to refuse also small pivots and large entries of Y, for which a search may find better ones.
             logical, intent(in) :: is_choosy
             integer, intent(out) :: stat
         end subroutine factor
 
-        !> The rows Cd^-1 of R, each in the place of its pivot column.
+        !> Rows Cd^-1 of R, each at its pivot column.
         module subroutine solve_all(self, right_inverse)
             implicit none (type, external)
             class(elimination_type), intent(in) :: self
@@ -74,7 +74,7 @@ module tandem_linalg_elimination
             real(wp), intent(inout) :: right_inverse(:, :)
         end subroutine solve_all
 
-        !> y := Cd^-1 x, of any elimination.
+        !> y := Cd^-1 x, after any elimination.
         module subroutine solve(self, x, y)
             implicit none (type, external)
             class(elimination_type), intent(in) :: self
@@ -125,14 +125,14 @@ contains
         end do
     end subroutine allocate_elimination
 
-    !> Search for pivots at the next elimination.
+    !> Discard the pivots: search at the next elimination.
     pure subroutine forget(self)
         class(elimination_type), intent(inout) :: self
 
         self%has_pivots = .false.
     end subroutine forget
 
-    !> Keep the remembered pivots.
+    !> Save the stored pivots.
     pure subroutine hold(self)
         class(elimination_type), intent(inout) :: self
 
@@ -143,7 +143,7 @@ contains
         self%held_choice = self%choice
     end subroutine hold
 
-    !> Go back to the pivots that were kept.
+    !> Restore the saved pivots.
     pure subroutine release(self)
         class(elimination_type), intent(inout) :: self
 
@@ -155,12 +155,12 @@ contains
         if (self%has_pivots) self%pivot_scale(:self%m) = self%scale(self%order(:self%m))
     end subroutine release
 
-    !> Eliminate a matrix. stat > 0: the row of that number has no pivot; stat < 0: an entry is not finite.
+    !> Eliminate a matrix. stat > 0: the row of this number has no pivot; stat < 0: an entry is not finite.
     subroutine eliminate(self, matrix, scale, stat)
         class(elimination_type), intent(inout) :: self
         !> C (m, n).
         real(wp), intent(in) :: matrix(self%m, self%n)
-        !> Typical magnitudes of the unknowns (n), for the choice of pivots; the same ones every time.
+        !> Typical magnitudes of the unknowns (n), for the choice of pivots; the same in every call.
         real(wp), intent(in) :: scale(self%n)
         integer, intent(out) :: stat
         integer :: j, orientation
@@ -182,7 +182,7 @@ contains
             stat = -1
             return
         end if
-        ! What the old pivots say of the orientation holds for the new ones.
+        ! The orientation of the old pivots is kept for the new ones.
         orientation = self%orientation()
         call self%choose_pivots(scale, stat)
         if (stat == 0 .and. self%m > largest_small) call self%factor(matrix, .false., stat)
@@ -216,7 +216,7 @@ contains
                 largest = candidate
                 p = j
             end do
-            ! What rounding leaves of a row that depends on others is no pivot.
+            ! The rounding remainder of a dependent row is not a pivot.
             if (.not. largest > rank_tolerance*self%row_size(k)) p = 0
             if (p > 0) then
                 if (.not. abs(self%eliminated(k, p)) > tiny(1.0_wp)) p = 0
@@ -233,7 +233,7 @@ contains
             call take_pivot(k, self%n, self%height, 1.0_wp/self%pivots(k), self%unit, self%eliminated, self%column)
         end do
         call divide_rows(self%n, self%height, self%pivots, self%eliminated, self%column)
-        ! The free columns in the order of the coordinates: D'M D is factored in it, and rounding is that of no other order.
+        ! Keep the free columns in the order of the coordinates, so that factoring D'M D has the rounding errors of this order.
         do i = self%m + 2, self%n
             do j = i, self%m + 2, -1
                 if (self%order(j - 1) < self%order(j)) exit
@@ -259,7 +259,7 @@ contains
         self%order(k) = i
     end subroutine swap
 
-    !> The largest scaled entry of each row.
+    !> Largest scaled entry of each row.
     pure subroutine set_row_size(n, height, c, scale, row_size)
         integer, intent(in) :: n
         integer, intent(in), value :: height
@@ -285,7 +285,7 @@ contains
         end do
     end subroutine set_row_size
 
-    !> The sign of det(Cd), carried over every change of pivots, so that it changes only where Cd turns singular.
+    !> Sign of det(Cd), preserved over changes of pivots, so that it changes only when Cd passes a singularity.
     pure integer function orientation(self)
         class(elimination_type), intent(in) :: self
         integer :: k
@@ -297,7 +297,7 @@ contains
         end do
     end function orientation
 
-    !> Measure the rows anew, by which pivots are judged until the next time: rows do not change much within a step.
+    !> Update the sizes of the rows, with which pivots are compared until the next update: rows change little within a step.
     pure subroutine measure_rows(self)
         class(elimination_type), intent(inout) :: self
 
@@ -345,7 +345,7 @@ contains
         end do
     end subroutine get_null_space
 
-    !> What the last elimination left, and what the next one starts from.
+    !> Pack the result of the last elimination, and the start of the next one.
     subroutine pack_state(self, pack)
         class(elimination_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

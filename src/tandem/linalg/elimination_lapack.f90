@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The elimination of a C with many rows, by LAPACK: factors of Cd, found with row pivoting, stand where its inverse does otherwise.
+!> Elimination of a C with many rows by LAPACK: factors of Cd, computed with row pivoting, are stored in place of its inverse.
 submodule(tandem_linalg_elimination) tandem_linalg_elimination_lapack
     use tandem_linalg_kernels, only: add_product
     use tandem_linalg_lapack, only: dgetrf, dgetrs
@@ -8,7 +8,7 @@ submodule(tandem_linalg_elimination) tandem_linalg_elimination_lapack
 contains
 
     module procedure factor
-        !> Rows are exchanged, so that a small pivot amplifies no rounding: it says that the pivot columns depend on each other.
+        !> With row exchanges a small pivot does not amplify rounding, but shows that the pivot columns are dependent.
         real(wp), parameter :: smallest_pivot = 1.0e-8_wp, largest_growth = 10.0_wp
         real(wp) :: least, most
         integer :: i, info, j, p
@@ -21,7 +21,7 @@ contains
             most = largest_growth
         end if
         associate (m => self%m, a => self%eliminated)
-            ! Where rows have different units, the largest entry says nothing.
+            ! The largest entry is not meaningful for rows of different units.
             do i = 1, m
                 self%row_factor(i) = scale(1.0_wp, -max(exponent(self%row_size(i)), -1000))
             end do
@@ -34,7 +34,7 @@ contains
             end do
             call dgetrf(m, m, a, self%height, self%exchanges, info)
             do i = 1, m
-                ! Every exchange changes the sign of the determinant, of which the pivots tell, those too that do not serve.
+                ! Every exchange changes the sign of the determinant, which the pivots represent, also for unusable ones.
                 self%pivots(i) = merge(a(i, i), -a(i, i), self%exchanges(i) == i)
                 if (.not. (abs(a(i, i))*self%pivot_scale(i) >= least .and. abs(a(i, i)) <= huge(1.0_wp))) stat = i
             end do

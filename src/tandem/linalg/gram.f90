@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The loops of `tandem_chart_dense_position` but for those of its iteration. Over the rows of Phi matrices and vectors are padded
-!> with zeros to `width`.
+!> Loops of `tandem_chart_dense_position` except its iteration. Matrices and vectors over the rows of Phi are padded with zeros to
+!> `width`.
 module tandem_linalg_gram
     use tandem_kinds, only: short, wp
     implicit none (type, external)
@@ -9,13 +9,13 @@ module tandem_linalg_gram
     public :: find_rounding, invert_gram, multiply_columns, multiply_rows, refine_inverse, set_row_weight
     public :: smallest_gram_pivot
 
-    !> The least part of an entry on the diagonal of a Gram matrix that its pivot may be. The matrix squares the condition of Phi_q:
-    !> beyond 1e5 U is made an orthonormal basis.
+    !> Smallest pivot of a Gram matrix relative to its diagonal entry. The matrix squares the condition of Phi_q: beyond 1e5 U
+    !> becomes an orthonormal basis.
     real(wp), parameter :: smallest_gram_pivot = 1.0e-10_wp
 
 contains
 
-    !> increment - (q - origin) - U u, and whether that is no more than rounding.
+    !> increment - (q - origin) - U u; true if this is within rounding.
     pure subroutine find_rounding(n, width, u_basis, u, origin, increment, q, scale, left, is_rounding)
         integer, intent(in) :: n, width
         real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n), q(n), scale(n)
@@ -29,7 +29,7 @@ contains
         end if
     end subroutine find_rounding
 
-    !> The same, for a given length; registers as in `place` of `tandem_chart_dense_position`.
+    !> The same for a given length; registers as in `place` of `tandem_chart_dense_position`.
     pure subroutine find_rounding_of(width, n, u_basis, u, origin, increment, q, scale, left, is_rounding)
         integer, intent(in), value :: width
         integer, intent(in) :: n
@@ -72,7 +72,7 @@ contains
         is_rounding = (above(1) + above(2)) + (above(3) + above(4)) <= 0.0_wp
     end subroutine find_rounding_of
 
-    !> x := C y, the first nh rows; behind them zeros, and in the block of the last one other rows of C where there are some.
+    !> x := C y, the first nh rows; zeros after them, except that the last block may contain other rows of C.
     pure subroutine multiply_rows(m, n, nh, width, c, y, x)
         integer, intent(in) :: m, n, nh, width
         real(wp), intent(in) :: c(m, n), y(n)
@@ -135,17 +135,17 @@ contains
         end do
     end subroutine multiply_columns
 
-    !> U = S Phi_q', S = diag(s)^2, and (Phi_q U)^-1 by elimination without a search, since that is positive definite. The weights
-    !> of the rows of Phi by the way.
+    !> U = S Phi_q', S = diag(s)^2, and (Phi_q U)^-1 by elimination without a search, because the matrix is positive definite. Also
+    !> computes the weights of the rows of Phi.
     pure subroutine invert_gram(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
         integer, intent(in) :: n, nh, height, width
         !> C (height, n), q, coordinate scales.
         real(wp), intent(in) :: c(height, n), q(n), scale(n)
-        !> U, the inverse of Phi_q U, weights of the rows, work space.
+        !> U, inverse of Phi_q U, weights of the rows, work space.
         real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width), column(width)
-        !> The pivots of the elimination.
+        !> Pivots of the elimination.
         real(wp), intent(inout) :: pivots(width)
-        !> False where the rows of Phi_q are nearly dependent.
+        !> False if the rows of Phi_q are nearly dependent.
         logical, intent(out) :: can
 
         if (width == short) then
@@ -155,7 +155,7 @@ contains
         end if
     end subroutine invert_gram
 
-    !> The same, for a given length.
+    !> The same for a given length.
     pure subroutine invert_gram_of(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
         integer, intent(in) :: n, nh, height
         integer, intent(in), value :: width
@@ -175,17 +175,17 @@ contains
         call invert(nh, width, gram, pivots, column, can)
     end subroutine invert_gram_of
 
-    !> B := B + B (I - Phi_q U B), Newton's iteration (20) for the inverse once. What is beyond the nh rows and columns of B is zero
-    !> and stays so.
+    !> B := B + B (I - Phi_q U B), one step of Newton's iteration (20) for the inverse. Entries of B beyond the nh rows and columns
+    !> are zero and remain so.
     pure subroutine refine_inverse(n, nh, height, width, c, u, weight, b, a, e, rest, can)
         integer, intent(in) :: n, nh, height, width
         !> C (height, n), U, weights of the rows.
         real(wp), intent(in) :: c(height, n), u(n, width), weight(width)
         !> B, work space.
         real(wp), intent(inout) :: b(width, width), a(width, width), e(width, width)
-        !> About what is left of the entries of I - Phi_q U B, of weighted rows: the square of the largest one before.
+        !> Approximate remainder of the entries of I - Phi_q U B, of weighted rows: the square of the previous largest one.
         real(wp), intent(out) :: rest
-        !> False where B is too far from the inverse; it is as it was then.
+        !> False if B is too far from the inverse; it is then unchanged.
         logical, intent(out) :: can
 
         if (width == short) then
@@ -195,7 +195,7 @@ contains
         end if
     end subroutine refine_inverse
 
-    !> The same, for a given length.
+    !> The same for a given length.
     pure subroutine refine_inverse_of(n, nh, height, width, c, u, weight, b, a, e, rest, can)
         integer, intent(in) :: n, nh, height
         integer, intent(in), value :: width
@@ -203,7 +203,7 @@ contains
         real(wp), intent(inout) :: b(width, width), a(width, width), e(width, width)
         real(wp), intent(out) :: rest
         logical, intent(out) :: can
-        !> An entry of I - Phi_q U B, of weighted rows, above this: what would be left is no longer small.
+        !> Largest entry of I - Phi_q U B, of weighted rows, with a small remainder.
         real(wp), parameter :: too_far = 0.3_wp
         integer :: i, j, s
 
@@ -263,16 +263,16 @@ contains
         end do
     end subroutine set_product
 
-    !> A^-1 in place, A (width, width) of which nh rows and columns count, by elimination without a search.
+    !> A^-1 in place, A (width, width) of nh rows and columns, by elimination without a search.
     pure subroutine invert(nh, width, a, pivots, column, can)
         integer, intent(in) :: nh
         integer, intent(in), value :: width
         real(wp), intent(inout) :: a(width, width)
-        !> What pivots must exceed, positive numbers, then the pivots; work space.
+        !> Lower bounds of the pivots, positive numbers, on entry, pivots on return; work space.
         real(wp), intent(inout) :: pivots(width), column(width)
-        !> False where one does not.
+        !> False if a pivot is below its bound.
         logical, intent(out) :: can
-        !> Four neighbours of it are a part of a unit vector.
+        !> Four consecutive entries are a part of a unit vector.
         real(wp), parameter :: one_at_0(-short:short) = [0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
         real(wp) :: f, inverse
         integer :: b, i, j, k, p
@@ -286,7 +286,7 @@ contains
             if (.not. can) return
             pivots(k) = f
             inverse = 1.0_wp/f
-            ! Row k is divided by its pivot at last, as in `tandem_linalg_elimination`: columns are written as wholes.
+            ! Row k is divided by its pivot at the end, as in `tandem_linalg_elimination`: whole columns are written.
             do b = 0, width - short, short
                 p = min(max(k - b, 0), short + 1)
                 !GCC$ UNROLL 1
@@ -359,8 +359,8 @@ contains
         end do
     end subroutine set_block
 
-    !> A = C U, the first `width` rows, nh columns, and zeros in those behind. Four columns of C at a time, in one expression, as
-    !> `multiply_all` in `tandem_linalg_null_space_kernels`.
+    !> A = C U, the first `width` rows, nh columns, and zeros in the following ones. Four columns of C at a time, in one expression,
+    !> as in `multiply_all` of `tandem_linalg_null_space_kernels`.
     pure subroutine multiply(n, nh, height, width, c, u, a)
         integer, intent(in) :: n, nh, height
         integer, intent(in), value :: width
@@ -410,7 +410,7 @@ contains
         end do
     end subroutine multiply
 
-    !> The reciprocals of the natural scales of the rows of Phi.
+    !> Reciprocals of the natural scales of the rows of Phi.
     pure subroutine set_row_weight(m, n, nh, jacobian, q, scale, weight)
         integer, intent(in) :: m, n, nh
         real(wp), intent(in) :: jacobian(m, n), q(n), scale(n)

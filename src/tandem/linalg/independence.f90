@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> How independent the rows of C are, from an elimination of it. A module of its own, as gfortran stops inlining where a file has
-!> too many copies of loops for given lengths; the padding is that of `tandem_linalg_null_space_kernels`.
+!> Independence of the rows of C, from its elimination. A separate module, because gfortran stops inlining in files with too many
+!> copies of loops for given lengths; the padding is that of `tandem_linalg_null_space_kernels`.
 module tandem_linalg_independence
     use tandem_kinds, only: lane, short, wp
     implicit none (type, external)
@@ -11,10 +11,10 @@ module tandem_linalg_independence
 contains
 
     !> 1/|C+|, where C+ = R - D (D'D)^-1 D'R is the inverse of least norm: |C+|^2 = |R|^2 - |L^-1 D'R|^2 with D'D = L L'. Rows of
-    !> unit length, scaled unknowns. 0 where D'D is singular.
+    !> unit length, scaled unknowns. 0 if D'D is singular.
     pure subroutine find_independence(m, n, k, height, width, order, square, inverse_square, c, a, basis, gram, inverse, part, r, &
         column, independence)
-        !> Constraints, coordinates, degrees of freedom, padded lengths; the order of the columns.
+        !> Constraints, coordinates, degrees of freedom, padded lengths; order of the columns.
         integer, intent(in) :: m, n, k, height, width, order(n)
         !> diag(s)^2 and its inverse, C, C eliminated, D'.
         real(wp), intent(in) :: square(n), inverse_square(n), c(height, n), a(height, n), basis(width, n)
@@ -31,7 +31,7 @@ contains
         end if
     end subroutine find_independence
 
-    !> The same, for given lengths.
+    !> The same for given lengths.
     pure subroutine find_independence_of(m, n, k, height, width, order, square, inverse_square, c, a, basis, gram, inverse, part, &
         r, column, independence)
         integer, intent(in) :: m, n, k, order(n)
@@ -43,7 +43,7 @@ contains
         integer :: b, i, j, l, stat
 
         independence = 0.0_wp
-        ! The squared lengths of the rows, and |R|^2, rows of R summed up first.
+        ! Squared lengths of the rows, and |R|^2, summed over rows of R first.
         total = 0.0_wp
         do b = 0, height - lane, lane
             call add_squares(height, n, b, c, square, sums)
@@ -60,7 +60,7 @@ contains
         call set_gram(m, n, k, height, width, order, inverse_square, a, basis, part, gram)
         call factor(m, k, width, gram, part, inverse, column, stat)
         if (stat /= 0) return
-        ! L^-1 D'R, short of the roots of L's pivots.
+        ! L^-1 D'R without the roots of L's pivots.
         do b = 0, width - short, short
             do i = 1, short
                 y(i) = 0.0_wp
@@ -115,7 +115,7 @@ contains
         end do
     end subroutine add_squares
 
-    !> D' diag(s)^-2 of the pivot columns, and D'D: of the free columns, and of those of the pivots, where D' is -Y'.
+    !> D' diag(s)^-2 of the pivot columns, and D'D: over the free columns, and over the pivot columns, where D' is -Y'.
     pure subroutine set_gram(m, n, k, height, width, order, inverse_square, a, basis, part, gram)
         integer, intent(in) :: m, n, k, order(n)
         integer, intent(in), value :: height, width
@@ -158,14 +158,14 @@ contains
         end do
     end subroutine set_gram
 
-    !> L diag(d) L' of D'D, 1/d, and L^-1 of what stands beside it. stat > 0: the leading minor of that order is not positive, or so
-    !> small against its own diagonal that it is noise.
+    !> L diag(d) L' of D'D, 1/d, and L^-1 of the adjoining columns. stat > 0: the leading minor of this order is not positive, or so
+    !> small relative to its diagonal entry that it is inaccurate.
     pure subroutine factor(m, k, width, gram, part, inverse, column, stat)
         integer, intent(in) :: m, k
         integer, intent(in), value :: width
         real(wp), intent(inout) :: gram(width, k), part(width, m), inverse(k), column(width)
         integer, intent(out) :: stat
-        !> A pivot of a singular matrix is rounding, a few n eps of its diagonal entry, over the smallest relative pivot before.
+        !> Limit of a relative pivot times the smallest previous one: rounding of a pivot is a few n eps over the latter.
         real(wp), parameter :: smallest_pivot = 8.0e-15_wp
         real(wp) :: diagonal, f, least, pivot
         integer :: b, i, j
@@ -189,7 +189,7 @@ contains
             least = min(least, pivot/diagonal)
             f = 1.0_wp/pivot
             inverse(j) = f
-            ! The column of L below its diagonal.
+            ! Column of L below its diagonal.
             do b = 0, width - short, short
                 !GCC$ UNROLL 1
                 do i = 1, short

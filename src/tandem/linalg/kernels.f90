@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Products of dense matrices and vectors, and passes over vectors. At the sizes of most mechanisms a call of BLAS or an out-of-line
-!> `matmul` costs more than what it does: loops do that, and BLAS the products of matrices from order 10 on.
+!> Products of dense matrices and vectors, and passes over vectors. For the sizes of most mechanisms a call of BLAS or an
+!> out-of-line `matmul` costs more than its arithmetic: loops are used, and BLAS for products of matrices from order 10 on.
 module tandem_linalg_kernels
     use tandem_kinds, only: short, wp
     use tandem_linalg_lapack, only: dgemm
@@ -9,13 +9,13 @@ module tandem_linalg_kernels
 
     public :: add, add_product, add_transposed_product, are_same, copy, is_finite, is_zero_where, set_gram, set_product
 
-    !> From so many multiplications on OpenBLAS is much faster than loops. Measured with square matrices: of order 10 it takes half
-    !> as long for A B and for A' B, of order 128 four ninths and an eighth.
+    !> Number of multiplications from which OpenBLAS is much faster than loops. Measured with square matrices: half the time for A B
+    !> and A' B of order 10, four ninths and an eighth of order 128.
     integer, parameter :: worth_a_call = 1000
 
 contains
 
-    !> z := x + y. The last entries are a whole register too, which takes some of those before once more.
+    !> z := x + y. The last entries are added as a whole register too, which repeats some of the previous ones.
     pure subroutine add(n, x, y, z)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n), y(n)
@@ -129,7 +129,7 @@ contains
         end do
     end subroutine set_product
 
-    !> y := x. Of a few numbers an assignment of slices spends more on their bounds.
+    !> y := x. An assignment of short slices spends more time on their bounds.
     pure subroutine copy(n, x, y)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n)
@@ -141,14 +141,14 @@ contains
         end do
     end subroutine copy
 
-    !> Whether two vectors are the same; a NaN is not.
+    !> True if two vectors are equal; false with a NaN.
     pure logical function are_same(n, x, y)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n), y(n)
         real(wp) :: t(short), rest
         integer :: b, i
 
-        ! Mostly they are, so that a look at each entry would save nothing.
+        ! They are usually equal, so that testing each entry would save nothing.
         do i = 1, short
             t(i) = 0.0_wp
         end do
@@ -169,7 +169,7 @@ contains
         are_same = rest + ((t(1) + t(2)) + (t(3) + t(4))) <= 0.0_wp
     end function are_same
 
-    !> Whether all entries are finite.
+    !> True if all entries are finite.
     pure logical function is_finite(n, x)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n)
@@ -196,7 +196,7 @@ contains
         is_finite = rest + ((t(1) + t(2)) + (t(3) + t(4))) <= huge(1.0_wp)
     end function is_finite
 
-    !> Whether x is zero where a mask is 1; the mask is 0 elsewhere. False too where x has an entry that is not finite.
+    !> True if x is zero where a mask is 1; the mask is 0 elsewhere. Also false if x has an entry that is not finite.
     pure logical function is_zero_where(n, mask, x)
         integer, intent(in) :: n
         real(wp), intent(in) :: mask(n), x(n)

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> The eigenvalues of largest modulus of an operator that is known by its products alone: Arnoldi's method with full
-!> reorthogonalisation and restarts from a Schur form.
+!> Eigenvalues of largest modulus of an operator given by its products only: Arnoldi's method with full reorthogonalisation and
+!> restarts from a Schur form.
 !>
-!> A Krylov space holds one vector of each eigenvalue. So when those that are wanted have converged, they are locked, and the
-!> search goes on from another random vector until the next one beyond them has converged too: copies come out then.
+!> A Krylov space contains one vector of each eigenvalue. When the requested ones have converged, they are locked, and the search
+!> continues from another random vector until the next one beyond them has converged too: this finds multiple eigenvalues.
 !>
 !> Source: G. W. Stewart, A Krylov-Schur algorithm for large eigenproblems, SIAM J. Matrix Anal. Appl. 23, 2001; LAPACK Users'
 !> Guide.
@@ -18,14 +18,13 @@ module tandem_linalg_krylov
 
     !> y = O x.
     type, abstract :: operator_type
-        !> The length of vectors.
+        !> Length of vectors.
         integer :: n = 0
-        !> The dimension of the space in which O and all of its powers leave vectors, where it is known to be less than n: beyond it
-        !> there is nothing but rounding.
+        !> Dimension of the space of the images of O and its powers, if known to be less than n: other components are rounding.
         integer :: rank = huge(1)
     contains
         procedure(apply_operator), deferred :: apply
-        !> A random vector of that space.
+        !> A random vector of this space.
         procedure :: draw => draw_image
     end type operator_type
 
@@ -42,15 +41,15 @@ module tandem_linalg_krylov
 
     !> Eigenvalues of largest modulus of an operator, with their vectors.
     type :: krylov_type
-        !> Those that have converged, the largest first, and their vectors of length 1 (n, size(values)).
+        !> Converged ones, the largest first, and their vectors of length 1 (n, size(values)).
         complex(wp), allocatable :: values(:), vectors(:, :)
-        !> What O x - value x was, over the modulus of the value.
+        !> |O x - value x| over the modulus of the value.
         real(wp), allocatable :: residual(:)
         !> Products with the operator, and restarts.
         integer :: products = 0, restarts = 0
-        !> Whether all that were wanted have converged, or the whole space was seen.
+        !> True if all requested ones have converged, or the whole space was searched.
         logical :: is_complete = .false.
-        !> The basis (n, m + 1), the operator in it (m + 1, m), Schur form and vectors (m, m), what ties it to the last vector (m).
+        !> Basis (n, m + 1), operator in it (m + 1, m), Schur form and vectors (m, m), coupling to the last vector (m).
         complex(wp), allocatable, private :: basis(:, :), h(:, :), t(:, :), z(:, :), tie(:)
         integer, private :: seed = 4711
     contains
@@ -58,21 +57,21 @@ module tandem_linalg_krylov
         procedure, private :: span, expand, orthogonalize, add_random, form_schur, restart, take
     end type krylov_type
 
-    !> A vector that keeps less than this of its length beside the others lies in their space.
+    !> A vector whose orthogonalisation leaves less than this of its length lies in the space of the others.
     real(wp), parameter :: nothing_left = 1.0e-10_wp
-    !> The most restarts.
+    !> Largest number of restarts.
     integer, parameter :: most_restarts = 300
 
 contains
 
-    !> Find k eigenvalues of largest modulus, and those that have the modulus of the last one.
+    !> Find k eigenvalues of largest modulus, and those with the modulus of the last one.
     subroutine find(self, operator, k, tolerance, stat)
         class(krylov_type), intent(inout) :: self
         class(operator_type), intent(inout) :: operator
         integer, intent(in) :: k
-        !> Of residuals over the modulus of the value.
+        !> Tolerance of residuals over the modulus of the value.
         real(wp), intent(in) :: tolerance
-        !> 0; > 0 where LAPACK's iteration did not converge or something was not finite.
+        !> 0; > 0 if LAPACK's iteration did not converge or a value was not finite.
         integer, intent(out) :: stat
         integer :: locked, kept, m, next, wanted
         logical :: is_space
@@ -97,7 +96,7 @@ contains
             if (stat /= 0) return
             wanted = number_wanted(self%t, k, next)
             if (is_space) then
-                ! The basis is a whole invariant space: nothing is beyond it.
+                ! The basis is a complete invariant space.
                 self%tie(:) = (0.0_wp, 0.0_wp)
                 self%is_complete = .true.
                 exit
@@ -118,7 +117,7 @@ contains
         call self%take(min(wanted, n_converged(self, size(self%tie), tolerance)), stat)
     end subroutine find
 
-    !> Empty arrays.
+    !> Initialise empty arrays.
     subroutine start_basis(self, n, m)
         class(krylov_type), intent(inout) :: self
         integer, intent(in) :: n, m
@@ -132,19 +131,19 @@ contains
         self%is_complete = .false.
     end subroutine start_basis
 
-    !> A random vector of the operator's image behind the first `kept` of the basis.
+    !> Add a random vector of the operator's image after the first `kept` of the basis.
     subroutine add_random(self, operator, kept, is_space)
         class(krylov_type), intent(inout) :: self
         class(operator_type), intent(inout) :: operator
         integer, intent(in) :: kept
-        !> Whether nothing is left beside them.
+        !> True if these already span the image.
         logical, intent(out) :: is_space
         complex(wp) :: x(operator%n), y(operator%n), coefficients(kept)
         real(wp) :: length
         integer :: i
 
         x = cmplx(random_vector(self%seed, operator%n), 0.0_wp, wp)
-        ! Twice, so that it lies where the operator's vectors do.
+        ! Twice, so that it is in the space of the operator's vectors.
         do i = 1, 2
             call operator%apply(x, y)
             self%products = self%products + 1
@@ -158,11 +157,11 @@ contains
         if (.not. is_space) self%basis(:, kept + 1) = x/length
     end subroutine add_random
 
-    !> The operator in the whole space, which random vectors span: small spaces need no more, and copies and Jordan blocks are seen.
+    !> The operator in the whole space, spanned by random vectors: for small spaces; finds multiple eigenvalues and Jordan blocks.
     subroutine span(self, operator, m)
         class(krylov_type), intent(inout) :: self
         class(operator_type), intent(inout) :: operator
-        !> Its dimension.
+        !> Dimension of the space.
         integer, intent(in) :: m
         complex(wp) :: x(operator%n), coefficients(m)
         real(wp) :: length
@@ -181,7 +180,7 @@ contains
         end do
     end subroutine span
 
-    !> Twice a product with a random vector.
+    !> A random vector multiplied twice by the operator.
     subroutine draw_image(self, seed, x)
         class(operator_type), intent(inout) :: self
         integer, intent(inout) :: seed
@@ -195,14 +194,14 @@ contains
         call self%apply(y, x)
     end subroutine draw_image
 
-    !> Expand the basis from `kept` vectors and the one behind them to m.
+    !> Expand the basis from `kept` vectors and the following one to m.
     subroutine expand(self, operator, kept, m, last, is_space)
         class(krylov_type), intent(inout) :: self
         class(operator_type), intent(inout) :: operator
         integer, intent(in) :: kept, m
-        !> How many it has then.
+        !> Number of vectors then.
         integer, intent(out) :: last
-        !> Whether they are a whole invariant space.
+        !> True if they are a complete invariant space.
         logical, intent(out) :: is_space
         complex(wp) :: y(operator%n), coefficients(m)
         real(wp) :: length, before
@@ -221,19 +220,19 @@ contains
                 self%basis(:, j + 1) = y/length
                 cycle
             end if
-            ! An invariant space; another one beside it?
+            ! An invariant space was found; try another one beside it.
             self%h(j + 1, j) = (0.0_wp, 0.0_wp)
             call self%add_random(operator, j, is_space)
             if (is_space) return
         end do
     end subroutine expand
 
-    !> Take off what of x lies along the first j vectors, twice.
+    !> Remove the components of x along the first j vectors, twice.
     subroutine orthogonalize(self, j, x, coefficients, length)
         class(krylov_type), intent(in) :: self
         integer, intent(in) :: j
         complex(wp), intent(inout) :: x(:)
-        !> Along each (j), and the length of what is left.
+        !> Components along each (j), and the length of the remainder.
         complex(wp), intent(out) :: coefficients(:)
         real(wp), intent(out) :: length
         complex(wp) :: part
@@ -250,7 +249,7 @@ contains
         length = norm_of(x)
     end subroutine orthogonalize
 
-    !> The Schur form of the first m columns, entries of largest modulus first.
+    !> Schur form of the first m columns, entries of largest modulus first.
     subroutine form_schur(self, m, stat)
         class(krylov_type), intent(inout) :: self
         integer, intent(in) :: m
@@ -275,14 +274,14 @@ contains
         self%tie = last*self%z(m, :)
     end subroutine form_schur
 
-    !> Not asked.
+    !> Never called.
     logical function is_wanted(value)
         complex(wp), intent(in) :: value
 
         is_wanted = abs(value) > 0.0_wp
     end function is_wanted
 
-    !> k, or as many as there are of its modulus.
+    !> k plus the number of further entries with the modulus of the last one.
     pure integer function number_wanted(t, k, m) result(number)
         complex(wp), intent(in) :: t(:, :)
         integer, intent(in) :: k, m
@@ -296,7 +295,7 @@ contains
         end do
     end function number_wanted
 
-    !> How many of the first ones have converged.
+    !> Number of first ones that have converged.
     pure integer function n_converged(self, m, tolerance) result(number)
         class(krylov_type), intent(in) :: self
         integer, intent(in) :: m
@@ -313,7 +312,7 @@ contains
     subroutine restart(self, kept, m, locks)
         class(krylov_type), intent(inout) :: self
         integer, intent(in) :: kept, m
-        !> Whether they are taken as an invariant space.
+        !> True to treat them as an invariant space.
         logical, intent(in) :: locks
         integer :: i
 

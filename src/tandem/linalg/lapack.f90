@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Explicit interfaces of the routines of LAPACK and BLAS that tandem calls. Nothing outside src/tandem/linalg uses this module.
+!> Explicit interfaces of the routines of LAPACK and BLAS that tandem calls. Only src/tandem/linalg uses this module.
 !> Source: Anderson et al., LAPACK Users' Guide, 3rd ed., SIAM 1999.
 module tandem_linalg_lapack
     use tandem_kinds, only: wp
@@ -140,7 +140,7 @@ module tandem_linalg_lapack
             integer, intent(out) :: info
         end subroutine zgetrs
 
-        !> The Schur form of a complex matrix; not sorted where `sort` is 'N'.
+        !> The Schur form of a complex matrix; not sorted if `sort` is 'N'.
         subroutine zgees(jobvs, sort, select, n, a, lda, sdim, w, vs, ldvs, work, lwork, rwork, bwork, info)
             import :: wp
             implicit none (type, external)

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> LU factorisation of a square matrix, with its solution and condition estimate; work space allocated once.
 !>
-!> Up to order 16 by loops of our own, which store factors and pivots as LAPACK does: there a call of LAPACK costs more than
-!> its arithmetic (2 to 4 times measured), and a threaded BLAS may start threads for it. LAPACK above.
+!> Up to order 16 by loops, which store factors and pivots as LAPACK does: there a call of LAPACK costs more than its arithmetic (a
+!> measured factor of 2 to 4), and a threaded BLAS may start threads for it. LAPACK above.
 module tandem_linalg_lu
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dgecon, dgetrf, dgetrs
@@ -103,7 +103,7 @@ contains
         end if
     end subroutine invert
 
-    !> Gaussian elimination with row pivoting, column by column. stat > 0: no pivot in that column.
+    !> Gaussian elimination with row pivoting, column by column. stat > 0: no pivot in this column.
     subroutine factor_small(self, stat)
         class(lu_type), intent(inout) :: self
         integer, intent(out) :: stat
@@ -214,7 +214,7 @@ contains
         end do
     end function determinant_sign
 
-    !> The smallest pivot against the norm of the matrix; 1 for n = 0.
+    !> Smallest pivot relative to the norm of the matrix; 1 for n = 0.
     pure real(wp) function smallest_pivot(self)
         class(lu_type), intent(in) :: self
         integer :: i
@@ -234,7 +234,7 @@ contains
         if (self%n > 0) call dgecon('1', self%n, self%factors, self%n, self%norm, reciprocal_condition, self%work, self%iwork, info)
     end function reciprocal_condition
 
-    !> What later solutions need.
+    !> Pack the factors for later solutions.
     subroutine pack_state(self, pack)
         class(lu_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> Velocities and accelerations at stages with two or three degrees of freedom, as rolling bodies and vehicles have them, and at
-!> most `lane` constraints: what `tandem_linalg_null_space_kernels` gives, in less time. A column of D' is one register, and sums
-!> over columns stay in registers, in two chains, so that an addition need not wait for the one before; systems of order three are
-!> solved where they stand, two degrees of freedom being three of which the last is at rest.
+!> Velocities and accelerations at stages with two or three degrees of freedom, as of rolling bodies and vehicles, and at most
+!> `lane` constraints: the results of `tandem_linalg_null_space_kernels` in less time. A column of D' is one register, and sums over
+!> columns stay in registers, in two chains, so that an addition need not wait for the previous one; systems of order three are
+!> solved in place. Two degrees of freedom are treated as three, the last of which is at rest.
 module tandem_linalg_null_space_few
     use tandem_kinds, only: lane, short, wp
     use tandem_linalg_small, only: smallest_definite_pivot
@@ -13,7 +13,7 @@ module tandem_linalg_null_space_few
 
 contains
 
-    !> Whether these procedures are for m constraints and k degrees of freedom.
+    !> True if these procedures apply to m constraints and k degrees of freedom.
     pure logical function can_be_few(m, k)
         integer, intent(in) :: m, k
 
@@ -22,15 +22,15 @@ contains
 
     !> qd = R nu + D z with D0' M0 (qd - qd_wanted) = 0.
     pure subroutine find_few_velocity(m, n, order, a, basis, origin, has_nu, nu, qd, stat)
-        !> Constraints, coordinates; the order of the columns.
+        !> Constraints, coordinates; order of the columns.
         integer, intent(in) :: m, n, order(n)
-        !> Whether nu is not zero.
+        !> True if nu is not zero.
         logical, intent(in) :: has_nu
         !> C eliminated, D' and D0' M0, nu.
         real(wp), intent(in) :: a(lane, n), basis(short, n), origin(short, n), nu(m)
-        !> The velocity, first the wanted one.
+        !> On entry the wanted velocity, on return the velocity.
         real(wp), intent(inout) :: qd(n)
-        !> 1 where D0' M0 D wants a search for pivots: then the velocity is as it was.
+        !> 1 if D0' M0 D requires a search for pivots: the velocity is then unchanged.
         integer, intent(out) :: stat
         real(wp) :: s1(short), s2(short), s3(short), sums(short), t1(short), t2(short), t3(short), more(short), r(lane), z(3), &
             f, f1, f2, f3, g, g1, g2, g3
@@ -122,7 +122,7 @@ contains
 
     !> qdd = D z - R gamma with D' (M qdd - S - Q_A) = 0.
     pure subroutine find_few_acceleration(m, n, order, a, basis, n_blocks, blocks, mass, gamma, force, basis_mass, qdd, stat)
-        !> Constraints, coordinates; the order of the columns.
+        !> Constraints, coordinates; order of the columns.
         integer, intent(in) :: m, n, order(n)
         !> The diagonal blocks of M with more than one entry, see `tandem_model_evaluator`.
         integer, intent(in) :: n_blocks, blocks(2, n_blocks)
@@ -130,7 +130,7 @@ contains
         real(wp), intent(in) :: a(lane, n), basis(short, n), mass(n*n), gamma(m), force(n)
         !> Work space, and the acceleration.
         real(wp), intent(inout) :: basis_mass(short, n), qdd(n)
-        !> > 0 where D' M D is not positive definite; -1 where the acceleration is not finite.
+        !> > 0 if D' M D is not positive definite; -1 if the acceleration is not finite.
         integer, intent(out) :: stat
         real(wp) :: s1(short), s2(short), s3(short), sums(short), t1(short), t2(short), t3(short), more(short), r(lane), &
             z(3), f, f1, f2, f3, g, g1, g2, g3
@@ -205,11 +205,11 @@ contains
             end do
         end do
         call finish(2, m, n, order, a, z, r, qdd)
-        ! What is not finite in gamma or the forces is in each sum.
+        ! Values of gamma or the forces that are not finite enter each sum.
         if (.not. abs(z(1)) + abs(z(2)) + abs(z(3)) <= huge(1.0_wp)) stat = -1
     end subroutine find_few_acceleration
 
-    !> The part of D' M R gamma in D' (S + Q_A + M R gamma), where R has rows of zeros but for the pivots', in two chains.
+    !> Add D' M R gamma to D' (S + Q_A + M R gamma), where R has nonzero rows for pivots only, in two chains.
     pure subroutine add_pivots(m, n, order, basis_mass, r, sums, more)
         integer, intent(in) :: m, n, order(n)
         real(wp), intent(in) :: basis_mass(short, n), r(lane)
@@ -241,15 +241,15 @@ contains
         end if
     end subroutine add_pivots
 
-    !> Solve a system of order 3 by cofactors, with one division: near the chart's origin the matrix is near a definite one.
+    !> Solve a system of order 3 by cofactors, with one division: close to the chart's origin the matrix is close to a definite one.
     pure subroutine solve_by_cofactors(s1, s2, s3, b, z, stat)
-        !> The columns of the matrix, the right side.
+        !> Columns of the matrix, right-hand side.
         real(wp), intent(in) :: s1(short), s2(short), s3(short), b(short)
         real(wp), intent(out) :: z(3)
-        !> 1 where too many digits of the determinant are lost.
+        !> 1 if too many digits of the determinant are lost.
         integer, intent(out) :: stat
-        !> Of a determinant, as a part of the sum of its terms without their signs: so much of its digits may be lost. Units and
-        !> scales do not matter to that.
+        !> Smallest determinant relative to the sum of the moduli of its terms, which limits the loss of digits and does not depend
+        !> on units and scales.
         real(wp), parameter :: smallest_determinant = 1.0e-2_wp
         real(wp) :: c1, c2, c3, determinant, f
 
@@ -269,12 +269,12 @@ contains
             (s1(1)*s2(2) - s1(2)*s2(1))*b(3)))
     end subroutine solve_by_cofactors
 
-    !> Solve a symmetric, definite system of order 3 by L diag(d) L', as `factor_definite` does.
+    !> Solve a symmetric positive definite system of order 3 by L diag(d) L', as in `factor_definite`.
     pure subroutine solve_definite(s1, s2, s3, b, z, stat)
-        !> The columns of the matrix, the right side.
+        !> Columns of the matrix, right-hand side.
         real(wp), intent(in) :: s1(short), s2(short), s3(short), b(short)
         real(wp), intent(out) :: z(3)
-        !> > 0: the leading minor of that order is not positive, or so small that the solution would be noise.
+        !> > 0: the leading minor of this order is not positive, or so small that the solution would be inaccurate.
         integer, intent(out) :: stat
         real(wp) :: d1, d2, d3, i1, i2, i3, l21, l31, l32, b2, b3, least
 
@@ -299,7 +299,7 @@ contains
         if (.not. d1 > 0.0_wp) stat = 1
     end subroutine solve_definite
 
-    !> y := r + D z, r given by its rows of pivots; r has the first terms already.
+    !> y := r + D z, r given by its rows of pivots; the first terms are already in r.
     pure subroutine finish(first, m, n, order, a, z, r, y)
         integer, intent(in), value :: first
         integer, intent(in) :: m, n, order(n)
@@ -372,7 +372,7 @@ contains
         end do
     end subroutine multiply
 
-    !> y := A x, m columns in two chains, of which the first takes column 1 for its start.
+    !> y := A x, m columns in two chains, the first of which starts with column 1.
     pure subroutine multiply_from_first(m, a, x, y)
         integer, intent(in) :: m
         real(wp), intent(in) :: a(lane, m), x(m)
@@ -476,7 +476,7 @@ contains
                     basis_mass(i, j + 1) = y2(i)
                 end do
                 if (j + 1 == last) exit
-                ! The last column of an odd number is taken with the one before once more.
+                ! The last column of an odd number is computed with the previous one again.
                 j = min(j + 2, last - 1)
             end do
         end do

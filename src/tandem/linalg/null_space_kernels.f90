@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> The loops of `tandem_chart_dense_free_motion`. Matrices over the rows of C have `height` rows, those over the degrees of freedom
-!> `width` rows: m and k padded with zeros. The latter stand transposed, so that their few rows make the innermost loops. Procedures
-!> take both lengths by value, and those that others call pass them on as constants where they are `lane` and `short`: then
-!> innermost loops are single instructions. The directives keep gfortran from unrolling those before it has vectorised them, and
-!> from vectorising the loops around them instead. Sums over columns stay in registers where the loop over the columns holds two
-!> innermost loops; around a single one gfortran takes two columns in one pass, in halves of registers.
+!> Loops of `tandem_chart_dense_free_motion`. Matrices over the rows of C have `height` rows, those over the degrees of freedom
+!> `width` rows: m and k padded with zeros. The latter are stored transposed, so that their few rows form the innermost loops.
+!> Procedures take both lengths by value, and public ones pass them as constants if they are `lane` and `short`: innermost loops
+!> then become single instructions. The directives keep gfortran from unrolling these loops before it has vectorised them, and from
+!> vectorising the outer loops instead. Sums over columns stay in registers if the loop over the columns contains two innermost
+!> loops; around a single one gfortran takes two columns in one pass, in halves of registers.
 module tandem_linalg_null_space_kernels
     use tandem_kinds, only: lane, short, wp
     use tandem_linalg_small, only: factor_definite, solve_near_diagonal, substitute
@@ -15,13 +15,13 @@ module tandem_linalg_null_space_kernels
 
 contains
 
-    !> D' from the elimination: -Y in the columns of pivots; the unit matrix in the free ones where they are new.
+    !> D' from the elimination: -Y in the columns of pivots; the unit matrix in the free ones if they are new.
     pure subroutine transpose_basis(m, n, k, height, width, order, are_new, unit, a, basis)
-        !> Constraints, coordinates, degrees of freedom, padded lengths; the order of the columns.
+        !> Constraints, coordinates, degrees of freedom, padded lengths; order of the columns.
         integer, intent(in) :: m, n, k, height, width, order(n)
         logical, intent(in) :: are_new
-        !> The first columns of the unit matrix: by them columns of D' are written as wholes, as a load of what was stored in parts
-        !> would wait for it. C eliminated, [Cd^-1, Y], and D'.
+        !> First columns of the unit matrix, from which whole columns of D' are written, because a load of data stored in parts
+        !> would wait for the store. C eliminated, [Cd^-1, Y], and D'.
         real(wp), intent(in) :: unit(short, short), a(height, n)
         real(wp), intent(inout) :: basis(width, n)
         real(wp) :: f1, f2, f3
@@ -85,16 +85,16 @@ contains
         end do
     end subroutine scale_columns
 
-    !> The velocity, where D0' M0 D can be factored without a search for pivots. stat > 0: it cannot; then `r` is R nu and `work`
-    !> the wanted velocity less that.
+    !> Velocity, if D0' M0 D can be factored without a search for pivots. stat > 0: it cannot; then `r` is R nu and `work` the
+    !> wanted velocity minus R nu.
     pure subroutine find_velocity(m, n, k, height, width, order, c, a, basis, origin, has_nu, polishes, nu, overlap, z, r, x, &
         work, qd, stat)
         integer, intent(in) :: m, n, k, height, width, order(n)
-        !> Whether nu is not zero, and whether to remove what rounding leaves of C qd - nu.
+        !> True if nu is not zero; true to remove the rounding error of C qd - nu.
         logical, intent(in) :: has_nu, polishes
         !> C, C eliminated, D', D0' M0, nu.
         real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), origin(width, n), nu(m)
-        !> Work space, and the velocity, first the wanted one.
+        !> Work space; on entry the wanted velocity, on return the velocity.
         real(wp), intent(inout) :: overlap(width, width), z(width), r(height), x(height), work(n), qd(n)
         integer, intent(out) :: stat
 
@@ -107,7 +107,7 @@ contains
         end if
     end subroutine find_velocity
 
-    !> The same, for given lengths.
+    !> The same for given lengths.
     pure subroutine find_velocity_of(m, n, k, height, width, order, c, a, basis, origin, has_nu, polishes, nu, overlap, z, r, x, &
         work, qd, stat)
         integer, intent(in) :: m, n, k, order(n)
@@ -164,13 +164,13 @@ contains
         end if
     end subroutine multiply_mass
 
-    !> The acceleration. stat > 0: D' M D is not positive definite; stat < 0: it is not finite, where k > 0.
+    !> Acceleration. stat > 0: D' M D is not positive definite; stat < 0: it is not finite, for k > 0.
     pure subroutine find_acceleration(m, n, k, height, width, order, c, a, basis, basis_mass, polishes, gamma, force, &
         reduced_mass, inverse, z, r, x, qdd, stat)
         integer, intent(in) :: m, n, k, height, width, order(n)
         !> C, C eliminated, D', D' M, gamma, S + Q_A.
         real(wp), intent(in) :: c(height, n), a(height, n), basis(width, n), basis_mass(width, n), gamma(m), force(n)
-        !> Whether to remove what rounding leaves of C qdd + gamma.
+        !> True to remove the rounding error of C qdd + gamma.
         logical, intent(in) :: polishes
         !> Work space, and the acceleration.
         real(wp), intent(inout) :: reduced_mass(width, width), inverse(k), z(width), r(height), x(height), qdd(n)
@@ -185,7 +185,7 @@ contains
         end if
     end subroutine find_acceleration
 
-    !> The same, for given lengths.
+    !> The same for given lengths.
     pure subroutine find_acceleration_of(m, n, k, height, width, order, c, a, basis, basis_mass, polishes, gamma, force, &
         reduced_mass, inverse, z, r, x, qdd, stat)
         integer, intent(in) :: m, n, k, order(n)
@@ -200,7 +200,7 @@ contains
         call multiply_by_transpose(width, n, basis_mass, basis, basis, force, reduced_mass, z)
         call factor_definite(k, width, reduced_mass, inverse, stat)
         if (stat /= 0) return
-        ! D' (S + Q_A + M R gamma), where R has rows of zeros but for the pivots'.
+        ! D' (S + Q_A + M R gamma), where R has nonzero rows for pivots only.
         call multiply(height, m, a, gamma, r)
         do b = 0, width - short, short
             !GCC$ NOVECTOR
@@ -208,7 +208,7 @@ contains
             do l = 1, m
                 p = order(l)
                 f = r(l)
-                ! -R gamma in its place, which `finish` sets anew: without a store here gfortran takes two columns at once.
+                ! -R gamma in place, which `finish` sets again: without a store here gfortran takes two columns at once.
                 qdd(p) = -f
                 !GCC$ UNROLL 1
                 do i = 1, short
@@ -224,7 +224,7 @@ contains
         end do
         call substitute(k, width, reduced_mass, inverse, z)
         call finish(m, n, k, height, order, c, a, polishes, gamma, 1.0_wp, z, r, x, qdd)
-        ! What is not finite in gamma or the forces is in each sum, unless there is none.
+        ! Values of gamma or the forces that are not finite enter each sum, if there is any.
         f = 0.0_wp
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
@@ -234,7 +234,7 @@ contains
         if (.not. f <= huge(1.0_wp)) stat = -1
     end subroutine find_acceleration_of
 
-    !> y := r + D z, r given by its rows of pivots, and with `polishes` less what rounding leaves of C y + sign g = 0.
+    !> y := r + D z, r given by its rows of pivots, and with `polishes` minus the rounding error of C y + sign g = 0.
     pure subroutine finish(m, n, k, height, order, c, a, polishes, g, sign, z, r, x, y)
         integer, intent(in) :: m, n, k, order(n)
         integer, intent(in), value :: height
@@ -265,7 +265,7 @@ contains
         if (polishes) call remove_rest(m, n, height, order, c, a, g, sign, r, x, y)
     end subroutine finish
 
-    !> Take from y what rounding leaves of C y + sign g = 0.
+    !> Remove the rounding error of C y + sign g = 0 from y.
     pure subroutine polish(m, n, height, order, c, a, g, sign, r, x, y)
         integer, intent(in) :: m, n, height, order(n)
         !> C, C eliminated, g; 1 or -1.
@@ -280,7 +280,7 @@ contains
         end if
     end subroutine polish
 
-    !> The same, for a given length.
+    !> The same for a given length.
     pure subroutine remove_rest(m, n, height, order, c, a, g, sign, r, x, y)
         integer, intent(in) :: m, n, order(n)
         integer, intent(in), value :: height
@@ -335,7 +335,7 @@ contains
         end do
     end subroutine multiply
 
-    !> Y := A B' and z := C x; A, B, C (width, n), x (n). Tiles of four rows and columns of Y, in arrays of their own: those stay in
+    !> Y := A B' and z := C x; A, B, C (width, n), x (n). Tiles of four rows and columns of Y in separate arrays, which stay in
     !> registers for any width.
     pure subroutine multiply_by_transpose(width, n, a, b, c, x, y, z)
         integer, intent(in), value :: width
@@ -404,7 +404,7 @@ contains
         end do
     end subroutine multiply_by_transpose
 
-    !> D' M, for a given length.
+    !> D' M for a given length.
     pure subroutine multiply_mass_of(width, n, n_blocks, blocks, basis, mass, basis_mass)
         integer, intent(in), value :: width
         integer, intent(in) :: n, n_blocks, blocks(2, n_blocks)
@@ -413,9 +413,9 @@ contains
         real(wp) :: f
         integer :: b, first, i, j, l, p, s
 
-        ! Without a degree of freedom there is no first row.
+        ! Without degrees of freedom there is no first row.
         if (width == 0) return
-        ! All columns as if M were diagonal, unless it is one block.
+        ! Treat M as diagonal in all columns first, unless it is one block.
         l = n
         if (n_blocks == 1) l = n - 1 - blocks(2, 1) + blocks(1, 1)
         do s = 0, merge(width, 0, l > 0) - short, short
@@ -432,7 +432,7 @@ contains
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do b = 1, n_blocks
-            ! Four columns at a time, or two; the last ones are partly those before once more.
+            ! Four columns at a time, or two; the last ones may overlap the previous ones.
             first = blocks(1, b)
             l = blocks(2, b) - first + 1
             j = first

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Explicit steps where C has many rows or the mechanism many degrees of freedom: what `tandem_linalg_null_space_kernels`,
-!> `tandem_linalg_independence` and `tandem_linalg_gram` give by loops, here by LAPACK and BLAS.
+!> Explicit steps for a C with many rows or mechanisms with many degrees of freedom: LAPACK and BLAS in place of the loops of
+!> `tandem_linalg_null_space_kernels`, `tandem_linalg_independence` and `tandem_linalg_gram`.
 module tandem_linalg_null_space_large
     use tandem_kinds, only: wp
     use tandem_linalg_cholesky, only: cholesky_type
@@ -22,7 +22,7 @@ contains
         type(elimination_type), intent(in) :: elimination
         !> D', D0' M0 (width, n).
         real(wp), intent(in), contiguous :: basis(:, :), origin(:, :)
-        !> Whether nu is not zero, and whether to remove what rounding leaves of C qd - nu.
+        !> True if nu is not zero; true to remove the rounding error of C qd - nu.
         logical, intent(in) :: has_nu, polishes
         !> nu (m).
         real(wp), intent(in), contiguous :: nu(:)
@@ -30,7 +30,7 @@ contains
         !> coordinates (n).
         real(wp), intent(inout), contiguous :: overlap(:, :), z(:), r(:), x(:), wanted(:)
         type(lu_type), intent(inout) :: factors
-        !> The velocity, first the wanted one (n).
+        !> On entry the wanted velocity, on return the velocity (n).
         real(wp), intent(inout), contiguous :: qd(:)
         integer, intent(out) :: stat
         integer :: i, p
@@ -61,7 +61,7 @@ contains
         type(elimination_type), intent(in) :: elimination
         !> D' (width, n).
         real(wp), intent(in), contiguous :: basis(:, :)
-        !> Whether to remove what rounding leaves of C qdd + gamma.
+        !> True to remove the rounding error of C qdd + gamma.
         logical, intent(in) :: polishes
         !> The diagonal blocks of M with more than one entry, see `tandem_model_evaluator`.
         integer, intent(in) :: n_blocks, blocks(2, n_blocks)
@@ -77,7 +77,7 @@ contains
         integer :: i
 
         associate (e => elimination, k => size(reduced_mass, 2))
-            ! Without a degree of freedom there is nothing to multiply.
+            ! Without degrees of freedom there are no products.
             if (k > 0) then
                 do i = 1, e%n
                     basis_mass(:, i) = basis(:, i)*mass(i, i)
@@ -103,7 +103,7 @@ contains
         end associate
     end subroutine find_large_acceleration
 
-    !> y := r + D z, r given by its rows of pivots, and with `polishes` less what rounding leaves of C y + sign g = 0.
+    !> y := r + D z, r given by its rows of pivots, and with `polishes` minus the rounding error of C y + sign g = 0.
     subroutine finish(elimination, polishes, g, sign, z, r, x, y)
         type(elimination_type), intent(in) :: elimination
         logical, intent(in) :: polishes
@@ -134,8 +134,8 @@ contains
         end associate
     end subroutine finish
 
-    !> 1/|C+|, rows of unit length, scaled unknowns: |C+|^2 is the trace of the inverse of the rows' Gram matrix. 0 where that is
-    !> singular up to rounding, from an independence of some 1e-8 on.
+    !> 1/|C+|, rows of unit length, scaled unknowns: |C+|^2 is the trace of the inverse of the rows' Gram matrix. 0 if this matrix
+    !> is singular up to rounding, for an independence of less than about 1e-8.
     subroutine find_large_independence(elimination, scale, rows, gram, independence)
         type(elimination_type), intent(in) :: elimination
         !> Coordinate scales (n).
@@ -155,14 +155,14 @@ contains
         if (stat == 0 .and. trace > 0.0_wp .and. trace <= huge(1.0_wp)) independence = 1.0_wp/sqrt(trace)
     end subroutine find_large_independence
 
-    !> U = S Phi_q', S = diag(s)^2, (Phi_q U)^-1, and the weights of the rows of Phi.
+    !> U = S Phi_q', S = diag(s)^2, (Phi_q U)^-1, and weights of the rows of Phi.
     subroutine invert_large_gram(nh, c, q, scale, u, gram, weight, diagonal, can)
         integer, intent(in) :: nh
         !> C (height, n), q, coordinate scales (n).
         real(wp), intent(in), contiguous :: c(:, :), q(:), scale(:)
-        !> U (n, width), the inverse of Phi_q U (width, width), weights of the rows, work space (width).
+        !> U (n, width), inverse of Phi_q U (width, width), weights of the rows, work space (width).
         real(wp), intent(inout), contiguous :: u(:, :), gram(:, :), weight(:), diagonal(:)
-        !> False where the rows of Phi_q are nearly dependent.
+        !> False if the rows of Phi_q are nearly dependent.
         logical, intent(out) :: can
         integer :: i, j
 

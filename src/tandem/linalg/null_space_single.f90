@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Velocities and accelerations at stages with one degree of freedom, where D is a vector d, and D0' M0 D and D' M D are numbers:
-!> what `tandem_linalg_null_space_kernels` gives, without the padding.
+!> Velocities and accelerations at stages with one degree of freedom, for which D is a vector d, and D0' M0 D and D' M D are
+!> numbers: the results of `tandem_linalg_null_space_kernels` without padding.
 module tandem_linalg_null_space_single
     use tandem_kinds, only: lane, short, wp
     implicit none (type, external)
@@ -12,15 +12,15 @@ contains
 
     !> qd = R nu + d z with d0' M0 (qd - qd_wanted) = 0.
     pure subroutine find_single_velocity(m, n, height, width, order, a, basis, origin, has_nu, nu, r, qd, stat)
-        !> Constraints, coordinates, padded lengths; the order of the columns.
+        !> Constraints, coordinates, padded lengths; order of the columns.
         integer, intent(in) :: m, n, height, width, order(n)
-        !> Whether nu is not zero.
+        !> True if nu is not zero.
         logical, intent(in) :: has_nu
         !> C eliminated, d' and d0' M0 in first rows, nu.
         real(wp), intent(in) :: a(height, n), basis(width, n), origin(width, n), nu(m)
-        !> Work space, and the velocity, first the wanted one.
+        !> Work space; on entry the wanted velocity, on return the velocity.
         real(wp), intent(inout) :: r(height), qd(n)
-        !> 1 where d0' M0 d is zero or not finite: then the velocity is as it was.
+        !> 1 if d0' M0 d is zero or not finite: the velocity is then unchanged.
         integer, intent(out) :: stat
         real(wp) :: along, overlap
         integer :: i, j
@@ -61,7 +61,7 @@ contains
     !> qdd = d w - R gamma with d' (M qdd - S - Q_A) = 0.
     pure subroutine find_single_acceleration(m, n, height, width, order, a, basis, n_blocks, blocks, mass, gamma, force, &
         basis_mass, r, qdd, stat)
-        !> Constraints, coordinates, padded lengths; the order of the columns.
+        !> Constraints, coordinates, padded lengths; order of the columns.
         integer, intent(in) :: m, n, height, width, order(n)
         !> The diagonal blocks of M with more than one entry, see `tandem_model_evaluator`.
         integer, intent(in) :: n_blocks, blocks(2, n_blocks)
@@ -69,7 +69,7 @@ contains
         real(wp), intent(in) :: a(height, n), basis(width, n), mass(n*n), gamma(m), force(n)
         !> Work space, and the acceleration.
         real(wp), intent(inout) :: basis_mass(n), r(height), qdd(n)
-        !> 1 where d' M d is not positive, or not finite; -1 where the acceleration is not finite.
+        !> 1 if d' M d is not positive, or not finite; -1 if the acceleration is not finite.
         integer, intent(out) :: stat
         real(wp) :: along, f, reduced_mass
         integer :: b, i, j
@@ -117,7 +117,7 @@ contains
             along = along + basis_mass(order(i))*r(i)
         end do
         along = along/reduced_mass
-        ! What is not finite in gamma or the forces is in this sum.
+        ! Values of gamma or the forces that are not finite enter this sum.
         if (.not. abs(along) <= huge(1.0_wp)) stat = -1
         !GCC$ NOVECTOR
         !GCC$ UNROLL 2

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The loops of `tandem_linalg_elimination`, columns padded to `height`. A module of its own, as gfortran stops inlining where a
-!> file has too many copies of loops for given lengths.
+!> Loops of `tandem_linalg_elimination`, columns padded to `height`. A separate module, because gfortran stops inlining in files
+!> with too many copies of loops for given lengths.
 module tandem_linalg_pivots
     use tandem_kinds, only: lane, short, wp
     implicit none (type, external)
@@ -8,12 +8,12 @@ module tandem_linalg_pivots
 
     public :: divide_rows, load, take_all, take_pivot
 
-    !> Up to so many pivots are taken one by one faster than in pairs: measured on a vehicle with 5 and a disk with 6 rows.
+    !> Largest number of pivots that are faster one by one than in pairs: measured on a vehicle with 5 and a disk with 6 rows.
     integer, parameter :: most_single = 5
 
 contains
 
-    !> Copy C twice, as it is and in the order of elimination.
+    !> Copy C twice, unchanged and in the order of elimination.
     pure subroutine load(m, n, height, matrix, mask, order, copy, a)
         integer, intent(in) :: m, n, order(n)
         integer, intent(in), value :: height
@@ -21,7 +21,7 @@ contains
         real(wp), intent(inout) :: copy(height, n), a(height, n)
         integer :: j, p
 
-        ! Without rows there is no first one.
+        ! Without rows there is no first row.
         if (height == 0) return
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
@@ -31,7 +31,7 @@ contains
         end do
     end subroutine load
 
-    !> A column and zeros behind it, where the mask is zero.
+    !> Copy a column, with zeros where the mask is zero.
     pure subroutine load_column(m, height, mask, x, copy, a)
         integer, intent(in) :: m
         integer, intent(in), value :: height
@@ -50,19 +50,19 @@ contains
         end do
     end subroutine load_column
 
-    !> Take all remembered pivots. stat > 0: they do not serve, because one of them is small in its row or an entry of Y is large.
-    !> An entry that is not finite makes a pivot or an entry of Y so, and does not pass either.
+    !> Eliminate with all stored pivots. stat > 0: they are not usable, because one of them is small in its row or an entry of Y is
+    !> large. An entry that is not finite makes a pivot or an entry of Y not finite, and fails too.
     pure subroutine take_all(m, n, height, matrix, mask, order, scale, pivot_scale, row_size, unit, copy, a, column, work, &
         pivots, stat)
         integer, intent(in) :: m, n, height, order(n)
-        !> C; 1 for rows and 0 for padding; scales of the unknowns and of the pivot columns, largest scaled entries of rows, the
-        !> unit matrix.
+        !> C; 1 for rows and 0 for padding; scales of the unknowns and of the pivot columns, largest scaled entries of rows, unit
+        !> matrix.
         real(wp), intent(in) :: matrix(m*n), mask(height), scale(n), pivot_scale(height), row_size(height), unit(height, height)
-        !> C padded, [Cd^-1, Y], work space, the pivots.
+        !> C padded, [Cd^-1, Y], work space, pivots.
         real(wp), intent(inout) :: copy(height, n), a(height, n), column(height), work(height), pivots(height)
         integer, intent(out) :: stat
 
-        ! The same loops, in the common case of a length that the compiler knows.
+        ! The same loops for the most frequent length, which is a constant for the compiler.
         if (height == lane) then
             if (m > most_single) then
                 call load(m, n, lane, matrix, mask, order, copy, a)
@@ -84,16 +84,16 @@ contains
         end if
     end subroutine take_all
 
-    !> Look at the pivots and at Y: what is above its limit, row by row, gives more than 1.
+    !> Check the pivots and Y: a row with an entry above its limit gives more than 1.
     pure subroutine judge(m, n, height, order, scale, pivot_scale, row_size, a, pivots, column, stat)
         integer, intent(in) :: m, n, order(n)
         integer, intent(in), value :: height
         real(wp), intent(in) :: scale(n), pivot_scale(height), row_size(height), a(height, n), pivots(height)
         real(wp), intent(inout) :: column(height)
         integer, intent(inout) :: stat
-        !> A remembered pivot below this part of its row's largest entry is searched anew: it would amplify rounding.
+        !> A stored pivot below this part of the largest entry of its row is replaced by a search: it would amplify rounding.
         real(wp), parameter :: smallest_pivot = 0.05_wp
-        !> Largest |Y| that remembered pivots may leave.
+        !> Largest allowed |Y| of stored pivots.
         real(wp), parameter :: largest_growth = 10.0_wp
         real(wp) :: f, sums(short)
         integer :: b, i, j
@@ -127,7 +127,7 @@ contains
         if ((sums(1) + sums(2)) + (sums(3) + sums(4)) > 1.0_wp) stat = maxloc(column, dim=1)
     end subroutine judge
 
-    !> Take the pivots one by one.
+    !> Eliminate the pivots one by one.
     pure subroutine take_singly(m, n, height, unit, a, column, pivots, stat)
         integer, intent(in) :: m, n
         integer, intent(in), value :: height
@@ -147,14 +147,14 @@ contains
         end do
     end subroutine take_singly
 
-    !> Take the pivots one by one of few rows, in a pass through the columns for each: the first as C is copied,
-    !> the last as rows are divided by their pivots. A pivot is known before its column is, so that the division by it need not wait
-    !> for the pass before. Rounding is that of `load`, `take_pivot` and `divide_rows`.
+    !> Eliminate the pivots of few rows one by one, in a pass through the columns for each: the first while C is copied, the last
+    !> while rows are divided by their pivots. A pivot is known before its column, so that the division by it need not wait for the
+    !> previous pass. Rounding is that of `load`, `take_pivot` and `divide_rows`.
     pure subroutine take_ahead(m, n, matrix, mask, order, unit, copy, a, column, inverses, pivots, stat)
         !> At least two rows.
         integer, intent(in) :: m, n, order(n)
         real(wp), intent(in) :: matrix(m, n), mask(lane), unit(lane, lane)
-        !> Work space: what a column loses per unit of the pivot's row; 1 over the pivots, and 1 in the padding.
+        !> Work space: multipliers of the pivot's row for each column; 1 over the pivots, and 1 in the padding.
         real(wp), intent(inout) :: copy(lane, n), a(lane, n), column(lane), inverses(lane), pivots(lane)
         integer, intent(out) :: stat
         real(wp) :: f, inverse, pivot
@@ -165,7 +165,7 @@ contains
         pivot = matrix(1, p)
         pivots(1) = pivot
         if (.not. is_pivot(pivot)) then
-            ! A search for pivots wants the copy too.
+            ! A search for pivots needs the copy too.
             call load(m, n, lane, matrix, mask, order, copy, a)
             return
         end if
@@ -201,7 +201,7 @@ contains
                     inverses(b + i) = inverses(b + i) + unit(b + i, k)*inverse
                 end do
             end do
-            ! The columns of the next pivots first, for which they wait.
+            ! The columns of the next pivots first, because they are needed first.
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
             do j = k + 1, n
@@ -238,8 +238,8 @@ contains
         stat = 0
     end subroutine take_ahead
 
-    !> A column of C and zeros behind it, where the mask is zero; and that less f times another column, f its first entry. In two
-    !> loops, of which gfortran makes one: around a single one it would take two columns at once, entry by entry.
+    !> Copy a column of C, with zeros where the mask is zero; and the same minus f times another column, f its first entry. In two
+    !> loops, which gfortran fuses: around a single one it would take two columns at once, entry by entry.
     pure subroutine load_less(m, mask, x, column, copy, a)
         integer, intent(in) :: m
         real(wp), intent(in) :: mask(lane), x(m), column(lane)
@@ -263,7 +263,7 @@ contains
         end do
     end subroutine load_less
 
-    !> A column less f times another.
+    !> Subtract f times another column.
     pure subroutine subtract(f, column, a)
         real(wp), intent(in), value :: f
         real(wp), intent(in) :: column(lane)
@@ -278,7 +278,7 @@ contains
         end do
     end subroutine subtract
 
-    !> The same, and each row over its pivot.
+    !> The same, and divide each row by its pivot.
     pure subroutine subtract_and_divide(f, column, inverses, a)
         real(wp), intent(in), value :: f
         real(wp), intent(in) :: column(lane), inverses(lane)
@@ -293,7 +293,7 @@ contains
         end do
     end subroutine subtract_and_divide
 
-    !> Take the pivots two by two, in one pass through the other columns.
+    !> Eliminate the pivots in pairs, in one pass through the other columns.
     pure subroutine take_pairs(m, n, unit, a, column, second, pivots, stat)
         integer, intent(in) :: m, n
         real(wp), intent(in) :: unit(lane, lane)
@@ -311,7 +311,7 @@ contains
                 return
             end if
             inverse = 1.0_wp/pivot
-            ! The next pivot is known before the columns lose this one, so that the division by it need not wait for them.
+            ! The next pivot is computed before the columns are updated, so that the division by it need not wait for them.
             next = a(k + 1, k + 1) - a(k + 1, k)*inverse*a(k, k + 1)
             pivots(k + 1) = next
             if (.not. is_pivot(next)) then
@@ -331,7 +331,7 @@ contains
         end if
     end subroutine take_pairs
 
-    !> What `take_pivot` does for the last pivot of an odd number.
+    !> `take_pivot` for the last pivot of an odd number.
     pure subroutine take_last(m, n, inverse, unit, a, column)
         integer, intent(in) :: m, n
         real(wp), intent(in), value :: inverse
@@ -365,21 +365,21 @@ contains
         end do
     end subroutine take_last
 
-    !> Whether a number can be divided by.
+    !> True if a number is a valid divisor.
     pure logical function is_pivot(x)
         real(wp), intent(in), value :: x
 
         is_pivot = abs(x) > tiny(1.0_wp) .and. abs(x) <= huge(1.0_wp)
     end function is_pivot
 
-    !> What `take_pivot` does for k and then for k + 1, in one pass through the other columns.
+    !> `take_pivot` for k and then for k + 1, in one pass through the other columns.
     pure subroutine take_pair(k, n, inverse, next_inverse, unit, a, column, second)
         integer, intent(in) :: k, n
-        !> 1 over the two pivots, the unit matrix.
+        !> 1 over the two pivots, unit matrix.
         real(wp), intent(in), value :: inverse, next_inverse
         real(wp), intent(in) :: unit(lane, lane)
         real(wp), intent(inout) :: a(lane, n)
-        !> Work space: what a column loses per unit of its rows k and k + 1.
+        !> Work space: multipliers of rows k and k + 1 for each column.
         real(wp), intent(inout) :: column(lane), second(lane)
         real(wp) :: below, f, g
         integer :: b, i, j
@@ -395,7 +395,7 @@ contains
                 a(b + i, k + 1) = unit(b + i, k + 1) - second(b + i)
             end do
         end do
-        ! The columns of the next pivots first, for which they wait.
+        ! The columns of the next pivots first, because they are needed first.
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do j = k + 2, n
@@ -422,17 +422,17 @@ contains
         end do
     end subroutine take_pair
 
-    !> Take a(k, k) from column k: the other rows less what makes it zero there, and in its place the column of the inverse. Row k
-    !> itself is divided by its pivot later, see `divide_rows`: so each entry takes one fused multiplication and subtraction, whose
-    !> rounding is that of the result, not that of what cancels; and columns are written as wholes, as a load of what was stored in
-    !> parts would wait for the memory.
+    !> Eliminate with the pivot a(k, k): subtract multiples of column k that make the other rows zero there, and store the column of
+    !> the inverse in its place. Row k itself is divided by its pivot later, see `divide_rows`: each entry then takes one fused
+    !> multiplication and subtraction, whose rounding is relative to the result, not to the cancelling terms; and whole columns are
+    !> written, because a load of data stored in parts would wait for the store.
     pure subroutine take_pivot(k, n, height, inverse, unit, a, column)
         integer, intent(in) :: k, n
         integer, intent(in), value :: height
-        !> 1/a(k, k), the unit matrix.
+        !> 1/a(k, k), unit matrix.
         real(wp), intent(in) :: inverse, unit(height, height)
         real(wp), intent(inout) :: a(height, n)
-        !> Work space: what a column loses per unit of its row k.
+        !> Work space: multiplier of row k for each column.
         real(wp), intent(inout) :: column(height)
         real(wp) :: f
         integer :: b, i, j
@@ -444,7 +444,7 @@ contains
                 a(b + i, k) = unit(b + i, k) - column(b + i)
             end do
         end do
-        ! The columns of the next pivots first, for which they wait.
+        ! The columns of the next pivots first, because they are needed first.
         !GCC$ NOVECTOR
         !GCC$ UNROLL 3
         do j = k + 1, n
@@ -469,7 +469,7 @@ contains
         end do
     end subroutine take_pivot
 
-    !> Each row over its pivot; 1 in the padding.
+    !> Divide each row by its pivot; 1 in the padding.
     pure subroutine divide_rows(n, height, pivots, a, inverse)
         integer, intent(in) :: n
         integer, intent(in), value :: height

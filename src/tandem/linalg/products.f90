@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Products of large matrices by BLAS, and what a large Gram matrix says of its rows by LAPACK.
+!> Products of large matrices by BLAS, and inverses of large Gram matrices by LAPACK.
 module tandem_linalg_products
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dgemm, dpotrf, dpotri, dsyrk, dtrtri
@@ -39,10 +39,10 @@ contains
         call dgemm('N', 'N', m, m, size(a, 2), 1.0_wp, a, size(a, 1), b, size(b, 1), 0.0_wp, c, size(c, 1))
     end subroutine multiply_first
 
-    !> The inverse of the first m rows and columns of A (l, l), symmetric and positive definite.
+    !> Inverse of the first m rows and columns of A (l, l), symmetric and positive definite.
     subroutine invert_definite(m, smallest_pivot, a, diagonal, is_done)
         integer, intent(in) :: m
-        !> Of the entry on the diagonal: a smaller part must not be left of it when it is the pivot.
+        !> Smallest pivot relative to the diagonal entry.
         real(wp), intent(in) :: smallest_pivot
         real(wp), intent(inout), contiguous :: a(:, :)
         !> Work space (m).
@@ -75,8 +75,8 @@ contains
         call dsyrk('L', 'N', size(c, 1), size(a, 2), 1.0_wp, a, size(a, 1), 0.0_wp, c, size(c, 1))
     end subroutine multiply_rows_by_themselves
 
-    !> The trace of the inverse of a Gram matrix (m, m), given by its lower triangle, once its rows have unit length. It is lost.
-    !> stat > 0: the matrix is not positive definite.
+    !> Trace of the inverse of a Gram matrix (m, m), given by its lower triangle and overwritten, after scaling its rows to unit
+    !> length. stat > 0: the matrix is not positive definite.
     subroutine find_inverse_trace(gram, trace, stat)
         real(wp), intent(inout), contiguous :: gram(:, :)
         real(wp), intent(out) :: trace
@@ -88,7 +88,7 @@ contains
         associate (m => size(gram, 1))
             call dpotrf('L', m, gram, m, stat)
             if (stat /= 0) return
-            ! The rows of the factor have the lengths of those that the Gram matrix is of.
+            ! The rows of the factor have the lengths of the rows whose Gram matrix this is.
             do i = 1, m
                 square = sum(gram(i, :i)**2)
                 gram(i, :i) = gram(i, :i)/sqrt(square)

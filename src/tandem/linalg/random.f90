@@ -1,6 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Random numbers without a state of their own, the same on every machine: for tests at states and along directions that nobody
-!> has chosen.
+!> Random numbers without internal state, identical on every machine: for tests at random states and along random directions.
 module tandem_linalg_random
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -12,9 +11,9 @@ contains
 
     !> Numbers between -1 and 1 by a linear congruence (Lehmer; Park and Miller 1988).
     function random_vector(seed, n) result(values)
-        !> Above zero; another one afterwards.
+        !> Positive; updated on return.
         integer, intent(inout) :: seed
-        !> How many numbers.
+        !> Number of values.
         integer, intent(in) :: n
         real(wp) :: values(n)
         integer, parameter :: multiplier = 48271, quotient = 44488, remainder = 3399, modulus = 2147483647

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> The paper's refinement of an inverse, B <- 2 B - B A B until |A B - I| <= tolerance (20), (29): Newton's iteration, which
-!> contracts only while |I - A B| < 1 at its start. Source: G. Schulz, ZAMM 13 (1933).
+!> converges only if |I - A B| < 1 at its start. Source: G. Schulz, ZAMM 13 (1933).
 module tandem_linalg_refinement
     use tandem_kinds, only: long, wp
     use tandem_linalg_kernels, only: set_product
@@ -31,18 +31,18 @@ contains
         allocate (self%inverse(m, m), self%defect(m, m), self%correction(m, m), source=0.0_wp)
     end subroutine allocate_refinement
 
-    !> Bring the inverse to a new matrix.
+    !> Refine the inverse for a new matrix.
     subroutine refine(self, matrix, tolerance, corrections, stat)
         class(refinement_type), intent(inout) :: self
         !> A (m, m).
         real(wp), intent(in), contiguous :: matrix(:, :)
-        !> Largest entry of A B - I that is left.
+        !> Largest remaining entry of A B - I.
         real(wp), intent(in) :: tolerance
         !> Counter of corrections.
         integer(long), intent(inout) :: corrections
         !> A status code.
         integer, intent(out) :: stat
-        !> More corrections than quadratic convergence from |I - A B| = 0.9 takes.
+        !> More corrections than quadratic convergence from |I - A B| = 0.9 requires.
         integer, parameter :: most_corrections = 20
         real(wp) :: error, last_error
         integer :: i, k
@@ -58,7 +58,7 @@ contains
             error = 0.0_wp
             if (size(matrix) > 0) error = maxval(abs(self%defect))
             if (error <= tolerance) return
-            ! At rounding level the iteration stands still: that is all there is.
+            ! The iteration stagnates at rounding level, its best accuracy.
             if (k > 1 .and. error >= last_error .and. last_error < 1.0e-12_wp) return
             if (k == most_corrections .or. .not. error < 1.0e3_wp) exit
             last_error = error

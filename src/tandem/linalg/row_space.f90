@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The space that the rows of a matrix span: how near it is to losing a dimension, and whether it keeps its orientation from one
-!> matrix to another. Steps ask for both now and then, so that the work space is allocated once, by the first question.
+!> The space spanned by the rows of a matrix: its distance from rank loss, and changes of its orientation between matrices. Steps
+!> use both occasionally, so that the work space is allocated once, at the first use.
 module tandem_linalg_row_space
     use tandem_kinds, only: wp
     use tandem_linalg_lapack, only: dgesvd
@@ -13,7 +13,7 @@ module tandem_linalg_row_space
     !> Work space for matrices (m, n) of one shape.
     type :: row_space_type
         private
-        !> Rows as columns (n, m), a matrix (m, m), singular values (m), what dgesvd needs.
+        !> Rows as columns (n, m), a matrix (m, m), singular values (m), work space of dgesvd.
         real(wp), allocatable :: rows(:, :), square(:, :), singular(:), work(:)
         type(lu_type) :: lu
     contains
@@ -23,14 +23,14 @@ module tandem_linalg_row_space
 
 contains
 
-    !> Give the work space back: the next matrices may have another shape.
+    !> Deallocate the work space: the next matrices may have another shape.
     pure subroutine forget(self)
         class(row_space_type), intent(inout) :: self
 
         if (allocated(self%rows)) deallocate (self%rows, self%square, self%singular, self%work)
     end subroutine forget
 
-    !> Allocate the work space, unless that is done.
+    !> Allocate the work space unless it is allocated.
     subroutine prepare(self, m, n)
         class(row_space_type), intent(inout) :: self
         integer, intent(in) :: m, n
@@ -40,15 +40,15 @@ contains
         call self%lu%allocate(m)
     end subroutine prepare
 
-    !> The combination of unit rows that is nearest to zero: what each row takes part in it, its largest entry 1 in modulus.
+    !> Combination of unit rows that is closest to zero: coefficients of the rows, the largest 1 in modulus.
     subroutine find_weakest(self, m, n, matrix, scale, share, smallest)
         class(row_space_type), intent(inout) :: self
-        !> Rows (m, n), m <= n, of the same shape as those before, and the scales of their unknowns (n).
+        !> Rows (m, n), m <= n, of constant shape, and scales of their unknowns (n).
         integer, intent(in) :: m, n
         real(wp), intent(in) :: matrix(m, n), scale(n)
-        !> Each row's part (m).
+        !> Coefficient of each row (m).
         real(wp), intent(out) :: share(m)
-        !> The smallest singular value of the unit rows.
+        !> Smallest singular value of the unit rows.
         real(wp), intent(out) :: smallest
         real(wp) :: length, no_left(1, 1)
         integer :: i, info
@@ -71,11 +71,11 @@ contains
         share = self%square(m, :)/maxval(abs(self%square(m, :)))
     end subroutine find_weakest
 
-    !> Whether a row space keeps its orientation from one matrix to a neighbouring one. Where a singular value has passed through
-    !> zero in between, the determinant of the second in a basis of the first has changed its sign.
+    !> True if the row spaces of two neighbouring matrices have the same orientation. If a singular value has passed through zero in
+    !> between, the determinant of the second one in a basis of the first has changed its sign.
     logical function keeps_orientation(self, m, n, from, to, scale)
         class(row_space_type), intent(inout) :: self
-        !> Rows (m, n), of the same shape as those before, and the scales of their unknowns (n).
+        !> Rows (m, n), of constant shape, and scales of their unknowns (n).
         integer, intent(in) :: m, n
         real(wp), intent(in) :: from(m, n), to(m, n), scale(n)
         integer :: i, j, stat
@@ -91,7 +91,7 @@ contains
         keeps_orientation = stat == 0 .and. self%lu%determinant_sign() > 0
     end function keeps_orientation
 
-    !> The basis that Gram-Schmidt makes of rows: in it they have a positive determinant.
+    !> Gram-Schmidt basis of rows, in which their determinant is positive.
     pure subroutine find_basis(m, n, rows, scale, basis)
         integer, intent(in) :: m, n
         real(wp), intent(in) :: rows(m, n), scale(n)

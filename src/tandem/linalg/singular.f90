@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Least-squares solutions of smallest norm by singular values, for rows that may depend on each other; eigenvalues of a symmetric
-!> matrix. For set-up: the procedures may allocate.
+!> Least-squares solutions of smallest norm by singular values, for possibly dependent rows; eigenvalues of a symmetric matrix. For
+!> set-up: the procedures may allocate.
 !>
 !> Source: G. H. Golub, C. F. Van Loan, Matrix Computations; the bounded step: J. J. Moré, The Levenberg-Marquardt algorithm, 1978.
 module tandem_linalg_singular
@@ -12,11 +12,11 @@ module tandem_linalg_singular
 
     public :: singular_type, decompose_in, decompose_symmetric
 
-    !> From this size on divide and conquer is faster (2 to 3 times at 160 to 370).
+    !> Size from which divide and conquer is faster (2 to 3 times at 160 to 370).
     integer, parameter :: large = 64
 
     type :: singular_type
-        !> How many singular values of the last matrix count, and the values, descending.
+        !> Number of nonzero singular values of the last matrix, and all values, descending.
         integer :: rank = 0
         real(wp), allocatable :: values(:)
         integer, private :: m = 0, n = 0
@@ -40,7 +40,7 @@ contains
         self%n = n
         if (allocated(self%u)) deallocate (self%u, self%vt, self%matrix, self%work, self%values, self%integers)
         allocate (self%u(m, m), self%vt(n, n), self%matrix(m, n), self%values(min(m, n)), source=0.0_wp)
-        ! Enough for the blocked forms.
+        ! Sufficient for the blocked forms.
         allocate (self%work(64*(m + n + 1) + merge(4*min(m, n)**2, 0, min(m, n) >= large)), source=0.0_wp)
         allocate (self%integers(merge(8*min(m, n), 0, min(m, n) >= large)), source=0)
     end subroutine allocate_singular
@@ -68,7 +68,7 @@ contains
             call dgesdd('A', self%m, self%n, self%matrix, self%m, self%values, self%u, self%m, self%vt, self%n, &
                 self%work, size(self%work), self%integers, info)
         end if
-        ! Without convergence, which finite numbers do not cause, nothing counts.
+        ! Without convergence, which finite numbers do not cause, the rank is 0.
         if (info == 0) self%rank = count(self%values > rank_tolerance*self%values(1))
     end subroutine factor
 
@@ -81,11 +81,11 @@ contains
         call self%solve_within(b, huge(1.0_wp), 0.0_wp, x)
     end subroutine solve
 
-    !> The x (n) that minimises |A x - b| within |x| <= radius, a tenth more or less: (A'A + mu I) x = A'b.
+    !> x (n) that minimises |A x - b| within |x| <= radius up to a tenth: (A'A + mu I) x = A'b.
     subroutine solve_within(self, b, radius, noise, x)
         class(singular_type), intent(in) :: self
         real(wp), intent(in) :: b(:), radius
-        !> Components of b along a singular vector of at most this size are rounding and ask for nothing.
+        !> Components of b along a singular vector of at most this size are rounding and are ignored.
         real(wp), intent(in) :: noise
         real(wp), intent(out) :: x(:)
         integer, parameter :: limit = 60
@@ -100,7 +100,7 @@ contains
                 y = s(:r)*c/(s(:r)**2 + mu)
                 length = norm2(y)
                 if (length <= 1.1_wp*radius) exit
-                ! Newton's iteration for 1/|x(mu)| = 1/radius, which is nearly linear in mu and comes from below.
+                ! Newton's iteration for 1/|x(mu)| = 1/radius, which is nearly linear in mu; converges from below.
                 mu = mu + (length/radius - 1.0_wp)/sum((y/length)**2/(s(:r)**2 + mu))
             end do
             x = matmul(y, self%vt(:r, :))
@@ -136,7 +136,7 @@ contains
         x = transpose(self%vt(:self%rank, :))
     end subroutine get_row_basis
 
-    !> U'b along the singular vectors that count.
+    !> U'b along the singular vectors of nonzero values.
     pure function components(self, b) result(c)
         class(singular_type), intent(in) :: self
         real(wp), intent(in) :: b(:)
@@ -145,7 +145,7 @@ contains
         c = matmul(b, self%u(:, :self%rank))
     end function components
 
-    !> Eigenvalues, ascending, of a symmetric matrix (n, n) of finite numbers, and its orthonormal eigenvectors in its place.
+    !> Eigenvalues, ascending, of a symmetric matrix (n, n) of finite numbers, which is overwritten by its orthonormal eigenvectors.
     subroutine decompose_symmetric(a, values)
         real(wp), intent(inout), contiguous :: a(:, :)
         real(wp), intent(out), contiguous :: values(:)
@@ -154,7 +154,7 @@ contains
         call decompose_in(work, a, values)
     end subroutine decompose_symmetric
 
-    !> The same in given work space: 3 n at least, 34 n for the blocked form. It allocates nothing.
+    !> The same with given work space: at least 3 n, 34 n for the blocked form. Allocates nothing.
     subroutine decompose_in(work, a, values)
         real(wp), intent(inout), contiguous :: work(:), a(:, :)
         real(wp), intent(out), contiguous :: values(:)

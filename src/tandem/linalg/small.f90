@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Systems over the degrees of freedom of one mechanism, mostly one to three: there LAPACK's calls cost more than the arithmetic.
-!> Each procedure has copies for the orders 1 to 4, in which the compiler unrolls every loop; larger orders take the loops.
-!> Matrices have `width` rows, k and padding.
+!> Systems over the degrees of freedom of one mechanism, usually one to three: calls of LAPACK cost more than their arithmetic. Each
+!> procedure has copies for the orders 1 to 4, in which the compiler unrolls every loop; larger orders use the loops. Matrices have
+!> `width` rows, k and padding.
 module tandem_linalg_small
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -9,13 +9,13 @@ module tandem_linalg_small
 
     public :: factor_definite, smallest_definite_pivot, solve_near_diagonal, substitute
 
-    !> A pivot of a singular matrix is rounding, a few n eps of its diagonal entry, over the smallest relative pivot before.
+    !> Limit of a relative pivot times the smallest previous one: rounding of a pivot is a few n eps over the latter.
     real(wp), parameter :: smallest_definite_pivot = 8.0e-15_wp
 
 contains
 
-    !> L diag(d) L' of a symmetric positive definite matrix (width, k), in place of its lower triangle; 1/d beside it. stat > 0: the
-    !> leading minor of that order is not positive, or so small against its own diagonal that the solution would be noise.
+    !> L diag(d) L' of a symmetric positive definite matrix (width, k), in place of its lower triangle, and 1/d. stat > 0: the
+    !> leading minor of this order is not positive, or so small relative to its diagonal entry that solutions would be inaccurate.
     pure subroutine factor_definite(k, width, a, inverse, stat)
         integer, intent(in) :: k, width
         real(wp), intent(inout) :: a(width, k), inverse(k)
@@ -35,7 +35,7 @@ contains
         end select
     end subroutine factor_definite
 
-    !> The same, for a given order.
+    !> The same for a given order.
     pure subroutine factor_definite_of(k, width, a, inverse, stat)
         integer, intent(in), value :: k, width
         real(wp), intent(inout) :: a(width, k), inverse(k)
@@ -86,7 +86,7 @@ contains
         end select
     end subroutine substitute
 
-    !> The same, for a given order.
+    !> The same for a given order.
     pure subroutine substitute_of(k, width, a, inverse, b)
         integer, intent(in), value :: k, width
         real(wp), intent(in) :: a(width, k), inverse(k)
@@ -106,8 +106,8 @@ contains
         end do
     end subroutine substitute_of
 
-    !> Solve a system (width, k) by elimination without a search, where its diagonal is known to dominate. stat > 0: a pivot has
-    !> become small against its diagonal entry.
+    !> Solve a system (width, k) by elimination without a search, for a dominant diagonal. stat > 0: a pivot has become small
+    !> relative to its diagonal entry.
     pure subroutine solve_near_diagonal(k, width, a, b, stat)
         integer, intent(in) :: k, width
         real(wp), intent(inout) :: a(width, k), b(k)
@@ -127,18 +127,18 @@ contains
         end select
     end subroutine solve_near_diagonal
 
-    !> The same, for a given order.
+    !> The same for a given order.
     pure subroutine solve_near_diagonal_of(k, width, a, b, stat)
         integer, intent(in), value :: k, width
         real(wp), intent(inout) :: a(width, k), b(k)
         integer, intent(out) :: stat
-        !> The diagonal entries dominate by far where this is meant to be used.
+        !> In the intended use the diagonal entries dominate by far.
         real(wp), parameter :: smallest_pivot = 1.0e-3_wp
         real(wp) :: diagonal, f
         integer :: i, j, l
 
         stat = 0
-        ! Column by column, so that each diagonal entry is met as it was; 1/pivot in its place.
+        ! Column by column, so that each diagonal entry is still unchanged; replaced by 1/pivot.
         do j = 1, k
             diagonal = abs(a(j, j))
             do l = 1, j - 1

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> LU factorisation of a sparse complex matrix, column after column, in time proportional to the multiplications. For set-up: the
+!> LU factorisation of a sparse complex matrix, column by column, in time proportional to the multiplications. For set-up: the
 !> arrays grow.
 !>
-!> The order of columns is given. Of the rows that are large enough the one that comes first in that order is the pivot, so that
-!> the fill stays near to that of an elimination without any exchange.
+!> The order of columns is given. The pivot is the first row in this order among the sufficiently large ones, so that the fill stays
+!> close to that of an elimination without exchanges.
 !>
 !> Source: J. R. Gilbert, T. Peierls, Sparse partial pivoting in time proportional to arithmetic operations, SIAM J. Sci. Stat.
 !> Comput. 9, 1988.
@@ -24,10 +24,10 @@ module tandem_linalg_sparse_lu
     !> The factors of a sparse matrix.
     type :: sparse_lu_type
         integer :: n = 0
-        !> How many pivots there are, and the smallest of them over the largest entry of its column.
+        !> Number of pivots, and the smallest of them relative to the largest entry of its column.
         integer :: rank = 0
         real(wp) :: least = huge(1.0_wp)
-        !> Rows that have no pivot, where columns were left out.
+        !> Rows without a pivot, if columns were omitted.
         integer, allocatable :: left_rows(:)
         !> Columns of L below its unit diagonal, and of U above its diagonal.
         integer, allocatable, private :: l_start(:), l_row(:), u_start(:), u_row(:)
@@ -39,9 +39,9 @@ module tandem_linalg_sparse_lu
         procedure, private :: eliminate, store
     end type sparse_lu_type
 
-    !> A pivot may be this part of the largest entry.
+    !> Smallest pivot relative to the largest entry.
     real(wp), parameter :: threshold = 0.1_wp
-    !> A column whose entries all fall to this part of what they were depends on those before it. Rounding leaves some 1e-15.
+    !> A column whose entries all decrease to this part depends on the previous ones. Rounding leaves some 1e-15.
     real(wp), parameter :: dependent = 1.0e-13_wp
 
 contains
@@ -50,13 +50,13 @@ contains
     subroutine factor(self, a, order, most_entries, stat, may_leave, least_left)
         class(sparse_lu_type), intent(inout) :: self
         type(sparse_matrix_type), intent(in) :: a
-        !> The columns in the order of their elimination (n); of rows the same numbers come first.
+        !> Columns in the order of their elimination (n); rows of the same numbers are preferred.
         integer, intent(in) :: order(:)
         !> Of L and U together.
         integer, intent(in) :: most_entries
-        !> 0; j where column j depends on those before it or is not finite; -1 where there would be more entries.
+        !> 0; j if column j depends on the previous ones or is not finite; -1 if there would be more entries.
         integer, intent(out) :: stat
-        !> Columns that may be left out (n) where their entries fall to a part of what they were.
+        !> Columns that may be omitted (n) if their entries decrease to a given part.
         logical, intent(in), optional :: may_leave(:)
         real(wp), intent(in), optional :: least_left
         complex(wp), allocatable :: x(:)
@@ -98,7 +98,7 @@ contains
         self%left_rows = pack([(i, i=1, n)], self%pivot_of == 0)
     end subroutine factor
 
-    !> Empty factors with room for a start.
+    !> Initialise empty factors with initial room.
     subroutine start_factor(self, n, n_start)
         class(sparse_lu_type), intent(inout) :: self
         integer, intent(in) :: n, n_start
@@ -111,15 +111,15 @@ contains
         allocate (self%l_start(n + 1), self%u_start(n + 1), source=1)
     end subroutine start_factor
 
-    !> x := L^-1 a(:, column) at the entries that can differ from zero; those in an order in which each comes behind what it needs,
-    !> from the last on.
+    !> x := L^-1 a(:, column) at the entries that may be nonzero; these in an order in which each follows those it depends on, from
+    !> the last one on.
     pure subroutine eliminate(self, a, column, x, reached, n_reached, stack, mark)
         class(sparse_lu_type), intent(in) :: self
         type(sparse_matrix_type), intent(in) :: a
         integer, intent(in) :: column
-        !> Zero before (n).
+        !> Zero on entry (n).
         complex(wp), intent(inout) :: x(:)
-        !> Rows, (n); work space: (2, n) and (n), column where a row was reached.
+        !> Rows, (n); work space: (2, n) and (n), equal to `column` for reached rows.
         integer, intent(inout) :: reached(:), stack(:, :), mark(:)
         integer, intent(out) :: n_reached
         integer :: depth, i, k, row, next
@@ -168,14 +168,14 @@ contains
         end do
     end subroutine eliminate
 
-    !> Choose the pivot, keep the column, and clear x.
+    !> Choose the pivot, store the column, and clear x.
     pure subroutine store(self, column, place, least, size_of_column, x, reached, stat)
         class(sparse_lu_type), intent(inout) :: self
         integer, intent(in) :: column, place(:), reached(:)
-        !> Entries of at most that size count as zero.
+        !> Entries of at most this size are treated as zero.
         real(wp), intent(in) :: least, size_of_column
         complex(wp), intent(inout) :: x(:)
-        !> The column where it has no pivot.
+        !> The column if it has no pivot.
         integer, intent(inout) :: stat
         real(wp) :: largest
         integer :: i, k, nl, nu, pivot, row
@@ -227,7 +227,7 @@ contains
         x(reached) = (0.0_wp, 0.0_wp)
     end subroutine store
 
-    !> Let two arrays have at least n entries.
+    !> Enlarge two arrays to at least n entries.
     pure subroutine make_room(n, values, numbers)
         integer, intent(in) :: n
         complex(wp), allocatable, intent(inout) :: values(:)
@@ -244,7 +244,7 @@ contains
         call move_alloc(more_numbers, numbers)
     end subroutine make_room
 
-    !> x := A^-1 b; zero in columns that were left out, and rows without a pivot are not looked at.
+    !> x := A^-1 b; zero in omitted columns; rows without a pivot are ignored.
     pure subroutine solve(self, b, x)
         class(sparse_lu_type), intent(in) :: self
         !> (n) each; b is work space.
@@ -269,7 +269,7 @@ contains
         end do
     end subroutine solve
 
-    !> The same, refined once with the matrix.
+    !> The same with one step of refinement.
     pure subroutine solve_refined(self, a, b, x)
         class(sparse_lu_type), intent(in) :: self
         type(sparse_matrix_type), intent(in) :: a
@@ -289,7 +289,7 @@ contains
         x = x + correction
     end subroutine solve_refined
 
-    !> Entries of L and U.
+    !> Number of entries of L and U.
     pure integer function n_entries(self)
         class(sparse_lu_type), intent(in) :: self
 
