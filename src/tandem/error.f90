@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> How cold paths report failure: an allocatable `error_type`, unallocated on success.
+!> Error reports of cold paths: an allocatable `error_type`, unallocated on success.
 module tandem_error
     use tandem_status, only: status_name, status_of, status_type
     implicit none (type, external)
@@ -7,7 +7,7 @@ module tandem_error
 
     public :: error_type, set_error, to_text
 
-    !> A failure: its status code (see `tandem_status`) and a message that says what is wrong, where, and what to do.
+    !> A failure: its status code (see `tandem_status`) and a message with problem, place and remedy.
     type :: error_type
         integer :: stat = 0
         character(len=:), allocatable :: message
@@ -26,9 +26,9 @@ contains
         type(error_type), allocatable, intent(out) :: error
         !> Status code, negative.
         integer, intent(in) :: stat
-        !> What is wrong and where.
+        !> Problem and place.
         character(len=*), intent(in) :: message
-        !> What to do, where the table's advice would be too general.
+        !> Remedy, if the table's advice is too general.
         character(len=*), intent(in), optional :: advice
         type(status_type) :: row
 
@@ -42,7 +42,7 @@ contains
         end if
     end subroutine set_error
 
-    !> How many characters an integer takes (a deferred length would be static memory, see `tandem_status`).
+    !> Length of an integer as text (a deferred length would be static memory, see `tandem_status`).
     pure integer function integer_length(value)
         integer, intent(in) :: value
         character(len=20) :: buffer
@@ -59,7 +59,7 @@ contains
         write (text, '(i0)') value
     end function integer_to_text
 
-    !> How many characters a real number takes.
+    !> Length of a real number as text.
     pure integer function real_length(value)
         use tandem_kinds, only: wp
         real(wp), intent(in) :: value

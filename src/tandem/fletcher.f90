@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Fletcher's checksum of the halves of words of 64 bits, which grows with them: J. G. Fletcher, IEEE Transactions on
-!> Communications 30 (1982) 247-252.
+!> Fletcher's checksum of the halves of 64-bit words, computed incrementally: J. G. Fletcher, IEEE Transactions on Communications 30
+!> (1982) 247-252.
 module tandem_fletcher
     use tandem_kinds, only: long, wp
     implicit none (type, external)
@@ -9,11 +9,11 @@ module tandem_fletcher
     public :: fletcher_type
 
     integer(long), parameter :: modulus = 2_long**32 - 1
-    !> Words that are added before the sums are brought back below the modulus: n halves leave at most (1 + n + n (n + 1)/2) 2^32 in
-    !> the second sum, which for 2^14 words is 2.3e18, and 9.2e18 has room.
+    !> Number of words between reductions by the modulus: after n halves the second sum is at most (1 + n + n (n + 1)/2) 2^32, which
+    !> for 2^14 words is 2.3e18, below the limit of 9.2e18.
     integer, parameter :: block = 2**14
 
-    !> The sum of what was added so far.
+    !> Checksum of the words added so far.
     type :: fletcher_type
         integer(long), private :: first = 1, second = 0
     contains

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Kinds of the numbers that tandem computes with, and how many of them loops take at once.
+!> Kinds of the numbers of tandem, and vector lengths of its loops.
 module tandem_kinds
     use, intrinsic :: iso_fortran_env, only: int64, real32, real64
     implicit none (type, external)
@@ -9,11 +9,11 @@ module tandem_kinds
 
     !> Working precision of every real number: IEEE double.
     integer, parameter :: wp = real64
-    !> Single precision, for guesses that are kept: nothing is computed with it.
+    !> Single precision, for stored guesses only: nothing is computed with it.
     integer, parameter :: sp = real32
     !> Kind of counters that may pass 2**31 in a long run.
     integer, parameter :: long = int64
-    !> The length of innermost loops: one vector register. With that said, gfortran spends nothing on how to take the rest.
+    !> Length of innermost loops: one vector register. With a constant length gfortran generates no code for remainders.
     integer, parameter :: short = 4
     !> Columns of small matrices are padded with zeros to a multiple of this.
     integer, parameter :: lane = 2*short

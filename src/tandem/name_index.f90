@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> Numbers by names, found at once however many names there are: a hash table with open addressing.
+!> Indices of names, found in constant time: a hash table with open addressing.
 !>
-!> Source: D. E. Knuth, The Art of Computer Programming, volume 3, 1998, section 6.4, algorithm L; the hash is that of G. Fowler,
-!> L. C. Noll and K.-P. Vo (FNV-1a, 32 bits).
+!> Source: D. E. Knuth, The Art of Computer Programming, volume 3, 1998, section 6.4, algorithm L; the hash is that of G. Fowler, L.
+!> C. Noll and K.-P. Vo (FNV-1a, 32 bits).
 module tandem_name_index
     use tandem_kinds, only: long
     implicit none (type, external)
@@ -10,17 +10,17 @@ module tandem_name_index
 
     public :: name_index_type, longest_name
 
-    !> Longer names are not kept. Two parts of a key fit, with what joins them.
+    !> Longer names are not stored. Two parts of a key fit, with their separator.
     integer, parameter :: longest_name = 160
 
     !> Names and their numbers.
     type :: name_index_type
-        !> How many there are.
+        !> Number of names.
         integer :: n = 0
-        !> In the order in which they came: one behind the other, and where each begins, and the next one would.
+        !> Concatenated names in the order of insertion, and their start positions, including that of the next one.
         character(len=:), allocatable, private :: text
         integer, allocatable, private :: from(:), numbers(:)
-        !> The places in these by hash, 0 where there is none; their number is a power of 2, at least twice that of the names.
+        !> Places in these by hash, 0 if none; their number is a power of 2, at least twice the number of names.
         integer, allocatable, private :: slots(:)
     contains
         procedure :: put, get, name, clear, close
@@ -29,7 +29,7 @@ module tandem_name_index
 
 contains
 
-    !> Forget all names.
+    !> Remove all names.
     pure subroutine clear(self)
         class(name_index_type), intent(inout) :: self
 
@@ -38,7 +38,7 @@ contains
         if (allocated(self%slots)) deallocate (self%numbers, self%slots)
     end subroutine clear
 
-    !> Keep the names in their order alone: none is put or found any more.
+    !> Keep only the names in their order: no name is added or found afterwards.
     pure subroutine close(self)
         class(name_index_type), intent(inout) :: self
 
@@ -48,7 +48,7 @@ contains
         deallocate (self%numbers, self%slots)
     end subroutine close
 
-    !> The name that came as the k-th.
+    !> Name number k in the order of insertion.
     pure function name(self, k)
         class(name_index_type), intent(in) :: self
         integer, intent(in) :: k
@@ -57,12 +57,12 @@ contains
         name = self%text(self%from(k):self%from(k + 1) - 1)
     end function name
 
-    !> Keep a name, unless it is there.
+    !> Add a name unless it exists.
     pure subroutine put(self, name, number)
         class(name_index_type), intent(inout) :: self
-        !> Blanks at its end do not count.
+        !> Trailing blanks are ignored.
         character(len=*), intent(in) :: name
-        !> What it stands for, > 0.
+        !> Its index, > 0.
         integer, intent(in) :: number
         integer :: k, last
 
@@ -78,7 +78,7 @@ contains
         self%slots(k) = self%n
     end subroutine put
 
-    !> The number of a name, 0 where it is not there.
+    !> Index of a name, 0 if it does not exist.
     pure integer function get(self, name) result(number)
         class(name_index_type), intent(in) :: self
         character(len=*), intent(in) :: name
@@ -90,7 +90,7 @@ contains
         if (k > 0) number = self%numbers(k)
     end function get
 
-    !> Where a name is, or the free slot that it would take.
+    !> Slot of a name, or the free slot for it.
     pure integer function slot_of(self, name) result(k)
         class(name_index_type), intent(in) :: self
         character(len=*), intent(in) :: name
@@ -112,7 +112,7 @@ contains
         end do
     end function slot_of
 
-    !> Room for one name more: twice as much as there was where there is none, so that a name does not cost a copy of all before.
+    !> Allocate room for another name: the room is doubled if it is full, so that adding a name does not copy all others each time.
     pure subroutine grow(self)
         class(name_index_type), intent(inout) :: self
         character(len=:), allocatable :: text

@@ -1,17 +1,17 @@
 ! SPDX-License-Identifier: MIT
-!> What a writer may have meant who wrote a name that there is not, and names in lower case.
+!> Suggestions for misspelt names, and names in lower case.
 module tandem_names
     implicit none (type, external)
     private
 
     public :: nearest_name, question, lower_case
 
-    !> How many letters stand around the name in a question.
+    !> Number of letters around the name in a question.
     integer, parameter :: around = 19
 
 contains
 
-    !> The length of the nearest name.
+    !> Length of the nearest name.
     pure integer function nearest_length(word, names)
         character(len=*), intent(in) :: word, names(:)
         integer :: i
@@ -21,7 +21,7 @@ contains
         if (i > 0) nearest_length = len_trim(names(i))
     end function nearest_length
 
-    !> The length of the question.
+    !> Length of the question.
     pure integer function question_length(word, names)
         character(len=*), intent(in) :: word, names(:)
 
@@ -29,7 +29,7 @@ contains
         if (question_length > 0) question_length = question_length + around
     end function question_length
 
-    !> The place of the nearest name, or 0.
+    !> Place of the nearest name; 0 if none is near.
     pure integer function nearest_place(word, names)
         character(len=*), intent(in) :: word, names(:)
         integer :: i, distance, least
@@ -46,11 +46,11 @@ contains
         end do
     end function nearest_place
 
-    !> The name that the writer may have meant, or nothing: the one that the fewest edits reach, a third of its length at most.
+    !> Name that was probably meant, or nothing: the one with the fewest edits, at most a third of its length.
     pure function nearest_name(word, names) result(name)
-        !> What was written.
+        !> Misspelt name.
         character(len=*), intent(in) :: word
-        !> What exists.
+        !> Existing names.
         character(len=*), intent(in) :: names(:)
         character(len=nearest_length(word, names)) :: name
 
@@ -58,11 +58,11 @@ contains
         if (len(name) > 0) name = names(nearest_place(word, names))
     end function nearest_name
 
-    !> The end of a message about a wrong name: what the writer may have meant, or nothing.
+    !> End of a message about a misspelt name: the name that was probably meant, or nothing.
     pure function question(word, names) result(text)
-        !> What was written.
+        !> Misspelt name.
         character(len=*), intent(in) :: word
-        !> What exists.
+        !> Existing names.
         character(len=*), intent(in) :: names(:)
         character(len=question_length(word, names)) :: text
 
@@ -70,7 +70,7 @@ contains
         if (len(text) > 0) text = ' (did you mean "'//nearest_name(word, names)//'"?)'
     end function question
 
-    !> How many insertions, deletions, replacements and swaps of neighbours turn a into b.
+    !> Number of insertions, deletions, replacements and swaps of neighbours that turn a into b.
     pure integer function edits(a, b)
         character(len=*), intent(in) :: a, b
         integer :: cost(0:len(a), 0:len(b)), i, j

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Numbers from text by one strict grammar. A list-directed read accepts far more: repetitions (`2*100`), separators (`,` and `/`)
-!> that leave the number undefined, exponents without a letter (`1-5`), and anything after a blank.
+!> that leave the number undefined, exponents without a letter (`1-5`), and any text after a blank.
 module tandem_number_text
     use tandem_kinds, only: long, wp
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
@@ -11,7 +11,7 @@ module tandem_number_text
 
     character(len=*), parameter :: digits = '0123456789', blanks = ' '//achar(9)//achar(13)
 
-    !> The finite number that a text consists of. Blanks around it are allowed; nothing else is.
+    !> Finite number in a text. Surrounding blanks are allowed, but nothing else.
     interface read_number
         module procedure read_real
         module procedure read_integer
@@ -66,7 +66,7 @@ contains
         if (.not. is_read) number = 0
     end subroutine read_long
 
-    !> As many real numbers as there is room for, with blanks, tabs or one comma between two of them.
+    !> Read as many real numbers as fit, separated by blanks, tabs or one comma.
     pure subroutine read_numbers(text, numbers, is_read, may_be_more)
         character(len=*), intent(in) :: text
         real(wp), intent(out) :: numbers(:)
@@ -95,7 +95,7 @@ contains
         is_read = behind_blanks(text, to) == len(text)
     end subroutine read_numbers
 
-    !> The last of the blanks that follow a place.
+    !> Last of the blanks that follow a place.
     pure integer function behind_blanks(text, place)
         character(len=*), intent(in) :: text
         integer, intent(in) :: place

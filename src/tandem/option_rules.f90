@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> How options go together: which have no effect beside others, and what stands for those that are not given.
+!> Relations between options: options without effect in combination with others, and defaults that depend on others.
 module tandem_option_rules
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
@@ -11,21 +11,21 @@ module tandem_option_rules
 
     public :: conflict_type, find_conflict, complete_options, change_stepper, projects_stages
 
-    !> An option that has no effect.
+    !> An option without effect.
     type :: conflict_type
-        !> Its name; blank if every option has an effect.
+        !> Name; blank if every option has an effect.
         character(len=20) :: name = ''
-        !> The reason, and what to do about it.
+        !> Reason and remedy.
         character(len=128) :: problem = '', remedy = ''
     end type conflict_type
 
 contains
 
-    !> Find the first option that has no effect beside the others.
+    !> Find the first option without effect in combination with the others.
     subroutine find_conflict(options, conflict, has_estimate)
         type(options_type), intent(in) :: options
         type(conflict_type), intent(out) :: conflict
-        !> The stepper, which is not one of `stepper_choices`, has an error estimate.
+        !> True if the stepper, which is not one of `stepper_choices`, has an error estimate.
         logical, intent(in), optional :: has_estimate
         type(options_type) :: default
 
@@ -72,7 +72,7 @@ contains
             end if
         end subroutine note_without_control
 
-        !> Note an option that needs a word which is not given.
+        !> Note an option that requires a word which is not given.
         subroutine note_without(option, word, needed, name, is_given)
             character(len=*), intent(in) :: option, word, needed, name
             logical, intent(in) :: is_given
@@ -82,12 +82,12 @@ contains
         end subroutine note_without
     end subroutine find_conflict
 
-    !> Refuse options without effect, and give those that are not set the values that stand for them: `rtol` or `step`, and rk4 for
-    !> `auto` with a fixed step.
+    !> Refuse options without effect, and set the defaults that depend on others: `rtol` or `step`, and rk4 for `auto` with a fixed
+    !> step.
     subroutine complete_options(options, error, has_estimate)
         type(options_type), intent(inout) :: options
         type(error_type), allocatable, intent(out) :: error
-        !> The stepper, which is not one of `stepper_choices`, has an error estimate.
+        !> True if the stepper, which is not one of `stepper_choices`, has an error estimate.
         logical, intent(in), optional :: has_estimate
         type(conflict_type) :: conflict
 
@@ -102,11 +102,11 @@ contains
         end if
     end subroutine complete_options
 
-    !> Change the stepper, with a fixed step or one tolerance, and reset options that have no effect then.
+    !> Set the stepper, with a fixed step or one tolerance, and reset options that then have no effect.
     pure subroutine change_stepper(options, stepper, step, rtol, chart)
         type(options_type), intent(inout) :: options
         character(len=*), intent(in) :: stepper
-        !> One of these.
+        !> One of these must be present.
         real(wp), intent(in), optional :: step, rtol
         !> One of `chart_policies`, instead of that in the options.
         character(len=*), intent(in), optional :: chart
@@ -137,11 +137,11 @@ contains
         if (any(explicit_steppers == options%stepper)) options%intol = default%intol
     end subroutine change_stepper
 
-    !> True if explicit steps meet the constraints at every stage. By default they do so with a fixed size, as in the paper, and on
-    !> charts that are kept or refined; under error control the end of a step is enough (Hairer, Wanner II, section VII.2: the order
-    !> stays).
+    !> True if explicit steps satisfy the constraints at every stage. By default they do so with a fixed size, as in the paper, and
+    !> with charts that are kept or refined; under error control the end of a step suffices (Hairer, Wanner II, section VII.2: the
+    !> order is preserved).
     pure logical function projects_stages(options)
-        !> Complete.
+        !> Completed by `complete_options`.
         type(options_type), intent(in) :: options
 
         if (options%projection == projections(1)) then
@@ -152,7 +152,7 @@ contains
         end if
     end function projects_stages
 
-    !> Steps have a fixed size, which may be left to `default_step`.
+    !> True if steps have a fixed size, which may be the default `default_step`.
     pure logical function has_fixed_steps(options, has_estimate)
         type(options_type), intent(in) :: options
         logical, intent(in), optional :: has_estimate

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What a user may choose about a run, with its defaults, and the one table of all options: what checks them, keeps them in a
-!> checkpoint, reads them from a scene or takes them from C and Fortran 77 visits its rows.
+!> Options of a run, with their defaults, and the one table of all options, whose rows are visited to check them, to store them in a
+!> checkpoint, to read them from a scene, or to set them from C and Fortran 77.
 module tandem_options
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
@@ -14,93 +14,93 @@ module tandem_options
     public :: stepper_names, stepper_choices, chart_kinds, chart_policies, refresh_modes, basis_methods, projections
     public :: steppers_without_estimate, explicit_steppers, default_rtol, default_step
 
-    !> Every method of one order; `tandem_stepper_factory` makes them.
+    !> All methods of fixed order; `tandem_stepper_factory` creates them.
     character(len=16), parameter :: stepper_names(6) = [character(len=16) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54', &
         'radau5']
-    !> Every stepper that can be asked for by name: these, the one whose order changes, and the one that goes from one to another.
+    !> All names of steppers: the methods, the one with varying order, and the one that switches between methods.
     character(len=16), parameter :: stepper_choices(size(stepper_names) + 2) = [stepper_names, [character(len=16) :: 'radau', &
         'auto']]
-    !> Steppers without an error estimate, whose steps are fixed, and those whose stages are explicit.
+    !> Steppers without an error estimate, which take fixed steps, and steppers with explicit stages.
     character(len=16), parameter :: steppers_without_estimate(1) = [character(len=16) :: 'rk4']
     character(len=16), parameter :: explicit_steppers(3) = [character(len=16) :: 'rk4', 'dopri5', 'dop853']
-    !> The tolerance of steps that follow an error estimate and the size of fixed steps, where neither is given.
+    !> Tolerance of steps with an error estimate and size of fixed steps, if neither is given.
     real(wp), parameter :: default_rtol = 1.0e-6_wp, default_step = 1.0e-3_wp
-    !> What a chart is made of: the program chooses; dense matrices; blocks of a sparse factor.
+    !> Matrices of a chart: chosen by the program; dense; blocks of a sparse factor.
     character(len=9), parameter :: chart_kinds(3) = [character(len=9) :: 'automatic', 'dense', 'sparse']
-    !> When a new chart is made: at every step; by |D| and |Fbar|; by the paper's limits.
+    !> Rule for a new chart: at every step; by |D| and |Fbar|; by the paper's limits.
     character(len=10), parameter :: chart_policies(3) = [character(len=10) :: 'every_step', 'adaptive', 'paper']
-    !> How the inverses B and H follow the motion: factored anew, or refined by the paper's iteration (20), (29).
+    !> Update of the inverses B and H: by factorisation, or by the paper's iteration (20), (29).
     character(len=6), parameter :: refresh_modes(2) = [character(len=6) :: 'factor', 'refine']
 
-    !> Where the bases V, U, W, X come from: pivoted QR, or the paper's singular value decompositions.
+    !> Computation of the bases V, U, W, X: pivoted QR, or the paper's singular value decompositions.
     character(len=3), parameter :: basis_methods(2) = [character(len=3) :: 'qr', 'svd']
 
-    !> Points of an explicit step that are projected onto the constraints: those that `projects_stages` chooses; every stage, as in
-    !> the paper; the end alone.
+    !> Points of an explicit step that are projected onto the constraints: chosen by `projects_stages`; every stage, as in the
+    !> paper; only the end.
     character(len=9), parameter :: projections(3) = [character(len=9) :: 'automatic', 'stages', 'step_ends']
 
-    !> A tolerance below this is lost in rounding; one above means nothing.
+    !> Smaller tolerances are lost in rounding; larger ones are meaningless.
     real(wp), parameter :: smallest_tolerance = 1.0e-15_wp, largest_tolerance = 1.0e-2_wp
 
-    !> What a number may be: anything; from 1 on; above 1; above 0, or 0 if not given; above 0, or 0 for no limit; a tolerance; one,
-    !> or 0 for another.
+    !> Ranges of a number: any; from 1 on; above 1; above 0, or 0 if not given; above 0, or 0 for no limit; a tolerance; a
+    !> tolerance, or 0 for another one.
     integer, parameter :: anything = 0, from_one = 1, above_one = 2, unset_or_positive = 3, limit = 4, tolerance = 5, &
         unset_or_tolerance = 6
 
-    !> What is said of an option.
+    !> Definition of an option.
     type :: option_row_type
         !> Name of the component of `options_type`.
         character(len=20) :: name
-        !> Unit of its value, and what it is, in one line.
+        !> Unit and meaning of its value, in one line.
         character(len=1) :: unit
         character(len=88) :: help
-        !> What a number may be, each of a list.
+        !> Range of a number, or of each number in a list.
         integer, private :: rule = anything
-        !> Its key in scenes where that is not the name; a list has the key of the number in whose stead it is given.
+        !> Key in scenes if it differs from the name; a list has the key of the number that it overrides.
         character(len=4) :: key = ''
     contains
         procedure :: problem_of
     end type option_row_type
 
-    !> What visits the options: extend it.
+    !> Visitor of the options: to be extended.
     type, abstract :: option_visitor_type
     contains
         procedure(take_interface), deferred :: take
     end type option_visitor_type
 
     abstract interface
-        !> Take one option, or give it another value.
+        !> Visit one option; its value may be changed.
         subroutine take_interface(self, row, number, whole, word, list, choices)
             import :: option_row_type, option_visitor_type, wp
             implicit none (type, external)
             class(option_visitor_type), intent(inout) :: self
             type(option_row_type), intent(in) :: row
-            !> The value: one of these. With a number comes the list that may be given in its stead, which has a row of its own.
+            !> The value: one of these. A number may be followed by the list that overrides it, which has a row of its own.
             real(wp), intent(inout), optional :: number
             integer, intent(inout), optional :: whole
             character(len=*), intent(inout), optional :: word
             real(wp), allocatable, intent(inout), optional :: list(:)
-            !> What a word may be.
+            !> Valid words.
             character(len=*), intent(in), optional :: choices(:)
         end subroutine take_interface
     end interface
 
-    !> What a user may choose, each with its default; `check` refuses what cannot be.
+    !> Options with their defaults; `check` refuses invalid values.
     type :: options_type
         !> One of `stepper_choices`. With a fixed step, `auto` is rk4.
         character(len=16) :: stepper = 'auto'
-        !> Step size h of fixed steps, in units of time; excludes the tolerances. 0 leaves the step size to an error estimate;
-        !> steppers without one take `default_step`.
+        !> Step size h of fixed steps, in units of time; excludes the tolerances. 0: error control; steppers without an error
+        !> estimate use `default_step`.
         real(wp) :: step = 0.0_wp
-        !> Relative tolerance of q and qd, for steps whose size follows an error estimate; 0 stands for `default_rtol`, or for fixed
-        !> steps where `step` is given or the stepper has no estimate.
+        !> Relative tolerance of q and qd, for error control; 0 selects `default_rtol`, or fixed steps if `step` is given or the
+        !> stepper has no error estimate.
         real(wp) :: rtol = 0.0_wp
-        !> Absolute tolerance of q and qd in units of the coordinate scales; 0 stands for `rtol`.
+        !> Absolute tolerance of q and qd in units of the coordinate scales; 0 selects `rtol`.
         real(wp) :: atol = 0.0_wp
-        !> Tolerances one a coordinate (n), for q and for qd, in the stead of `rtol` and `atol`. Not allocated: those for q stand
-        !> for `rtol` and `atol`, those for qd for those for q. A zero in `atol_q` or `atol_qd` stands for the relative one there.
+        !> Tolerances per coordinate (n), for q and for qd; override `rtol` and `atol`. Not allocated: those for q default to `rtol`
+        !> and `atol`, those for qd to those for q. A zero in `atol_q` or `atol_qd` selects the relative one there.
         real(wp), allocatable :: rtol_q(:), rtol_qd(:), atol_q(:), atol_qd(:)
-        !> First and largest step under error control; 0 leaves the first to the program and the largest open.
+        !> First and largest step under error control; 0 selects an automatic first step, and no limit.
         real(wp) :: first_step = 0.0_wp, max_step = 0.0_wp
         !> One of `chart_kinds`.
         character(len=9) :: chart_kind = 'automatic'
@@ -114,19 +114,19 @@ module tandem_options
         character(len=9) :: projection = 'automatic'
         !> Largest constraint error on the natural scale of its row, at all three levels.
         real(wp) :: constraint_tolerance = 1.0e-12_wp
-        !> Tolerance of the position iteration (17); 0 stands for a hundredth of `constraint_tolerance`, since what is left at every
-        !> stage adds up, and under error control, within a step, for 0.003 `rtol` if that is larger.
+        !> Tolerance of the position iteration (17); 0 selects a hundredth of `constraint_tolerance`, because the remainders of all
+        !> stages add up, and under error control, within a step, 0.003 `rtol` if that is larger.
         real(wp) :: utol = 0.0_wp
-        !> Tolerance of the iteration for B (20); 0 stands for `constraint_tolerance`. Used by `refine`.
+        !> Tolerance of the iteration for B (20); 0 selects `constraint_tolerance`. Used by `refine`.
         real(wp) :: btol = 0.0_wp
-        !> Tolerance of the iteration for H (29); 0 stands for `constraint_tolerance`. Used by `refine`.
+        !> Tolerance of the iteration for H (29); 0 selects `constraint_tolerance`. Used by `refine`.
         real(wp) :: htol = 0.0_wp
-        !> Newton's iteration of implicit stages stops when what it leaves of q and qd is below this, against |q|, |qd| and the
-        !> coordinate scales; 0 stands for a hundredth of `constraint_tolerance`, or a thousandth of `rtol` if that is larger, or
-        !> with fixed steps of `sdirk54` for a hundredth of what steps leave, up to a hundred times as much.
+        !> Tolerance of Newton's iteration of implicit stages for q and qd, relative to |q|, |qd| and the coordinate scales; 0
+        !> selects a hundredth of `constraint_tolerance`, or a thousandth of `rtol` if that is larger, or with fixed steps of
+        !> `sdirk54` a hundredth of the error of steps, up to a hundred times as much.
         real(wp) :: intol = 0.0_wp
-        !> `paper` policy: a new chart when |v|_2 passes this; 0 means no limit. Where none of the four limits is set, one of 70
-        !> degrees on the angle to the tangent spaces stands for them, as it always does for implicit steppers.
+        !> `paper` policy: a new chart when |v|_2 passes this; 0 means no limit. If none of the four limits is set, a limit of 70
+        !> degrees on the angle to the tangent spaces applies, as it always does for implicit steppers.
         real(wp) :: v_limit = 0.0_wp
         !> `paper` policy: a new chart when |w|_2 passes this; 0 means no limit.
         real(wp) :: w_limit = 0.0_wp
@@ -136,15 +136,15 @@ module tandem_options
         integer :: iteration_limit = 0
         !> `adaptive` policy: a new chart when |D|_2 or |Fbar|_2, the secants of the angles to the tangent spaces, pass this.
         real(wp) :: secant_limit = 1.5_wp
-        !> Largest violation of the constraints by the start, on the natural scale; smaller ones are removed.
+        !> Largest constraint error of the start, on the natural scale; smaller ones are removed.
         real(wp) :: start_tolerance = 1.0e-8_wp
-        !> Most events of one run.
+        !> Largest number of events in a run.
         integer :: max_events = 100000
-        !> Most steps of one run.
+        !> Largest number of steps in a run.
         integer :: max_steps = huge(1)
-        !> Most evaluations of the right-hand side, those of rejected steps and of dense output included; 0 means no limit.
+        !> Largest number of evaluations of the right-hand side, including rejected steps and dense output; 0 means no limit.
         integer :: max_evaluations = 0
-        !> Most seconds of wall time, counted from the first step; 0 means no limit.
+        !> Largest wall time (s), from the first step on; 0 means no limit.
         real(wp) :: max_seconds = 0.0_wp
     contains
         procedure :: visit
@@ -155,7 +155,7 @@ module tandem_options
         procedure :: pack_state, first_difference
     end type options_type
 
-    !> Finds the first option that cannot be.
+    !> Finds the first option with an invalid value.
     type, extends(option_visitor_type) :: checker_type
         type(error_type), allocatable :: error
     contains
@@ -169,9 +169,9 @@ module tandem_options
         procedure :: take => pack_option
     end type packer_type
 
-    !> Remembers one set of options, then finds the first in which another differs.
+    !> Stores one set of options, then finds the first option that differs in another set.
     type, extends(option_visitor_type) :: comparer_type
-        !> How many words each value has, and these, one value after the other; how many of them were compared.
+        !> Number of words of each value, and these words, one value after the other; number of words compared.
         integer(long), allocatable :: words(:)
         logical :: is_comparing = .false.
         integer :: n = 0
@@ -197,8 +197,7 @@ contains
         call visitor%take(option_row_type('max_events', '', 'most events of the run', from_one), whole=self%max_events)
     end subroutine visit
 
-    !> Show a visitor the options that the course of a run depends on: neither the limits that only end it, nor what concerns the
-    !> start alone.
+    !> Show a visitor the options that affect the course of a run: neither limits that only end it, nor options of the start.
     subroutine visit_course(self, visitor)
         class(options_type), intent(inout) :: self
         class(option_visitor_type), intent(inout) :: visitor
@@ -258,7 +257,7 @@ contains
             'limit on |D| and |Fbar| in a chart, with adaptive', above_one), number=self%secant_limit)
     end subroutine visit_course
 
-    !> Refuse values that cannot be; the message names the option.
+    !> Refuse invalid values; the message names the option.
     subroutine check(self, error)
         class(options_type), intent(in) :: self
         type(error_type), allocatable, intent(out) :: error
@@ -300,11 +299,11 @@ contains
         end subroutine refuse
     end subroutine check_option
 
-    !> Refuse a word that the option does not allow.
+    !> Refuse an invalid word.
     subroutine check_word(row, word, choices, error)
         type(option_row_type), intent(in) :: row
         character(len=*), intent(in) :: word, choices(:)
-        !> invalid_option with the words that there are.
+        !> invalid_option with the list of valid words.
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: text
         integer :: i
@@ -317,7 +316,7 @@ contains
         call set_error(error, status_invalid_option, trim(row%name)//' = "'//trim(word)//'" is unknown', 'use '//text)
     end subroutine check_word
 
-    !> What is wrong with a number; blank where nothing is.
+    !> Problem of a number; blank if none.
     pure function problem_of(self, value) result(problem)
         class(option_row_type), intent(in) :: self
         real(wp), intent(in) :: value
@@ -336,11 +335,11 @@ contains
         case (tolerance, unset_or_tolerance)
             if (self%rule == unset_or_tolerance .and. is_unset(value)) return
             if (.not. (value >= smallest_tolerance .and. value <= largest_tolerance)) problem = 'must lie between 1e-15 and 1e-2'
-        case default ! anything
+        case default ! Any number.
         end select
     end function problem_of
 
-    !> Refuse tolerances that are not one a coordinate.
+    !> Refuse lists of tolerances whose length is not the number of coordinates.
     subroutine check_sizes(self, n, error)
         class(options_type), intent(in) :: self
         !> Number of coordinates.
@@ -353,21 +352,21 @@ contains
         if (.not. allocated(error)) call check_size('atol_qd', self%atol_qd, n, error)
     end subroutine check_sizes
 
-    !> Steps follow an error estimate: a tolerance is given, or no step for a stepper that has an estimate.
+    !> True if steps follow an error estimate: a tolerance is given, or no step for a stepper with an estimate.
     pure logical function is_adaptive(self)
         class(options_type), intent(in) :: self
 
         is_adaptive = self%has_tolerance() .or. (is_unset(self%step) .and. .not. any(steppers_without_estimate == self%stepper))
     end function is_adaptive
 
-    !> A relative tolerance is given.
+    !> True if a relative tolerance is given.
     pure logical function has_tolerance(self)
         class(options_type), intent(in) :: self
 
         has_tolerance = .not. is_unset(self%rtol) .or. allocated(self%rtol_q) .or. allocated(self%rtol_qd)
     end function has_tolerance
 
-    !> Whether rtol is the tolerance of everything, relative and absolute.
+    !> True if rtol is the only tolerance, relative and absolute.
     pure logical function has_one_tolerance(self)
         class(options_type), intent(in) :: self
 
@@ -375,7 +374,7 @@ contains
             (allocated(self%rtol_q) .or. allocated(self%rtol_qd) .or. allocated(self%atol_q) .or. allocated(self%atol_qd))
     end function has_one_tolerance
 
-    !> Whether any of the paper's limits on a chart is set.
+    !> True if any of the paper's limits on a chart is set.
     pure logical function has_paper_limits(self)
         class(options_type), intent(in) :: self
 
@@ -383,7 +382,7 @@ contains
             self%iteration_limit > 0
     end function has_paper_limits
 
-    !> The smallest relative tolerance in use: rtol where there is one for all coordinates. 0 for fixed steps.
+    !> Smallest relative tolerance in use: rtol if it applies to all coordinates. 0 for fixed steps.
     pure real(wp) function relative_tolerance(self)
         class(options_type), intent(in) :: self
 
@@ -397,14 +396,14 @@ contains
         if (.not. self%has_tolerance()) relative_tolerance = merge(default_rtol, 0.0_wp, self%is_adaptive())
     end function relative_tolerance
 
-    !> The absolute tolerance for all coordinates: atol, or what stands for it.
+    !> Absolute tolerance for all coordinates: atol, or its default.
     pure real(wp) function absolute_tolerance(self)
         class(options_type), intent(in) :: self
 
         absolute_tolerance = merge(self%relative_tolerance(), self%atol, is_unset(self%atol))
     end function absolute_tolerance
 
-    !> The tolerances of every coordinate and velocity.
+    !> Tolerances of every coordinate and velocity.
     pure subroutine fill_tolerances(self, rtol_q, rtol_qd, atol_q, atol_qd)
         class(options_type), intent(in) :: self
         !> Relative ones, and absolute ones in units of the coordinate scales (n).
@@ -422,16 +421,16 @@ contains
         where (is_unset(atol_qd)) atol_qd = rtol_qd
     end subroutine fill_tolerances
 
-    !> utol, or what stands for it.
+    !> utol, or its default.
     pure real(wp) function position_tolerance(self)
         class(options_type), intent(in) :: self
 
         position_tolerance = merge(max(0.01_wp*self%constraint_tolerance, smallest_tolerance), self%utol, is_unset(self%utol))
     end function position_tolerance
 
-    !> The tolerance of (17) within a step whose size follows an error estimate: a small part of that error. 0 for that of the ends
-    !> of steps; a utol that was set holds everywhere. The part: no errors of runs were larger than with 0.001, but with 0.01 those
-    !> of a disk that spins at 1000 rad/s were three times as large.
+    !> Tolerance of (17) within a step under error control: a small part of the allowed error. 0 if it is that of the ends of steps;
+    !> a given utol applies everywhere. The part: errors of runs did not grow with 0.001, but with 0.01 those of a disk that spins
+    !> at 1000 rad/s were three times as large.
     pure real(wp) function stage_tolerance(self)
         class(options_type), intent(in) :: self
         real(wp), parameter :: part = 3.0e-3_wp
@@ -440,21 +439,21 @@ contains
         if (is_unset(self%utol) .and. self%is_adaptive()) stage_tolerance = part*self%relative_tolerance()
     end function stage_tolerance
 
-    !> Btol, or what stands for it.
+    !> Btol, or its default.
     pure real(wp) function b_tolerance(self)
         class(options_type), intent(in) :: self
 
         b_tolerance = merge(self%constraint_tolerance, self%btol, is_unset(self%btol))
     end function b_tolerance
 
-    !> Htol, or what stands for it.
+    !> Htol, or its default.
     pure real(wp) function h_tolerance(self)
         class(options_type), intent(in) :: self
 
         h_tolerance = merge(self%constraint_tolerance, self%htol, is_unset(self%htol))
     end function h_tolerance
 
-    !> intol, or what stands for it.
+    !> intol, or its default.
     pure real(wp) function newton_tolerance(self)
         class(options_type), intent(in) :: self
 
@@ -463,7 +462,7 @@ contains
             smallest_tolerance)
     end function newton_tolerance
 
-    !> All that the course of a run depends on.
+    !> Pack all options that affect the course of a run.
     subroutine pack_state(self, pack)
         class(options_type), intent(inout) :: self
         type(pack_type), intent(inout), target :: pack
@@ -493,7 +492,7 @@ contains
         end if
     end subroutine pack_option
 
-    !> The first of the options in `pack_state` that another set has with another value, blank where there is none.
+    !> First of the options in `pack_state` with a different value in another set, blank if there is none.
     function first_difference(self, other) result(name)
         class(options_type), intent(in) :: self
         type(options_type), intent(in) :: other
@@ -522,7 +521,7 @@ contains
         integer :: i
 
         if (present(number)) then
-            ! A sum with zero has no negative zero.
+            ! Adding zero converts a negative zero.
             allocate (bits, source=transfer([number + 0.0_wp], [0_long]))
         else if (present(whole)) then
             allocate (bits, source=[int(whole, long)])
@@ -537,7 +536,7 @@ contains
         if (.not. self%is_comparing) then
             self%words = [self%words, bits]
         else if (self%difference == '') then
-            ! With another size the first word differs; nothing is compared behind it.
+            ! If the sizes differ, the first word differs; nothing is compared after it.
             if (self%words(self%n + 1) /= bits(1)) then
                 self%difference = row%name
             else if (any(self%words(self%n + 1:self%n + size(bits)) /= bits)) then
@@ -547,7 +546,7 @@ contains
         end if
     end subroutine compare_option
 
-    !> Whether a tolerance was left at the zero that stands for another.
+    !> True if a tolerance is zero, which selects its default.
     pure elemental logical function is_unset(value)
         real(wp), intent(in) :: value
 

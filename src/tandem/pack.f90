@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> The state of an object as a row of numbers, and back: what a checkpoint is made of.
+!> Conversion of the state of an object to an array of words, and back: the contents of checkpoints.
 !>
-!> A type that has a state lists what it remembers once, in a procedure `pack_state(self, pack)` that calls `item` for each; the
-!> same procedure writes and reads, so that the two cannot disagree. Every bit is kept. The row carries its kind, its version, its
-!> length and a checksum, so that something else, or something damaged, is told from it.
+!> A type with a state lists its components once, in a procedure `pack_state(self, pack)` that calls `item` for each; the same
+!> procedure writes and reads, so that the two cannot disagree. Every bit is kept. The array contains its kind, its version, its
+!> length and a checksum, so that other or damaged data is detected.
 module tandem_pack
     use tandem_fletcher, only: fletcher_type
     use tandem_kinds, only: long, wp
@@ -12,26 +12,26 @@ module tandem_pack
 
     public :: pack_type, checksum, is_whole
 
-    !> What a row begins with, the version of all contents, and the places of kind, version, length and checksum in front of them.
+    !> Signature at the start, version of all contents, and places of kind, version, length and checksum in the header.
     character(len=8), parameter :: signature = 'tandem!P'
     integer(long), parameter :: version = 21
     integer, parameter :: head = 5
 
-    !> Where items are written to or read from.
+    !> Target of written items, or source of read ones.
     type :: pack_type
-        !> Whether items are read.
+        !> True if items are read.
         logical :: is_reading = .false.
-        !> Whether something was asked for that is not there, so that the objects read are worthless.
+        !> True if a requested item does not exist; the objects read are then invalid.
         logical :: has_failed = .false.
         integer(long), allocatable, private :: words(:)
         integer, private :: n = 0
     contains
         procedure :: begin_writing, end_writing, begin_reading, end_reading
-        !> Numbers, logicals and texts, and allocatable arrays of numbers with their shapes, or that they are not allocated; up to
-        !> five of one kind in a call, texts and cubes one by one.
+        !> Numbers, logicals and texts, and allocatable arrays of numbers with their shapes or their unallocated status; up to five
+        !> of one kind in a call, texts and cubes one by one.
         generic :: item => item_real, item_integer, item_long, item_logical, item_text, item_reals, item_matrix, item_cube, &
             item_integers, item_longs
-        !> Arrays whose shape never changes.
+        !> Arrays of constant shape.
         generic :: fixed => fixed_reals, fixed_longs
         !> An allocatable text with its length.
         procedure :: text
@@ -41,7 +41,7 @@ module tandem_pack
 
 contains
 
-    !> Begin an empty row; its space is kept.
+    !> Begin an empty array; its memory is reused.
     subroutine begin_writing(self)
         class(pack_type), intent(inout) :: self
 
@@ -51,10 +51,10 @@ contains
         if (.not. allocated(self%words)) allocate (self%words(4096))
     end subroutine begin_writing
 
-    !> The finished row.
+    !> Finish the array.
     subroutine end_writing(self, kind_of_row, words)
         class(pack_type), intent(inout) :: self
-        !> Whose state it is, at most 8 characters count.
+        !> Kind of object; the first 8 characters are used.
         character(len=*), intent(in) :: kind_of_row
         integer(long), allocatable, intent(inout) :: words(:)
         integer :: i
@@ -73,14 +73,14 @@ contains
         end do
     end subroutine end_writing
 
-    !> Begin to read a row.
+    !> Begin to read an array.
     subroutine begin_reading(self, kind_of_row, words, problem)
         class(pack_type), intent(inout) :: self
-        !> Whose state is expected.
+        !> Expected kind of object.
         character(len=*), intent(in) :: kind_of_row
-        !> The row; more may follow behind it.
+        !> The array; more words may follow.
         integer(long), intent(in) :: words(:)
-        !> Why it cannot be read; blank where it can.
+        !> Reason why it cannot be read; blank if it can.
         character(len=*), intent(out) :: problem
 
         problem = ''
@@ -104,7 +104,7 @@ contains
         self%words = words(:int(words(4)))
     end subroutine begin_reading
 
-    !> All must have been read; sets `has_failed` where something is left.
+    !> Check that all items have been read; otherwise `has_failed` is set.
     subroutine end_reading(self)
         class(pack_type), intent(inout) :: self
 
@@ -328,7 +328,7 @@ contains
         end do
     end subroutine fixed_longs
 
-    !> Whether an array is allocated, and its shape; where reading, no more than the row can hold.
+    !> Allocation status and shape of an array; on reading, the size is limited by the remaining words.
     subroutine begin_array(self, is_there, extents)
         class(pack_type), intent(inout) :: self
         logical, intent(inout) :: is_there
@@ -340,12 +340,12 @@ contains
             call self%item(extents(i))
         end do
         if (.not. self%is_reading) return
-        ! Of a text 8 characters are a word.
+        ! 8 characters of a text are a word.
         if (any(extents < 0) .or. product(real(extents, wp)) > 8.0_wp*real(size(self%words) - self%n, wp)) self%has_failed = .true.
         if (self%has_failed) is_there = .false.
     end subroutine begin_array
 
-    !> Go on by some words: make place for them, or see whether they are there.
+    !> Advance by a number of words: allocate room for them, or check that they exist.
     subroutine reserve(self, count_)
         class(pack_type), intent(inout) :: self
         integer, intent(in) :: count_
@@ -373,7 +373,7 @@ contains
         word_of = transfer(eight, word_of)
     end function word_of
 
-    !> Whether a row, of whatever kind and version, is as it was made; more may follow behind it.
+    !> True if an array of any kind and version is undamaged; more words may follow.
     pure logical function is_whole(words)
         integer(long), intent(in) :: words(:)
 
@@ -383,7 +383,7 @@ contains
         is_whole = words(head) == checksum(words(head + 1:int(words(4))))
     end function is_whole
 
-    !> The checksum of a row of words.
+    !> Checksum of an array of words.
     pure integer(long) function checksum(words)
         integer(long), intent(in) :: words(:)
         type(fletcher_type) :: sum

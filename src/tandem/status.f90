@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The one table of outcomes: name, code, meaning, and what to do about it. Zero is success; every failure is negative.
+!> Table of all status codes: name, code, meaning, and remedy. Zero is success; every failure is negative.
 !> Codes are part of the interface and are never reused.
 module tandem_status
     implicit none (type, external)
@@ -13,7 +13,7 @@ module tandem_status
     public :: status_inconsistent_rows, status_event_limit
     public :: status_work_limit, status_invalid_checkpoint, status_interrupted, status_no_equilibrium, last_status
 
-    !> The codes; the table below says what each means and what to do.
+    !> Codes; the table below lists their meanings and remedies.
     integer, parameter :: status_ok = 0
     integer, parameter :: status_invalid_option = -1
     integer, parameter :: status_invalid_model = -2
@@ -37,20 +37,20 @@ module tandem_status
     integer, parameter :: status_interrupted = -20
     integer, parameter :: status_no_equilibrium = -21
 
-    !> The codes go from `status_ok` down to this one.
+    !> The last code; codes range from `status_ok` down to it.
     integer, parameter :: last_status = status_no_equilibrium
 
     !> One row of the table.
     type :: status_type
         !> The code that procedures return.
         integer :: code
-        !> The name that reports and files show.
+        !> Name in reports and files.
         character(len=24) :: name
-        !> True where the input is at fault, before any step was taken (exit code 2 on the command line).
+        !> True if the input is wrong, before any step was taken (exit code 2 on the command line).
         logical :: input
-        !> What it means.
+        !> Meaning.
         character(len=96) :: meaning
-        !> What to do.
+        !> Remedy.
         character(len=128) :: advice
     end type status_type
 
@@ -113,7 +113,7 @@ module tandem_status
 
 contains
 
-    !> The table's row of a code; the row of `status_ok` with name `unknown` for a code that is not in it.
+    !> Row of a code in the table; the row of `status_ok` with name `unknown` for an undefined code.
     pure function status_of(code) result(row)
         !> A status code.
         integer, intent(in) :: code
@@ -129,8 +129,8 @@ contains
         row = status_type(code, 'unknown', .false., 'a code that this version does not know', 'report it')
     end function status_of
 
-    !> The length of a code's name. Texts that functions give have a known length: gfortran keeps the length of a deferred one in
-    !> static memory, where threads would meet.
+    !> Length of the name of a code. Function results of type text have a known length, because gfortran stores a deferred length in
+    !> static memory, which threads would share.
     pure integer function name_length(code)
         integer, intent(in) :: code
         type(status_type) :: row
@@ -139,7 +139,7 @@ contains
         name_length = len_trim(row%name)
     end function name_length
 
-    !> The name of a code.
+    !> Name of a code.
     pure function status_name(code) result(name)
         !> A status code.
         integer, intent(in) :: code
@@ -150,7 +150,7 @@ contains
         name = trim(row%name)
     end function status_name
 
-    !> Whether a code says that the input was wrong.
+    !> True if a code means that the input was wrong.
     pure logical function is_input_error(code)
         !> A status code.
         integer, intent(in) :: code
