@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The command line as a library: a program that calls `command_line` with the models of its own runs, checks, studies and resumes
-!> scenes of them as `tandem` does with the shipped ones, which it knows too. See example/dependent.
+!> The command line as a library: a program that calls `command_line` with its own models runs, checks, studies and resumes scenes
+!> of them as `tandem` does with the shipped ones, which are included too. See example/dependent.
 module tandem_command_line
     use tandem, only: error_type
     use tandem_cli_arguments, only: arguments_type, read_arguments
@@ -28,7 +28,7 @@ module tandem_command_line
     private
 
     public :: command_line, scene_model_type
-    ! What a procedure needs that reads a model from a scene.
+    ! Also needed by a procedure that reads a model from a scene.
     public :: reader_type, anything, positive, not_negative
 
     interface
@@ -40,12 +40,12 @@ module tandem_command_line
 
 contains
 
-    !> Do what the command line says: find the subcommand and leave the rest to it.
+    !> Execute the command line: find the subcommand and pass the rest to it.
     subroutine command_line(code, models)
         !> Exit code: 0 done, 1 the run failed, 2 the input was wrong, 128 + n ended by signal n.
         integer, intent(out) :: code
-        !> Models besides the shipped ones, each with the procedure that reads it from a scene; they go before a shipped one of the
-        !> same name.
+        !> Models in addition to the shipped ones, each with the procedure that reads it from a scene; they take precedence over a
+        !> shipped one of the same name.
         type(scene_model_type), intent(in), optional :: models(:)
         type(arguments_type) :: arguments
         type(error_type), allocatable :: error
@@ -73,7 +73,7 @@ contains
         call finish_output(code)
     end subroutine command_line
 
-    !> The subcommand itself.
+    !> Execute the subcommand.
     subroutine carry_out(arguments, code)
         type(arguments_type), intent(in) :: arguments
         integer, intent(out) :: code

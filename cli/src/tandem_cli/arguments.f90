@@ -12,22 +12,22 @@ module tandem_cli_arguments
     public :: arguments_type, read_arguments
 
     type :: arguments_type
-        !> The subcommand, empty where there is none; of `study`, two words.
+        !> The subcommand, empty if none is given; for `study`, two words.
         character(len=:), allocatable :: command
-        !> The scene, or the file of `resume` and `verify`, not allocated where there is none; where several are allowed, all are in
-        !> `scenes`.
+        !> The scene, or the file of `resume` and `verify`, not allocated if none is given; for commands that accept several, all
+        !> are in `scenes`.
         character(len=:), allocatable :: scene
         character(len=:), allocatable :: scenes(:)
-        !> What follows `help` and `completion`; empty where nothing does.
+        !> Operand of `help` and `completion`; empty if none is given.
         character(len=:), allocatable :: about
-        !> The models that scenes may name.
+        !> Models that scenes may name.
         type(scene_model_type), allocatable :: models(:)
-        !> The settings `table.key=value` and `--unset table.key`, blanks at their ends dropped.
+        !> Settings `table.key=value` and `--unset table.key`, without trailing blanks.
         character(len=:), allocatable :: settings(:)
-        !> The options without a value that were given.
+        !> Given options without a value.
         logical :: quiet = .false., force = .false., help = .false., quick = .false., error = .false., no_error = .false., &
             profile = .false., json = .false., merges = .false., shapes = .false.
-        !> The options of a study that have a value, as `--name=value`.
+        !> Options of a study with a value, as `--name=value`.
         character(len=:), allocatable, private :: given(:)
         integer, private :: first = 2
     contains
@@ -37,9 +37,9 @@ module tandem_cli_arguments
 
 contains
 
-    !> The subcommand; the rest is for `parse`.
+    !> Read the subcommand; `parse` reads the rest.
     function read_arguments(models) result(arguments)
-        !> The models that scenes may name.
+        !> Models that scenes may name.
         type(scene_model_type), intent(in) :: models(:)
         type(arguments_type) :: arguments
 
@@ -67,7 +67,7 @@ contains
         allocate (character(len=0) :: arguments%settings(0), arguments%given(0), arguments%scenes(0))
     end function read_arguments
 
-    !> Read what follows the subcommand.
+    !> Read the arguments after the subcommand.
     subroutine parse(self, error)
         class(arguments_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
@@ -156,7 +156,7 @@ contains
         case ('--unset')
             call add_text(self%settings, '--unset '//value)
         case ('--output')
-            ! A study has a folder of files, a sweep a table, and a linearised system is no run.
+            ! A study writes a folder of files, a sweep a table, and a linearised system is not a run.
             if (self%first == 2 .and. all(self%command /= [character(len=9) :: 'sweep', 'linearise'])) then
                 call add_text(self%settings, 'output.file='//quoted(value))
             else
@@ -191,7 +191,7 @@ contains
         end select
     end subroutine take
 
-    !> The value of an option of a study, the last where it was given several times; a default where it was not.
+    !> Value of an option of a study, the last one if it was given several times; a default if it is absent.
     function value_of(self, name, default) result(value)
         class(arguments_type), intent(in) :: self
         character(len=*), intent(in) :: name, default
@@ -204,13 +204,13 @@ contains
         end do
     end function value_of
 
-    !> The value of an option that is a number.
+    !> Value of a numeric option.
     subroutine number_of(self, name, least, value, error)
         class(arguments_type), intent(in) :: self
         character(len=*), intent(in) :: name
-        !> The least that it may be.
+        !> Smallest valid value.
         real(wp), intent(in) :: least
-        !> The default before, the value after.
+        !> Default on entry, value on return.
         real(wp), intent(inout) :: value
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: text
@@ -224,13 +224,13 @@ contains
             name//', not "'//text//'"')
     end subroutine number_of
 
-    !> The value of an option that counts something.
+    !> Value of an option that is a count.
     subroutine count_of(self, name, most, value, error)
         class(arguments_type), intent(in) :: self
         character(len=*), intent(in) :: name
-        !> The most that it may be, so that a slip costs no hours.
+        !> Largest valid value, so that a typing error does not cost hours.
         integer, intent(in) :: most
-        !> The default before, the value after, from 1 on.
+        !> Default on entry, value on return, from 1 on.
         integer, intent(inout) :: value
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: text
@@ -244,7 +244,7 @@ contains
             ', not "'//text//'"')
     end subroutine count_of
 
-    !> Add a text after the others.
+    !> Append a text.
     subroutine add_text(texts, text)
         character(len=:), allocatable, intent(inout) :: texts(:)
         character(len=*), intent(in) :: text
@@ -256,7 +256,7 @@ contains
         allocate (texts, source=longer)
     end subroutine add_text
 
-    !> A text in TOML's quotes.
+    !> A text in the quotation marks of TOML.
     pure function quoted(word) result(text)
         character(len=*), intent(in) :: word
         character(len=:), allocatable :: text
@@ -270,7 +270,7 @@ contains
         text = text//'"'
     end function quoted
 
-    !> Words with commas between them as an array of TOML.
+    !> Words separated by commas as an array of TOML.
     pure function quoted_list(words) result(text)
         character(len=*), intent(in) :: words
         character(len=:), allocatable :: text
@@ -299,7 +299,7 @@ contains
         if (length > 0) call get_command_argument(i, word)
     end function argument
 
-    !> An error of the command line.
+    !> Set an error of the command line.
     subroutine set_usage_error(error, command, message)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), intent(in) :: command, message

@@ -13,16 +13,16 @@ module tandem_cli_check
 
     public :: check
 
-    !> States at which procedures are compared.
+    !> Number of states at which procedures are compared.
     integer, parameter :: n_states = 10
-    !> Most bodies that are named.
+    !> Largest number of bodies that are named.
     integer, parameter :: most_names = 20
-    !> Columns of the names of procedures.
+    !> Width of the names of procedures.
     integer, parameter :: name_width = 43
 
 contains
 
-    !> Check a scene. The exit code is 1 where a procedure is wrong, 2 where the scene cannot be started.
+    !> Check a scene. The exit code is 1 if a procedure is wrong, 2 if the scene cannot be started.
     subroutine check(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -43,7 +43,7 @@ contains
             code = input_wrong
             return
         end if
-        ! Whether it would start, with the rank and how far it is off the constraints.
+        ! Test the start, with its rank and constraint errors.
         call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, start_error, scene%assembly)
         if (arguments%json) then
             call print_json(scene, findings, simulation, start_error)
@@ -58,7 +58,7 @@ contains
         code = input_wrong
     end subroutine check
 
-    !> Sizes, and one line a procedure; the place and the numbers of what is wrong.
+    !> Print sizes, and one line per procedure; place and numbers of errors.
     subroutine print_check(scene, findings)
         type(scene_type), intent(in) :: scene
         type(finding_type), intent(in) :: findings(:)
@@ -67,7 +67,7 @@ contains
 
         associate (model => scene%model)
             verdict = ', '//counted(model%n - model%n_constraints(), 'degree', 's')//' of freedom'
-            ! Those of a mechanism are counted below, without its redundant rows.
+            ! Constraints of a mechanism are counted below, without its redundant rows.
             select type (model)
             class is (mechanism_type)
                 verdict = ''
@@ -100,7 +100,7 @@ contains
     !> A number of things.
     pure function counted(n, word, many, one) result(text)
         integer, intent(in) :: n
-        !> The word, and its ends for any number but one, and for one.
+        !> The word, and its endings for any number but one, and for one.
         character(len=*), intent(in) :: word, many
         character(len=*), intent(in), optional :: one
         character(len=:), allocatable :: text
@@ -113,7 +113,7 @@ contains
         end if
     end function counted
 
-    !> Of a mechanism: bodies, rows by element, degrees of freedom, where it starts.
+    !> For a mechanism: bodies, rows by element, degrees of freedom, start.
     subroutine print_mechanism(scene, simulation, start_error)
         type(scene_type), intent(inout) :: scene
         type(simulation_type), intent(in) :: simulation
@@ -146,13 +146,13 @@ contains
             to_text(census%velocity_freedom)//' at velocity level')
     end subroutine print_mechanism
 
-    !> Count where the run starts, or where the scene says where it cannot.
+    !> Count at the start of the run, or at the state of the scene if it cannot be started.
     subroutine count_mechanism(scene, simulation, start_error, census, is_known)
         type(scene_type), intent(inout) :: scene
         type(simulation_type), intent(in) :: simulation
         type(error_type), allocatable, intent(in) :: start_error
         type(census_type), intent(out) :: census
-        !> Whether the model is a mechanism that could be evaluated.
+        !> True if the model is a mechanism that could be evaluated.
         logical, intent(out) :: is_known
         real(wp) :: q(scene%model%n)
         integer :: stat
@@ -188,7 +188,7 @@ contains
         call print_warnings(simulation)
     end subroutine print_start
 
-    !> The same as one object.
+    !> Print the same as one object.
     subroutine print_json(scene, findings, simulation, start_error)
         type(scene_type), intent(inout) :: scene
         type(finding_type), intent(in) :: findings(:)

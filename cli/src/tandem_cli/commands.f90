@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What the program can do: the table of its subcommands and that of their options. Help, shell completion and the reader of the
-!> command line all follow from these two.
+!> The table of the subcommands of the program, and the table of their options. Help, shell completion and the reader of the command
+!> line use these two tables.
 module tandem_cli_commands
     use tandem_io, only: nearest_name
     implicit none (type, external)
@@ -11,26 +11,26 @@ module tandem_cli_commands
 
     !> A subcommand.
     type :: command_type
-        !> Its name; of a study, two words.
+        !> Name; for a study, two words.
         character(len=15) :: name
-        !> What follows it: nothing, one word, or several (`...`); in brackets where it may be missing.
+        !> Operand: none, one word, or several (`...`); in brackets if optional.
         character(len=9) :: operand
-        !> The options that it takes besides --help, with a blank on either side of each.
+        !> Valid options besides --help, with a blank on either side of each.
         character(len=112) :: options
-        !> One line on what it does.
+        !> Description in one line.
         character(len=78) :: summary
     end type command_type
 
     !> An option of a subcommand.
     type :: option_type
         character(len=13) :: name
-        !> What its value is called; nothing where it has none.
+        !> Placeholder of its value; empty for an option without a value.
         character(len=13) :: value
-        !> One line on what it does.
+        !> Description in one line.
         character(len=104) :: summary
     end type option_type
 
-    !> Every subcommand.
+    !> All subcommands.
     type(command_type), parameter :: commands(*) = [ &
         command_type('list', '', ' --json ', 'scenes and steppers, a line each'), &
         command_type('show', 'SCENE', ' --set --unset --output ', 'the complete scene as TOML, every default filled in'), &
@@ -65,7 +65,7 @@ module tandem_cli_commands
         command_type('help', '[COMMAND]', ' ', 'this text, or that of a subcommand'), &
         command_type('version', '', ' ', 'the version, also --version')]
 
-    !> Every option of any subcommand, in the order of the help.
+    !> Options of all subcommands, in the order of the help.
     type(option_type), parameter :: options(*) = [ &
         option_type('--set', 'KEY=VALUE', 'override a key of the scene: table.key=value, event.NUMBER.key=value; repeatable'), &
         option_type('--unset', 'KEY', 'remove a key or an element of the scene: solver.rtol, event.2, force.damper; repeatable'), &
@@ -104,21 +104,21 @@ module tandem_cli_commands
 
 contains
 
-    !> The number of a subcommand; 0 where there is none of that name.
+    !> Index of a subcommand; 0 if unknown.
     pure integer function find_command(name)
         character(len=*), intent(in) :: name
 
         find_command = findloc(commands%name == name, .true., dim=1)
     end function find_command
 
-    !> The number of an option; 0 where there is none of that name.
+    !> Index of an option; 0 if unknown.
     pure integer function find_option(name)
         character(len=*), intent(in) :: name
 
         find_option = findloc(options%name == name, .true., dim=1)
     end function find_option
 
-    !> Whether a subcommand takes an option.
+    !> True if an option is valid for a subcommand.
     pure logical function takes_option(command, name)
         type(command_type), intent(in) :: command
         character(len=*), intent(in) :: name
@@ -126,7 +126,7 @@ contains
         takes_option = name == '--help' .or. index(command%options, ' '//trim(name)//' ') > 0
     end function takes_option
 
-    !> The subcommand that a word may have meant; empty where none is near.
+    !> Subcommand that was probably meant; empty if none is near.
     pure function nearest_command(word) result(name)
         character(len=*), intent(in) :: word
         character(len=:), allocatable :: name

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem completion: a script by which a shell completes subcommands, options, scenes and files, from the table of subcommands.
+!> tandem completion: a shell script that completes subcommands, options, scenes and files, from the table of subcommands.
 module tandem_cli_completion
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_commands, only: command_type, commands, options, takes_option
@@ -22,7 +22,7 @@ contains
         case ('bash')
             call say_bash()
         case ('zsh')
-            ! zsh takes functions of bash for completion.
+            ! zsh uses functions of bash for completion.
             call say('#compdef tandem')
             call say('autoload -U +X bashcompinit && bashcompinit')
             call say_bash()
@@ -33,7 +33,7 @@ contains
         end select
     end subroutine completion
 
-    !> The script of bash. A subcommand of two words is looked up by both.
+    !> The script for bash. A subcommand of two words is looked up by both.
     subroutine say_bash()
         integer :: i
 
@@ -57,7 +57,7 @@ contains
         call say('complete -o filenames -F _tandem tandem')
     end subroutine say_bash
 
-    !> The first words of all subcommands, each once.
+    !> First words of all subcommands, each once.
     function first_words() result(words)
         character(len=:), allocatable :: words
         integer :: i
@@ -68,7 +68,7 @@ contains
         end do
     end function first_words
 
-    !> What may follow `study`.
+    !> Words that may follow `study`.
     function second_words() result(words)
         character(len=:), allocatable :: words
         integer :: i
@@ -79,7 +79,7 @@ contains
         end do
     end function second_words
 
-    !> What may follow a subcommand: its options, and the names of scenes or subcommands.
+    !> Words that may follow a subcommand: its options, and the names of scenes or subcommands.
     function words_of(command) result(words)
         type(command_type), intent(in) :: command
         character(len=:), allocatable :: words

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem equilibrium: where a scene rests, and whether that is stable.
+!> tandem equilibrium: the equilibrium of a scene and its stability.
 module tandem_cli_equilibrium
     use tandem, only: error_type, linearisation_type, stability_name, to_text, wp
     use tandem_cli_arguments, only: arguments_type
@@ -11,9 +11,9 @@ module tandem_cli_equilibrium
 
     public :: equilibrium
 
-    !> Most coordinates that are printed; the object of --json has all.
+    !> Largest number of coordinates that are printed; the object of --json contains all.
     integer, parameter :: most_names = 60
-    !> Most coordinates of which stability is told: full matrices of more take longer than to find the equilibrium, up to minutes.
+    !> Largest number of coordinates for the stability analysis, which takes minutes for more with its full matrices.
     integer, parameter :: most_judged = 300
 
 contains
@@ -21,7 +21,7 @@ contains
     !> Find the equilibrium nearest to the start of a scene.
     subroutine equilibrium(arguments, code)
         type(arguments_type), intent(in) :: arguments
-        !> Exit code: 1 where none was found.
+        !> Exit code: 1 if none was found.
         integer, intent(out) :: code
         type(scene_type), target :: scene
         type(linearisation_type) :: linearisation
@@ -50,7 +50,7 @@ contains
         code = done
     end subroutine equilibrium
 
-    !> As lines to read.
+    !> Print as text.
     subroutine print_equilibrium(scene, linearisation)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: linearisation
@@ -78,7 +78,7 @@ contains
         end associate
     end subroutine print_equilibrium
 
-    !> As one object.
+    !> Print as one object.
     subroutine print_json(scene, linearisation)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: linearisation

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem help: what the program can do, and what a subcommand takes.
+!> tandem help: the subcommands of the program, and the arguments of a subcommand.
 module tandem_cli_help
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_commands, only: command_type, commands, find_command, nearest_command, options, takes_option
@@ -9,12 +9,12 @@ module tandem_cli_help
 
     public :: help, help_with, refuse_command
 
-    !> Columns of the usage of a subcommand, and of an option.
+    !> Widths of the usage of a subcommand, and of an option.
     integer, parameter :: usage_width = 36, option_width = 27
 
 contains
 
-    !> Print the help, or that of the subcommand that follows.
+    !> Print the help of the program, or of a subcommand.
     subroutine help(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -30,7 +30,7 @@ contains
         end if
     end subroutine help
 
-    !> Every subcommand on a line.
+    !> Print one line per subcommand.
     subroutine print_overview()
         integer :: i
 
@@ -53,7 +53,7 @@ contains
         call say('  tandem study precision rolling_disk --set time.end=10 --output disk_study')
     end subroutine print_overview
 
-    !> What a subcommand takes.
+    !> Print the arguments of a subcommand.
     subroutine help_with(name)
         !> One of `commands`.
         character(len=*), intent(in) :: name
@@ -77,7 +77,7 @@ contains
         end associate
     end subroutine help_with
 
-    !> What is to be known of a subcommand besides its options.
+    !> Print notes on a subcommand.
     subroutine say_notes(name)
         character(len=*), intent(in) :: name
         character(len=*), parameter :: continues = 'A study that was interrupted continues when it is called again.'
@@ -102,13 +102,13 @@ contains
         end select
     end subroutine say_notes
 
-    !> What a scene is.
+    !> Print the description of a scene.
     subroutine say_scene()
         call say('SCENE is the path of a TOML file, or a name that tandem list shows. Named scenes are looked for in the')
         call say('folder that TANDEM_SCENES names, in ./scenes, and where the program was built or installed.')
     end subroutine say_scene
 
-    !> How a subcommand is called.
+    !> Usage of a subcommand.
     pure function usage(command) result(text)
         type(command_type), intent(in) :: command
         character(len=:), allocatable :: text
@@ -116,7 +116,7 @@ contains
         text = trim('tandem '//trim(command%name)//' '//command%operand)
     end function usage
 
-    !> Say that there is no such subcommand.
+    !> Report an unknown subcommand.
     subroutine refuse_command(command, code)
         character(len=*), intent(in) :: command
         !> Exit code.

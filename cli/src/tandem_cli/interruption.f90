@@ -15,14 +15,14 @@ module tandem_cli_interruption
         procedure :: observe => end_run
     end type interruption_type
 
-    !> An estimate of the error of a run, whose second run can be ended.
+    !> An estimate of the error of a run whose second run can be ended.
     type, extends(global_error_type) :: interruptible_error_type
     contains
         procedure :: observe => end_estimate
     end type interruptible_error_type
 
     interface
-        !> Note signals from now on.
+        !> Install the handlers of signals.
         subroutine watch_signals() bind(c, name='tandem_watch_signals')
         end subroutine watch_signals
 
@@ -35,12 +35,12 @@ module tandem_cli_interruption
 
 contains
 
-    !> The number of the signal that came, 0 where none did.
+    !> Number of the received signal, 0 if none.
     integer function caught_signal()
         caught_signal = int(c_caught_signal())
     end function caught_signal
 
-    !> An error once a signal has come.
+    !> Set an error after a signal.
     subroutine end_run(self, simulation, occasion, error)
         class(interruption_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -51,7 +51,7 @@ contains
         call interrupt(simulation, error)
     end subroutine end_run
 
-    !> Watch the run, and end it once a signal has come.
+    !> Observe the run, and end it after a signal.
     subroutine end_estimate(self, simulation, occasion, error)
         class(interruptible_error_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation

@@ -11,12 +11,12 @@ module tandem_cli_linearisation_json
 
 contains
 
-    !> Print it.
+    !> Print the object.
     subroutine print_linearisation_json(scene, linearisation, inputs, floquet)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: linearisation
         type(inputs_type), intent(in) :: inputs
-        !> Multipliers, where they were asked for.
+        !> Multipliers, if requested.
         type(floquet_type), intent(in), optional :: floquet
         type(json_type) :: json
         integer :: i, k
@@ -40,7 +40,7 @@ contains
             call json%begin_object('zeros')
             call json%add('count', spectrum%n_zeros)
             call json%begin_array('jordan_blocks')
-            ! blocks(k) is how many are of size k or more.
+            ! blocks(k) is the number of blocks of size k or more.
             do k = size(spectrum%blocks), 1, -1
                 do i = 1, spectrum%blocks(k) - sum(spectrum%blocks(k + 1:min(k + 1, size(spectrum%blocks))))
                     call json%add('', k)
@@ -67,7 +67,7 @@ contains
         call say(json%text)
     end subroutine print_linearisation_json
 
-    !> An eigenvalue and what belongs to it.
+    !> Add an eigenvalue with its mode.
     subroutine add_mode(json, scene, it, i)
         type(json_type), intent(inout) :: json
         type(scene_type), intent(in) :: scene

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> A linearised system as tables to read.
+!> A linearised system as text tables.
 module tandem_cli_linearisation_table
     use tandem, only: at_an_instant, floquet_type, in_steady_motion, kind_name, linearisation_type, mechanism_type, model_type, &
         of_family, of_motion, of_symmetry, to_text, wp
@@ -10,12 +10,12 @@ module tandem_cli_linearisation_table
 
     public :: print_linearisation, print_multipliers, print_body_motions, shape_text, eigenvalue_text
 
-    !> Most coordinates of a mode that are named.
+    !> Largest number of coordinates of a mode that are named.
     integer, parameter :: most_names = 6
 
 contains
 
-    !> Print it.
+    !> Print the tables.
     subroutine print_linearisation(scene, linearisation)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: linearisation
@@ -68,7 +68,7 @@ contains
         end do
     end subroutine print_multipliers
 
-    !> The eigenvalues that are not explained by symmetries and families, one of each pair, with their shapes.
+    !> Eigenvalues that are not due to symmetries and families, one of each pair, with their shapes.
     subroutine print_eigenvalues(scene, it)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: it
@@ -87,7 +87,7 @@ contains
         if (all(it%spectrum%cause /= of_motion)) call say('none')
     end subroutine print_eigenvalues
 
-    !> The frequency, where there is one.
+    !> Frequency of an oscillation.
     function hertz(it, i) result(text)
         type(linearisation_type), intent(in) :: it
         integer, intent(in) :: i
@@ -97,7 +97,7 @@ contains
         if (aimag(it%spectrum%values(i)) > 0.0_wp) text = brief(it%spectrum%frequency(i))//' Hz'
     end function hertz
 
-    !> An eigenvalue, one of a pair or by itself, in 46 characters.
+    !> An eigenvalue, one of a pair or single, in 46 characters.
     function eigenvalue_text(value, is_of_pair) result(text)
         complex(wp), intent(in) :: value
         logical, intent(in) :: is_of_pair
@@ -112,7 +112,7 @@ contains
         text = padded(trim(adjustl(re)), 21)//padded(trim(im), 25)
     end function eigenvalue_text
 
-    !> The coordinates that move most, with amplitude and phase.
+    !> Coordinates with the largest amplitudes, with amplitude and phase.
     function shape_text(model, shape, oscillates) result(text)
         class(model_type), intent(in) :: model
         complex(wp), intent(in) :: shape(:)
@@ -132,7 +132,7 @@ contains
         end do
     end function shape_text
 
-    !> Amplitude and phase, or the number alone.
+    !> Amplitude and phase, or the number only.
     function entry_text(entry, oscillates) result(text)
         complex(wp), intent(in) :: entry
         logical, intent(in) :: oscillates
@@ -147,7 +147,7 @@ contains
         text = trim(number)
     end function entry_text
 
-    !> Modes as motions of bodies, one of each pair: a line a body that moves.
+    !> Modes as motions of bodies, one of each pair: one line per moving body.
     subroutine print_body_motions(model, q, values, shapes)
         class(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:)
@@ -191,14 +191,14 @@ contains
         end select
     end subroutine print_body_motions
 
-    !> In degrees.
+    !> Phase in degrees.
     pure real(wp) function phase(z)
         complex(wp), intent(in) :: z
 
         phase = atan2(aimag(z), real(z, wp))*180/acos(-1.0_wp)
     end function phase
 
-    !> What symmetries and families explain.
+    !> Print the zeros due to symmetries and families.
     subroutine print_zeros(it)
         type(linearisation_type), intent(in) :: it
         character(len=:), allocatable :: line
@@ -234,7 +234,7 @@ contains
         end associate
     end subroutine print_zeros
 
-    !> Where families come from.
+    !> Origin of the families.
     function family_text(it) result(text)
         type(linearisation_type), intent(in) :: it
         character(len=:), allocatable :: text

@@ -13,12 +13,12 @@ module tandem_cli_linearise_near
 
     public :: linearise_near
 
-    !> How many modes, unless --modes says.
+    !> Number of modes, unless --modes is given.
     integer, parameter :: usual_modes = 10
 
 contains
 
-    !> Find them at the start of a scene that was read.
+    !> Find the modes at the start of a scene.
     subroutine linearise_near(arguments, scene, code)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(inout), target :: scene
@@ -38,7 +38,7 @@ contains
             call complain(error%message)
             return
         end if
-        ! Pairs count once.
+        ! A pair counts as one mode.
         call nearest%find(scene%model, scene%t_start, scene%q, shift, 2*n_modes, error, scene%qd)
         if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call write_nearest( &
             arguments%value_of('--output', ''), scene%text, scene%model, nearest, error)
@@ -79,7 +79,7 @@ contains
             '0 or 0,30, not "'//text//'"')
     end subroutine read_shift
 
-    !> Options that say how small motions are found otherwise.
+    !> Refuse options that select another linearisation.
     subroutine refuse_others(arguments, error)
         type(arguments_type), intent(in) :: arguments
         type(error_type), allocatable, intent(out) :: error
@@ -94,7 +94,7 @@ contains
         end do
     end subroutine refuse_others
 
-    !> As lines to read, one of each pair.
+    !> Print as text, one of each pair.
     subroutine print_nearest(scene, it)
         type(scene_type), intent(in) :: scene
         type(nearest_type), intent(in) :: it
@@ -118,7 +118,7 @@ contains
         end do
     end subroutine print_nearest
 
-    !> The motions along which it goes on, with their rates; of many the first.
+    !> Motions with nonzero rates and their rates, at most the first few.
     function rates_text(it) result(text)
         type(nearest_type), intent(in) :: it
         character(len=:), allocatable :: text
@@ -133,7 +133,7 @@ contains
         text = trim(text)//' (per second)'
     end function rates_text
 
-    !> A complex number to read.
+    !> A complex number as text.
     function complex_text(value) result(text)
         complex(wp), intent(in) :: value
         character(len=:), allocatable :: text
@@ -142,7 +142,7 @@ contains
         if (abs(aimag(value)) > 0.0_wp) text = text//' + '//to_text(aimag(value))//' i'
     end function complex_text
 
-    !> As one object; the shapes are in the file of --output.
+    !> Print as one object; the shapes are in the file of --output.
     subroutine print_json(scene, it)
         type(scene_type), intent(in) :: scene
         type(nearest_type), intent(in) :: it

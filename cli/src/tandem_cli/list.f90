@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem list: the scenes that can be run by name, and the steppers.
+!> tandem list: the scenes with names, and the steppers.
 module tandem_cli_list
     use tandem, only: error_type, new_stepper, properties_type, stepper_choices, to_text
     use tandem_cli_arguments, only: arguments_type
@@ -11,14 +11,14 @@ module tandem_cli_list
 
     public :: list
 
-    !> A scene's line, and the group under which it stands.
+    !> Line of a scene, and its group.
     type :: line_type
         character(len=:), allocatable :: text, group
     end type line_type
 
 contains
 
-    !> Print scenes and steppers, a line each.
+    !> Print scenes and steppers, one line each.
     subroutine list(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -74,7 +74,7 @@ contains
         end do
     end subroutine list_scenes
 
-    !> The steppers.
+    !> Print the steppers.
     subroutine list_steppers()
         class(stepper_type), allocatable :: stepper
         type(properties_type) :: properties
@@ -99,7 +99,7 @@ contains
         if (properties%partner /= '') kind = 'both'
     end function kind_of
 
-    !> All of it as one object.
+    !> Print the list as one object.
     subroutine list_as_json(arguments)
         type(arguments_type), intent(in) :: arguments
         character(len=path_length), allocatable :: paths(:)
@@ -145,7 +145,7 @@ contains
         call say(json%text)
     end subroutine list_as_json
 
-    !> The name by which a scene file is called.
+    !> Name of a scene file.
     pure function file_name(path) result(name)
         character(len=*), intent(in) :: path
         character(len=:), allocatable :: name
@@ -153,7 +153,7 @@ contains
         name = path(index(path, '/', back=.true.) + 1:len(path) - len('.toml'))
     end function file_name
 
-    !> Three columns.
+    !> A row of three columns.
     pure function row(first, second, third) result(line)
         character(len=*), intent(in) :: first, second, third
         character(len=:), allocatable :: line

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> How the program speaks on stdout and stderr, and its exit codes.
+!> Output of the program on stdout and stderr, and its exit codes.
 module tandem_cli_messages
     use tandem, only: error_type
     use tandem_status, only: status_inconsistent_start
@@ -10,7 +10,7 @@ module tandem_cli_messages
 
     public :: say, finish_output, complain, in_scene_words, padded, done, run_failed, input_wrong, signalled
 
-    !> Exit codes; where a signal has ended the run, its number is added to `signalled`, as shells do.
+    !> Exit codes; after a signal its number is added to `signalled`, as in shells.
     integer, parameter :: done = 0, run_failed = 1, input_wrong = 2, signalled = 128
 
     interface
@@ -22,7 +22,7 @@ module tandem_cli_messages
             integer(c_size_t), value :: length
         end subroutine c_say
 
-        !> Bring all of it to where it goes; the length of the reason why some of it is lost.
+        !> Flush the output; returns the length of the reason if some of it is lost.
         function c_finish_output(text, size) result(length) bind(c, name='tandem_finish_output')
             import :: c_char, c_int
             implicit none (type, external)
@@ -34,16 +34,16 @@ module tandem_cli_messages
 
 contains
 
-    !> Say a line on stdout. All that goes there goes through here, since a write of gfortran does not tell when it has failed.
+    !> Write a line to stdout. All output uses this procedure, because a write of gfortran does not report failures.
     subroutine say(line)
         character(len=*), intent(in) :: line
 
         call c_say(line//new_line('a'), len(line, c_size_t) + 1)
     end subroutine say
 
-    !> Bring to stdout what was said, and complain where some of it is lost.
+    !> Flush stdout, and report lost output.
     subroutine finish_output(code)
-        !> Exit code; `run_failed` in the place of `done` where something is lost.
+        !> Exit code; `run_failed` replaces `done` if output is lost.
         integer, intent(inout) :: code
         character(kind=c_char) :: letters(80)
         character(len=size(letters)) :: reason
@@ -59,14 +59,14 @@ contains
         if (code == done) code = run_failed
     end subroutine finish_output
 
-    !> Say on stderr what is wrong.
+    !> Write an error message to stderr.
     subroutine complain(message)
         character(len=*), intent(in) :: message
 
         write (error_unit, '(a)') 'tandem: '//message
     end subroutine complain
 
-    !> The message of an error; of one about the start, which the library calls as its callers do, with the keys of a scene.
+    !> Message of an error; an error about the start is completed with the keys of a scene.
     pure function in_scene_words(error) result(text)
         type(error_type), intent(in) :: error
         character(len=:), allocatable :: text
@@ -81,7 +81,7 @@ contains
         end if
     end function in_scene_words
 
-    !> A text with blanks behind it up to a width; a longer one as it is.
+    !> A text padded with blanks to a width; a longer one is unchanged.
     pure function padded(text, width) result(wide)
         character(len=*), intent(in) :: text
         integer, intent(in) :: width

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What the assembly of a start did, in words.
+!> Description of the assembly of a start.
 module tandem_cli_moves
     use tandem, only: assembly_type, model_type, to_text, wp
     use tandem_io, only: brief
@@ -8,12 +8,12 @@ module tandem_cli_moves
 
     public :: moves_text
 
-    !> How many coordinates are named.
+    !> Number of coordinates that are named.
     integer, parameter :: most_named = 3
 
 contains
 
-    !> The coordinates and velocities that moved most, the rows that moved them, and what that took.
+    !> Coordinates and velocities that changed most, the rows that caused the changes, and the number of iterations.
     function moves_text(model, assembly) result(text)
         class(model_type), intent(in) :: model
         !> After the assembly.
@@ -25,7 +25,7 @@ contains
         if (.not. assembly%is_nearest) text = text//', perhaps not the nearest position'
     end function moves_text
 
-    !> One level: what moved most, largest first, and for which row.
+    !> One level: largest changes in decreasing order, and their row.
     function level(model, moved, row) result(text)
         class(model_type), intent(in) :: model
         real(wp), intent(in) :: moved(:)

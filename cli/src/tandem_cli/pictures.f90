@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem plot and tandem view: the package for Python draws what is in result files.
+!> tandem plot and tandem view: the Python package draws the contents of result files.
 module tandem_cli_pictures
     use tandem_cli_messages, only: complain, input_wrong
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
@@ -9,10 +9,10 @@ module tandem_cli_pictures
     public :: call_package
 
     character(len=*), parameter :: line_end = new_line('a')
-    !> How the package is installed.
+    !> Installation of the package.
     character(len=*), parameter :: advice = '"pip install" with the wheel brings it; in a checkout of tandem, "make python" '// &
         'installs it into an environment of its own; TANDEM_PYTHON names the python3 that has it'
-    !> What Python is asked to do: the folder in which it stands is no place for packages.
+    !> Python code: the current folder is removed from the search path of packages.
     character(len=*), parameter :: code = 'import sys'//line_end// &
         'sys.path[:] = [path for path in sys.path if path]'//line_end// &
         'try:'//line_end// &
@@ -25,7 +25,7 @@ module tandem_cli_pictures
         '    sys.exit(2)'//line_end
 
     interface
-        !> Become Python (python.c); the length of a text that says why not.
+        !> Replace the process by Python (python.c); returns the length of the reason of a failure.
         function call_python(code, words, count, text, size) result(length) bind(c, name='tandem_call_python')
             import :: c_char, c_int
             implicit none (type, external)
@@ -39,7 +39,7 @@ module tandem_cli_pictures
 
 contains
 
-    !> Hand the words of the command line over to the package. Comes back only where there is no Python.
+    !> Pass the words of the command line to the package. Returns only if there is no Python.
     subroutine call_package(code_out)
         !> Exit code.
         integer, intent(out) :: code_out

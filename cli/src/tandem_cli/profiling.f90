@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What takes the time of a run, for `tandem run --profile`.
+!> Time measurement of a run for `tandem run --profile`.
 module tandem_cli_profiling
     use tandem, only: chart_type, model_type, new_profiled_chart, observer_type, options_type, part_rows, part_watch, &
         profile_type, profiled_observer_type, wp
@@ -9,9 +9,9 @@ module tandem_cli_profiling
 
     public :: profiling_type
 
-    !> It must be a target and outlive the run.
+    !> Must be a target and outlive the run.
     type :: profiling_type
-        !> The times.
+        !> Measured times.
         type(profile_type) :: profile
         type(profiled_observer_type), private :: watching, writing
     contains
@@ -20,15 +20,15 @@ module tandem_cli_profiling
 
 contains
 
-    !> Take the time from now on.
+    !> Begin the measurement.
     subroutine begin(self, model, options, t, q, qd, chart)
         class(profiling_type), intent(inout), target :: self
         !> The model of the run.
         class(model_type), intent(inout), target :: model
         type(options_type), intent(in) :: options
-        !> Its start.
+        !> Start of the run.
         real(wp), intent(in) :: t, q(:), qd(:)
-        !> What `initialize` of the simulation takes as its chart.
+        !> Chart argument for `initialize` of the simulation.
         class(chart_type), allocatable, intent(out) :: chart
 
         call self%profile%begin()
@@ -36,12 +36,12 @@ contains
         model%timer => self%profile
     end subroutine begin
 
-    !> Take the time of observers.
+    !> Measure the time of observers.
     subroutine observe(self, watchers, writer, observers)
         class(profiling_type), intent(inout), target :: self
-        !> Those that do not write, and the one that does.
+        !> Observers that do not write, and the one that does.
         class(observer_type), intent(inout), target :: watchers, writer
-        !> What stands in for them.
+        !> Replacements for them, which measure their time.
         type(observer_list_type), intent(inout) :: observers
 
         self%watching%inner => watchers

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The report at the end of a run: what it was, what it cost, how wrong it was, what was computed and what was left out.
+!> Report at the end of a run: its settings, cost and errors, computed and omitted quantities.
 module tandem_cli_report
     use tandem, only: derivative_name, error_type, find_error_warnings, global_error_type, long, mechanism_type, &
         n_derivatives, n_reasons, n_terms, new_stepper, options_type, projects_stages, properties_type, reason_name, &
@@ -14,10 +14,10 @@ module tandem_cli_report
 
     public :: chart_text, complain_of_doubts, cost_text, print_report, print_warnings, print_line, short, count_text, counted
 
-    !> Columns of the text after its label, and of a whole line.
+    !> Indentation of the text after its label, and width of a line.
     integer, parameter :: indent = 18, width = 110
 
-    !> Items that are printed one after the other, separated by commas.
+    !> Items separated by commas.
     type :: phrase_type
         character(len=:), allocatable :: text
     contains
@@ -31,11 +31,11 @@ contains
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(in) :: simulation
         type(trajectory_type), intent(in) :: trajectory
-        !> How the run failed, if it did.
+        !> Error of the run, if it failed.
         type(error_type), allocatable, intent(in) :: error
-        !> The error of the whole run, where it was asked for and found.
+        !> Error of the whole run, if requested and found.
         class(global_error_type), intent(in) :: global_error
-        !> Why it was not found.
+        !> Reason if it was not found.
         type(error_type), allocatable, intent(in) :: estimate_error
         type(statistics_type) :: s
         character(len=:), allocatable :: steps
@@ -120,7 +120,7 @@ contains
             text = text//' ('//count_text(g%right_hand_sides)//' right-hand sides, '//short(g%seconds, 3)//' s)'
         end associate
     contains
-        !> The name of a coordinate in parentheses, where it has one.
+        !> Name of a coordinate in parentheses, if it has one.
         function name_of(i) result(name)
             integer, intent(in) :: i
             character(len=:), allocatable :: name
@@ -131,7 +131,7 @@ contains
         end function name_of
     end function error_at_end
 
-    !> Say clearly what a run has to warn of.
+    !> Print the warnings of a run.
     subroutine print_warnings(simulation)
         type(simulation_type), intent(in) :: simulation
         integer :: i
@@ -142,10 +142,10 @@ contains
         end do
     end subroutine print_warnings
 
-    !> Say clearly where the result may be wrong.
+    !> Print warnings about the accuracy of the result.
     subroutine print_doubts(simulation, global_error, estimate_error)
         type(simulation_type), intent(in) :: simulation
-        !> The error of the whole run, and why it was not found.
+        !> Error of the whole run; reason if it was not found.
         class(global_error_type), intent(in) :: global_error
         type(error_type), allocatable, intent(in) :: estimate_error
         type(warning_type), allocatable :: doubts(:)
@@ -157,7 +157,7 @@ contains
         end do
     end subroutine print_doubts
 
-    !> Both on stderr, where there is no report.
+    !> Print both on stderr, if there is no report.
     subroutine complain_of_doubts(simulation, global_error, estimate_error)
         type(simulation_type), intent(in) :: simulation
         class(global_error_type), intent(in) :: global_error
@@ -176,10 +176,10 @@ contains
         end do
     end subroutine complain_of_doubts
 
-    !> That an explicit stepper is at work on a stiff model, and which stepper would be faster, if one would.
+    !> Warning of an explicit stepper on a stiff model, with a faster stepper if there is one.
     function stiff(s, is_adaptive) result(text)
         type(statistics_type), intent(in) :: s
-        !> Whether steps follow an error estimate.
+        !> True if steps follow an error estimate.
         logical, intent(in) :: is_adaptive
         character(len=:), allocatable :: text
 
@@ -196,7 +196,7 @@ contains
         end if
     end function stiff
 
-    !> The tolerances of the steps, from the smallest to the largest where they differ.
+    !> Tolerances of the steps, from the smallest to the largest if they differ.
     function tolerances(options, n) result(text)
         type(options_type), intent(in) :: options
         !> Number of coordinates.
@@ -208,7 +208,7 @@ contains
         text = 'rtol '//range_of(rtol)//', atol '//range_of(atol)
     end function tolerances
 
-    !> The smallest and the largest of some numbers, or the one that all are.
+    !> Smallest and largest of some numbers, or their common value.
     function range_of(values) result(text)
         real(wp), intent(in) :: values(:, :)
         character(len=:), allocatable :: text
@@ -217,11 +217,11 @@ contains
         if (maxval(values) > minval(values)) text = text//' to '//to_toml(maxval(values))
     end function range_of
 
-    !> How often each event has happened, and when first.
+    !> Print number and first times of each event.
     subroutine print_events(scene, simulation)
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(in) :: simulation
-        !> Times shown.
+        !> Number of times shown.
         integer, parameter :: most_times = 4
         character(len=:), allocatable :: times
         integer :: i, k, n
@@ -243,7 +243,7 @@ contains
         end do
     end subroutine print_events
 
-    !> What is in the result file.
+    !> Contents of the result file.
     function rows_text(trajectory, error) result(text)
         type(trajectory_type), intent(in) :: trajectory
         type(error_type), allocatable, intent(in) :: error
@@ -254,7 +254,7 @@ contains
         if (error%stat == status_output_failed) text = 'INCOMPLETE: it could not be written to its end'
     end function rows_text
 
-    !> Energy and its drift, where it was written.
+    !> Print energy and its drift, if written.
     subroutine print_energy(trajectory)
         type(trajectory_type), intent(in) :: trajectory
         character(len=:), allocatable :: name, text
@@ -273,7 +273,7 @@ contains
         call print_line('energy', text)
     end subroutine print_energy
 
-    !> How many charts, and why.
+    !> Number of charts, and reasons for new ones.
     function charts(s) result(text)
         type(statistics_type), intent(in) :: s
         character(len=:), allocatable :: text
@@ -287,7 +287,7 @@ contains
         if (allocated(phrase%text)) text = text//': '//phrase%text
     end function charts
 
-    !> What was computed, and how often.
+    !> Computed quantities and their numbers of evaluations.
     function computed(s) result(text)
         type(statistics_type), intent(in) :: s
         character(len=:), allocatable :: text
@@ -321,7 +321,7 @@ contains
         text = phrase%text
     end function computed
 
-    !> What the scene did not need.
+    !> Quantities that the scene did not need.
     function left_out(s, scene) result(text)
         type(statistics_type), intent(in) :: s
         type(scene_type), intent(in) :: scene
@@ -361,7 +361,7 @@ contains
         if (allocated(phrase%text)) text = phrase%text
     end function left_out
 
-    !> The kind of chart.
+    !> Kind of the chart.
     pure function chart_text(simulation) result(text)
         type(simulation_type), intent(in) :: simulation
         character(len=:), allocatable :: text
@@ -369,7 +369,7 @@ contains
         text = trim(merge('sparse', 'dense ', simulation%is_sparse))//' chart'
     end function chart_text
 
-    !> The costs by which the program chose the kind of chart.
+    !> Costs by which the program chose the kind of chart.
     pure function cost_text(simulation) result(text)
         type(simulation_type), intent(in) :: simulation
         character(len=:), allocatable :: text
@@ -378,7 +378,7 @@ contains
             ' on a sparse chart for 1 on a dense one'
     end function cost_text
 
-    !> Add an item where its count is not zero.
+    !> Add an item if its count is not zero.
     subroutine add_count(phrase, name, number)
         type(phrase_type), intent(inout) :: phrase
         character(len=*), intent(in) :: name
@@ -399,7 +399,7 @@ contains
         end if
     end subroutine add
 
-    !> A label and a text, on as many lines as it takes.
+    !> Print a label and a text, on several lines if necessary.
     subroutine print_line(label, text)
         character(len=*), intent(in) :: label, text
         character(len=:), allocatable :: rest, head
@@ -421,7 +421,7 @@ contains
     !> A number with a few significant digits.
     pure function short(value, digits) result(text)
         real(wp), intent(in) :: value
-        !> How many.
+        !> Number of digits.
         integer, intent(in) :: digits
         character(len=:), allocatable :: text
         character(len=32) :: buffer
@@ -444,7 +444,7 @@ contains
         text = trim(buffer)
     end function count_text
 
-    !> A count and what is counted.
+    !> A count and the name of the counted item.
     pure function counted(number, name) result(text)
         integer(long), intent(in) :: number
         character(len=*), intent(in) :: name

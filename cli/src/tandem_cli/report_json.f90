@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The report of a run as one JSON object: what was asked, how it ended, every figure, and what there is to warn of.
+!> Report of a run as one JSON object: its settings, its status, all figures, and warnings.
 module tandem_cli_report_json
     use tandem, only: error_type, figure_reader_type, find_error_warnings, global_error_type, long, simulation_type, status_name, &
         tell_figures, warning_type, wp
@@ -61,7 +61,7 @@ contains
         call say(writer%json%text)
     end subroutine print_report_json
 
-    !> What happened when.
+    !> Add the recorded events.
     subroutine add_events(scene, simulation, json)
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(in) :: simulation
@@ -78,7 +78,7 @@ contains
         call json%end_array()
     end subroutine add_events
 
-    !> The error at the end of the run, null where it is not known.
+    !> Error at the end of the run, null if unknown.
     subroutine add_error(global_error, estimate_error, json)
         class(global_error_type), intent(in) :: global_error
         type(error_type), allocatable, intent(in) :: estimate_error
@@ -99,7 +99,7 @@ contains
         call json%end_object()
     end subroutine add_error
 
-    !> All that there is to warn of.
+    !> Add all warnings.
     subroutine add_warnings(simulation, global_error, estimate_error, json)
         type(simulation_type), intent(in) :: simulation
         class(global_error_type), intent(in) :: global_error

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Where the results cannot be written, the last state of a run still is: as a scene that starts from it, beside the result, else
-!> in the folder for temporary files, else on stderr.
+!> If the results cannot be written, the last state of a run is saved as a scene that starts from it: next to the result, else in
+!> the folder for temporary files, else on stderr.
 module tandem_cli_rescue
     use, intrinsic :: iso_fortran_env, only: error_unit
     use tandem, only: error_type, simulation_type, to_text
@@ -12,12 +12,12 @@ module tandem_cli_rescue
 
     public :: save_last_state
 
-    !> Names that are tried; the last one is overwritten.
+    !> Largest number of names that are tried; the last one is overwritten.
     integer, parameter :: most_numbers = 1000
 
 contains
 
-    !> Save the state and say where.
+    !> Save the state and report its place.
     subroutine save_last_state(scene, simulation)
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(in) :: simulation
@@ -45,9 +45,9 @@ contains
         end if
     end subroutine save_last_state
 
-    !> Write a file that was not there before.
+    !> Write a new file.
     subroutine write_new(stem, text, path, error)
-        !> Its path up to the ending.
+        !> Its path without the ending.
         character(len=*), intent(in) :: stem, text
         !> Its path.
         character(len=:), allocatable, intent(out) :: path
@@ -64,7 +64,7 @@ contains
         call write_whole(path, text, error)
     end subroutine write_new
 
-    !> The complete scene, but for its start, which is the state.
+    !> The complete scene with the state as its start.
     function scene_from(scene, simulation) result(text)
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(in) :: simulation

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem resume: goes on with a run that was interrupted, from the checkpoint in its result file, and in that file.
+!> tandem resume: continues an interrupted run from the checkpoint in its result file, and in this file.
 module tandem_cli_resume
     use tandem, only: error_type, pack_type, set_error, simulation_type, to_text
     use tandem_cli_arguments, only: arguments_type
@@ -13,13 +13,13 @@ module tandem_cli_resume
 
     public :: resume
 
-    !> What may change: where the run ends.
+    !> Settings that may change: the end of the run.
     character(len=*), parameter :: may_change(5) = [character(len=22) :: 'time.end', 'solver.max_steps', &
         'solver.max_evaluations', 'solver.max_seconds', 'solver.max_events']
 
 contains
 
-    !> Go on with a run.
+    !> Continue a run.
     subroutine resume(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -31,7 +31,7 @@ contains
         type(error_type), allocatable :: error
 
         call check_settings(arguments%settings, error)
-        ! Before anything is read of it: another process could change it meanwhile.
+        ! Before reading: another process could change the file in between.
         if (.not. allocated(error)) call trajectory%claim(arguments%scene, error)
         if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, global_error, error)
         if (allocated(error)) then
@@ -42,7 +42,7 @@ contains
         call carry_out(arguments, scene, simulation, trajectory, global_error, code)
     end subroutine resume
 
-    !> Refuse settings that would make another run of it.
+    !> Refuse settings that would change the run.
     subroutine check_settings(settings, error)
         character(len=*), intent(in) :: settings(:)
         type(error_type), allocatable, intent(out) :: error
@@ -61,7 +61,7 @@ contains
         end do
     end subroutine check_settings
 
-    !> Everything up to the first step: the scene and the state out of the file, which stays as it is on an error.
+    !> Prepare the first step: read scene and state from the file, which is unchanged after an error.
     subroutine prepare(arguments, scene, simulation, trajectory, global_error, error)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(inout), target :: scene
@@ -92,12 +92,12 @@ contains
         call check_end(arguments, scene, snapshot, simulation, error)
         if (allocated(error)) return
         scene%output%file = arguments%scene
-        ! Before the file is changed, and not earlier: until then a signal ends the program at once.
+        ! Not before the file is changed: until then a signal ends the program at once.
         call watch_signals()
         call trajectory%go_on(scene%output, simulation, snapshot, scene%text, error, global_error)
     end subroutine prepare
 
-    !> Begin a run that was killed before its first state was saved.
+    !> Start a run that was killed before its first state was saved.
     subroutine begin_anew(path, scene, simulation, trajectory, global_error, error)
         character(len=*), intent(in) :: path
         type(scene_type), intent(inout), target :: scene
@@ -112,9 +112,9 @@ contains
             watcher=global_error)
     end subroutine begin_anew
 
-    !> Refuse to go on with a run that is complete, unless it has got a later end, and to end a run before the time that it has
-    !> reached. One that was killed between its end and its report is there too, and has the end that it was saved with. A
-    !> complete run takes no step, but its error may be asked for.
+    !> Refuse to continue a complete run, unless it has a later end, and to end a run before the time that it has reached. A run
+    !> that was killed between its end and its report is complete too, with its saved end. A complete run takes no step, but its
+    !> error may be requested.
     subroutine check_end(arguments, scene, snapshot, simulation, error)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
@@ -143,7 +143,7 @@ contains
         end if
     end subroutine check_end
 
-    !> Words joined by commas.
+    !> Words separated by commas.
     pure function listed(words) result(text)
         character(len=*), intent(in) :: words(:)
         character(len=:), allocatable :: text

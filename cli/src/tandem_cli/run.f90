@@ -44,17 +44,17 @@ contains
         call carry_out(arguments, scene, simulation, trajectory, global_error, code, profiling)
     end subroutine run
 
-    !> The run itself, or the rest of one, and what comes after it.
+    !> Carry out a run, or the rest of one, and its output.
     subroutine carry_out(arguments, scene, simulation, trajectory, global_error, code, profiling)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(inout) :: simulation
         type(trajectory_type), intent(inout), target :: trajectory
-        !> Watches what it costs nothing to watch.
+        !> Observes the run where this costs nothing.
         type(interruptible_error_type), intent(inout), target :: global_error
         !> Exit code.
         integer, intent(out) :: code
-        !> Takes the time, where that was asked for.
+        !> Time measurement, if requested.
         type(profiling_type), intent(inout), optional, target :: profiling
         type(error_type), allocatable :: error, output_error, estimate_error, profile_error
         type(mark_type) :: mark
@@ -62,11 +62,11 @@ contains
 
         call integrate(arguments, scene, simulation, trajectory, global_error, error, profiling)
         was_interrupted = is_interruption(error)
-        ! The file is complete before the second run begins, which may be ended or killed.
+        ! Complete the file before the second run begins, which may be ended or killed.
         if (present(profiling)) call profiling%profile%enter(part_open, mark)
         call trajectory%close(simulation, error, output_error, more_follows=.true.)
         if (present(profiling)) call profiling%profile%leave(mark)
-        ! Nothing can go on from a file that could not be written, though a signal has ended the run.
+        ! A file that could not be written cannot be resumed, even if a signal has ended the run.
         if (allocated(output_error) .and. (was_interrupted .or. .not. allocated(error))) call move_alloc(output_error, error)
         if (present(profiling)) then
             call profiling%profile%finish()
@@ -98,7 +98,7 @@ contains
         if (allocated(output_error) .or. error%stat == status_output_failed) call save_last_state(scene, simulation)
     end subroutine carry_out
 
-    !> Whether a signal has ended a run.
+    !> True if a signal has ended a run.
     pure logical function is_interruption(error)
         type(error_type), allocatable, intent(in) :: error
 
@@ -106,7 +106,7 @@ contains
         if (allocated(error)) is_interruption = error%stat == status_interrupted
     end function is_interruption
 
-    !> Everything up to the first step. The result file is made last, so that an error of the input leaves nothing behind.
+    !> Prepare the first step. The result file is created last, so that an input error leaves no file.
     subroutine prepare(arguments, scene, simulation, trajectory, global_error, error, profiling)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(inout), target :: scene
@@ -122,7 +122,7 @@ contains
         if (allocated(error)) return
         call read_scene(path, arguments%settings, scene, error, models=arguments%models)
         if (allocated(error)) return
-        ! Not before, so that a signal ends the program at once while it waits for a scene that comes through a pipe.
+        ! Not before, so that a signal ends the program at once while it waits for a scene from a pipe.
         call watch_signals()
         call set_up(scene, simulation, global_error, error, profiling)
         if (allocated(error)) return
@@ -139,13 +139,13 @@ contains
         if (present(profiling)) call profiling%profile%leave(mark)
     end subroutine prepare
 
-    !> A simulation at the start of its scene, and what watches it.
+    !> Set up a simulation at the start of its scene, and its observers.
     subroutine set_up(scene, simulation, global_error, error, profiling)
         type(scene_type), intent(inout), target :: scene
         type(simulation_type), intent(inout) :: simulation
         type(interruptible_error_type), intent(inout) :: global_error
         type(error_type), allocatable, intent(out) :: error
-        !> Takes the time from here on, where it is given.
+        !> Time measurement from here on, if present.
         type(profiling_type), intent(inout), optional, target :: profiling
         class(chart_type), allocatable :: chart
         type(mark_type) :: mark
@@ -161,7 +161,7 @@ contains
         end if
         if (allocated(error)) return
         if (allocated(scene%assembly)) then
-            ! What was assembled is where a second run starts.
+            ! The second run starts from the assembled state.
             scene%q = simulation%state%q
             scene%qd = simulation%state%qd
         end if
@@ -171,13 +171,13 @@ contains
         call global_error%initialize(scene%model%n, scene%t_start, scene%t_end)
     end subroutine set_up
 
-    !> The run, watched by the result file and by the progress.
+    !> Integrate with the observers for the result file and the progress.
     subroutine integrate(arguments, scene, simulation, trajectory, global_error, error, profiling)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(inout) :: simulation
         type(trajectory_type), intent(inout), target :: trajectory
-        !> Watches what it costs nothing to watch.
+        !> Observes the run where this costs nothing.
         type(interruptible_error_type), intent(inout), target :: global_error
         type(error_type), allocatable, intent(out) :: error
         type(profiling_type), intent(inout), optional, target :: profiling
@@ -190,7 +190,7 @@ contains
         call watchers%add(interruption)
         progress = progress_type(t_start=simulation%state%t, t_end=scene%t_end)
         if (.not. arguments%quiet) call watchers%add(progress)
-        ! The file last, because it saves what the others have seen.
+        ! The file last, because it stores data of the other observers.
         if (present(profiling)) then
             call profiling%observe(watchers, trajectory, observers)
         else
@@ -205,15 +205,15 @@ contains
         end if
     end subroutine integrate
 
-    !> The beginning of the run again, in turns with clocks and without, for `compare` of its profile: a tenth of a second of it at
-    !> most, of which the least times of the processor count, because others work on the machine.
+    !> Repeat the beginning of the run, alternately with and without clocks, for `compare` of its profile: at most a tenth of a
+    !> second, using the smallest processor times, because of other load on the machine.
     subroutine compare(arguments, scene, simulation, profile, error)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
         !> The run.
         type(simulation_type), intent(in) :: simulation
         type(profile_type), intent(inout) :: profile
-        !> A signal has come.
+        !> Set after a signal.
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: longest = 0.1_wp, long_enough = 1.0_wp
         integer, parameter :: least_rounds = 4, most_rounds = 20
@@ -242,15 +242,15 @@ contains
         call profile%compare(clocked, plain, profiling%profile%pairs)
     end subroutine compare
 
-    !> The time that the beginning of a run takes which nobody writes.
+    !> Time of the beginning of a run without output.
     subroutine time_again(arguments, scene, t_end, seconds, error, profiling)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
         real(wp), intent(in) :: t_end
-        !> Of the processor, without the set-up.
+        !> Processor time without the set-up.
         real(wp), intent(out) :: seconds
         type(error_type), allocatable, intent(out) :: error
-        !> Takes the time of parts, where it is given.
+        !> Time measurement of parts, if present.
         type(profiling_type), intent(inout), optional, target :: profiling
         type(scene_type), target :: again
         type(simulation_type) :: simulation
@@ -267,7 +267,7 @@ contains
         seconds = statistics%cpu_seconds
     end subroutine time_again
 
-    !> Whether to make a second run: on request, and for a short run without it.
+    !> True if a second run is to be made: on request, and for a short run by default.
     logical function wants_estimate(arguments, simulation)
         type(arguments_type), intent(in) :: arguments
         type(simulation_type), intent(in) :: simulation
@@ -277,7 +277,7 @@ contains
         wants_estimate = arguments%error .or. (statistics%cpu_seconds <= short_run .and. .not. arguments%no_error)
     end function wants_estimate
 
-    !> The second run, with a model of its own, since a run may change its model.
+    !> The second run, with a separate model, because a run may change its model.
     subroutine estimate(arguments, scene, global_error, error)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
@@ -290,7 +290,7 @@ contains
         if (.not. allocated(error)) call global_error%estimate(again%model, scene%options, scene%q, scene%qd, error)
     end subroutine estimate
 
-    !> The command line as it was typed, about.
+    !> The command line, approximately as typed.
     function command_line() result(text)
         character(len=:), allocatable :: text
         integer :: length

@@ -12,7 +12,7 @@ module tandem_cli_show
 
 contains
 
-    !> Show a scene with every default filled in.
+    !> Show a scene with all defaults.
     subroutine show(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -28,7 +28,7 @@ contains
             code = input_wrong
             return
         end if
-        ! Its last line has an end of its own.
+        ! The last line already has a line end.
         call say(scene%text(:len(scene%text) - 1))
         code = done
     end subroutine show

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem study modes: eigenvalues over a value of a scene, and where stability changes.
+!> tandem study modes: eigenvalues over a value of a scene, and changes of stability.
 module tandem_cli_study_modes
     use tandem, only: cause_name, error_type, is_input_error, kind_name, of_motion, set_error, to_text, wp
     use tandem_cli_arguments, only: arguments_type
@@ -12,7 +12,7 @@ module tandem_cli_study_modes
 
     public :: study_modes
 
-    !> Most samples.
+    !> Largest number of samples.
     integer, parameter :: most_samples = 10000
 
 contains
@@ -55,7 +55,7 @@ contains
         code = done
     end subroutine study_modes
 
-    !> Whether all samples are the same.
+    !> True if all samples are equal.
     pure logical function is_constant(study)
         type(modes_type), intent(in) :: study
         integer :: i
@@ -97,7 +97,7 @@ contains
             'parameters.speed=0:10:41, not "'//text//'"', 'a is less than b, and n from 2 to '//to_text(most_samples))
     end subroutine read_over
 
-    !> As lines to read.
+    !> Print as text.
     subroutine print_loci(study)
         type(modes_type), intent(in) :: study
         character(len=:), allocatable :: line
@@ -127,7 +127,7 @@ contains
         end do
     end subroutine print_loci
 
-    !> The eigenvalues of the motion at one value, one of each pair.
+    !> Eigenvalues of the motion at one value, one of each pair.
     function values_text(point) result(text)
         type(locus_point_type), intent(in) :: point
         character(len=:), allocatable :: text
@@ -146,7 +146,7 @@ contains
         if (trim(kind_name(point%kind)) == 'instant') text = text//'  (not steady)'
     end function values_text
 
-    !> As one object.
+    !> Print as one object.
     subroutine print_json(study)
         type(modes_type), intent(in) :: study
         type(json_type) :: json

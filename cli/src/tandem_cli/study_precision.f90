@@ -13,7 +13,7 @@ module tandem_cli_study_precision
 
     public :: study_precision
 
-    !> What was asked for, besides the scenes.
+    !> Options other than the scenes.
     type :: request_type
         character(len=:), allocatable :: folder, reference
         character(len=16), allocatable :: steppers(:)
@@ -21,7 +21,7 @@ module tandem_cli_study_precision
         real(wp) :: budget = 5.0_wp
     end type request_type
 
-    !> Most seconds for each run of a reference.
+    !> Largest time of each run of a reference (s).
     real(wp), parameter :: reference_seconds = 60.0_wp
 
 contains
@@ -53,7 +53,7 @@ contains
         end if
     end subroutine study_precision
 
-    !> The options of the command line.
+    !> Read the options of the command line.
     subroutine read_request(arguments, request, error)
         type(arguments_type), intent(in) :: arguments
         type(request_type), intent(inout) :: request
@@ -93,7 +93,7 @@ contains
         end do
     end subroutine read_request
 
-    !> All the scenes, so that an error in one shows before hours are spent on another.
+    !> Read all scenes first, so that an error in one appears before long runs of another.
     subroutine read_scenes(arguments, scenes, error)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), allocatable, intent(out) :: scenes(:)
@@ -122,7 +122,7 @@ contains
         type(arguments_type), intent(in) :: arguments
         type(request_type), intent(in) :: request
         type(scene_type), intent(inout), target :: scene
-        !> Exit code, where there is an error.
+        !> Exit code, set after an error.
         integer, intent(out) :: code
         type(error_type), allocatable, intent(out) :: error
         type(precision_type) :: study
@@ -170,7 +170,7 @@ contains
         end if
     end subroutine study_scene
 
-    !> What the rows depend on, besides the program.
+    !> Settings on which the rows depend, besides the program.
     function settings_of(scene, request) result(text)
         type(scene_type), intent(in) :: scene
         type(request_type), intent(in) :: request
@@ -181,7 +181,7 @@ contains
             'samples = '//to_toml(request%samples)//newline//'repeats = '//to_toml(request%repeats)//newline
     end function settings_of
 
-    !> The study's own reference, from an earlier call or made now.
+    !> Reference of the study, from an earlier call or computed now.
     subroutine get_reference(request, scene, study, progress, error)
         type(request_type), intent(in) :: request
         type(scene_type), intent(inout), target :: scene
@@ -201,7 +201,7 @@ contains
         if (.not. allocated(error)) call write_reference(path, scene%name, study%reference, error)
     end subroutine get_reference
 
-    !> A row in words, for the progress.
+    !> A row as text, for the progress.
     function row_text(table) result(text)
         type(table_type), intent(in) :: table
         character(len=:), allocatable :: text
@@ -216,7 +216,7 @@ contains
         end if
     end function row_text
 
-    !> What the errors mean.
+    !> Meaning of the errors.
     function about(study) result(text)
         type(precision_type), intent(in) :: study
         character(len=:), allocatable :: text
@@ -233,7 +233,7 @@ contains
         end associate
     end function about
 
-    !> The table, what it is measured against, and what to take.
+    !> Print the table, its reference, and a recommendation.
     subroutine print_study(scene, study)
         type(scene_type), intent(in) :: scene
         type(precision_type), intent(in) :: study

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> How a study tells on stderr how far it is: a line that stays for each row; on a terminal also what is being done now.
+!> Progress of a study on stderr: a permanent line for each row; on a terminal also the current run.
 module tandem_cli_study_progress
     use, intrinsic :: iso_fortran_env, only: error_unit
     use tandem_cli_terminal, only: stderr_is_terminal
@@ -12,7 +12,7 @@ module tandem_cli_study_progress
     integer, parameter :: width = 100
 
     type :: study_progress_type
-        !> Whether nothing is told.
+        !> True to suppress all output.
         logical :: quiet = .false.
     contains
         procedure :: remark, show, clear
@@ -20,7 +20,7 @@ module tandem_cli_study_progress
 
 contains
 
-    !> A line that stays.
+    !> Write a permanent line.
     subroutine remark(self, text)
         class(study_progress_type), intent(in) :: self
         character(len=*), intent(in) :: text
@@ -31,7 +31,7 @@ contains
         flush (error_unit)
     end subroutine remark
 
-    !> A line that the next one overwrites, on a terminal only.
+    !> Write a line that the next one overwrites, on a terminal only.
     subroutine show(self, text)
         class(study_progress_type), intent(in) :: self
         character(len=*), intent(in) :: text
@@ -42,7 +42,7 @@ contains
         flush (error_unit)
     end subroutine show
 
-    !> Remove the line that is to be overwritten.
+    !> Remove the temporary line.
     subroutine clear(self)
         class(study_progress_type), intent(in) :: self
 

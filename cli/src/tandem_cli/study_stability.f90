@@ -12,7 +12,7 @@ module tandem_cli_study_stability
 
     public :: study_stability
 
-    !> Widths of the matrix: of the names of the cases, and of a run.
+    !> Widths of the matrix: names of the cases, and a run.
     integer, parameter :: first = 17, wide = 11
 
 contains
@@ -20,7 +20,7 @@ contains
     !> Do the runs, print the matrix, write the files.
     subroutine study_stability(arguments, code)
         type(arguments_type), intent(in) :: arguments
-        !> Exit code: 1 also where a run is wrong.
+        !> Exit code: 1 also if a run is wrong.
         integer, intent(out) :: code
         type(error_type), allocatable :: error
 
@@ -29,7 +29,7 @@ contains
         if (allocated(error)) call complain(error%message)
     end subroutine study_stability
 
-    !> All the runs.
+    !> Carry out all runs.
     subroutine study(arguments, code, error)
         type(arguments_type), intent(in) :: arguments
         integer, intent(out) :: code
@@ -80,7 +80,7 @@ contains
         code = merge(run_failed, done, stability%count_of('wrong') > 0)
     end subroutine study
 
-    !> A line a group: its name, and those of its cases.
+    !> One line per group: its name, and those of its cases.
     function all_cases() result(text)
         character(len=:), allocatable :: text
         integer :: i
@@ -92,10 +92,10 @@ contains
         end do
     end function all_cases
 
-    !> The last row in words, for the progress.
+    !> The last row as text, for the progress.
     function row_text(stability, total) result(text)
         type(stability_type), intent(in) :: stability
-        !> How many rows there will be.
+        !> Final number of rows.
         integer, intent(in) :: total
         character(len=:), allocatable :: text
         character(len=8), parameter :: verdicts(5) = [character(len=8) :: 'held', 'degraded', 'refused', 'failed', 'wrong']
@@ -119,7 +119,7 @@ contains
         end associate
     end function row_text
 
-    !> A line a case, a column a stepper with its control: a letter, and the error or the status.
+    !> Print one line per case, one column per stepper with its control: a letter, and the error or the status.
     subroutine print_matrix(stability)
         type(stability_type), intent(in) :: stability
         character(len=4), parameter :: controls(2) = ['step', 'rtol']
@@ -160,7 +160,7 @@ contains
             stability%journal%path//'.h5 '//stability%journal%path//'.png')
     end subroutine print_matrix
 
-    !> What the matrix shows of a run; empty where there is none.
+    !> Cell of a run in the matrix; empty if there is none.
     function cell(stability, case, stepper, control) result(text)
         type(stability_type), intent(in) :: stability
         character(len=*), intent(in) :: case, stepper, control
@@ -186,7 +186,7 @@ contains
         end associate
     end function cell
 
-    !> A text of a width, cut where it is longer.
+    !> A text of a given width, cut if it is longer.
     pure function fitted(text, width) result(cell)
         character(len=*), intent(in) :: text
         integer, intent(in) :: width

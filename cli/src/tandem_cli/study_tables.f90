@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem study tables: the tables and figures of the paper beside ours.
+!> tandem study tables: the tables and figures of the paper and the results of tandem.
 module tandem_cli_study_tables
     use tandem, only: error_type, is_input_error, wp
     use tandem_cli_arguments, only: arguments_type
@@ -14,7 +14,7 @@ module tandem_cli_study_tables
 
 contains
 
-    !> Do the paper's runs, print the table, write its files.
+    !> Carry out the paper's runs, print the table, write its files.
     subroutine study_tables(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -30,10 +30,10 @@ contains
         end if
     end subroutine study_tables
 
-    !> All the runs.
+    !> Carry out all runs.
     subroutine make_tables(arguments, code, error)
         type(arguments_type), intent(in) :: arguments
-        !> Exit code, where there is an error.
+        !> Exit code, set after an error.
         integer, intent(out) :: code
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: about = 'the results of E. J. Haug, Mechanics Based Design of Structures and Machines, '// &
@@ -69,7 +69,7 @@ contains
         end if
     end subroutine make_tables
 
-    !> The rows of each run under a line that says which.
+    !> Print the rows of each run after a line with its name.
     subroutine print_tables(study)
         type(paper_type), intent(in) :: study
         character(len=:), allocatable :: heading, last, ours

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem sweep: many cases of a scene, one table.
+!> tandem sweep: many cases of a scene in one table.
 module tandem_cli_sweep
     use tandem, only: error_type, is_input_error, long, to_text
     use tandem_cli_arguments, only: arguments_type
@@ -16,13 +16,13 @@ module tandem_cli_sweep
 
     public :: sweep, sweep_setup_type, prepare_sweep, finish_sweep, code_of
 
-    !> What a sweep is from the command line on; whoever distributes the cases does so between `prepare_sweep` and `finish_sweep`.
+    !> Set-up of a sweep from the command line; cases are distributed between `prepare_sweep` and `finish_sweep`.
     type :: sweep_setup_type
         type(plan_type) :: plan
-        !> The table, and the cases that are asked for.
+        !> The table, and the requested cases.
         character(len=:), allocatable :: output
         integer(long) :: first = 1, last = 0
-        !> Whether these are all, so that the table follows.
+        !> True if these are all cases, so that the table is written.
         logical :: is_whole = .true.
         type(sweep_journal_type) :: journal
         type(case_runner_type) :: runner
@@ -58,7 +58,7 @@ contains
         code = code_of(error)
     end subroutine sweep
 
-    !> The exit code of an error.
+    !> Exit code of an error.
     integer function code_of(error) result(code)
         type(error_type), intent(in) :: error
 
@@ -77,7 +77,7 @@ contains
 
         call read_sweep(trim(arguments%scenes(1)), arguments%models, setup%plan, error)
         if (allocated(error)) return
-        ! Not before, so that a signal ends the program at once while it waits for a file that comes through a pipe.
+        ! Not before, so that a signal ends the program at once while it waits for a file from a pipe.
         call watch_signals()
         call find_output(arguments, setup, error)
         if (allocated(error)) return
@@ -86,7 +86,7 @@ contains
         call read_range(arguments, setup, error)
         if (allocated(error)) return
         inquire (file=setup%output, exist=exists)
-        ! One that was to be overwritten when the sweep was ended is overwritten now.
+        ! A table that was to be overwritten when the sweep was ended is overwritten now.
         inquire (file=setup%output//'.journal', exist=goes_on)
         inquire (file=csv_path(setup%output), exist=csv_exists)
         if ((exists .or. csv_exists) .and. setup%is_whole .and. .not. (arguments%force .or. goes_on)) then
@@ -108,7 +108,7 @@ contains
         if (arguments%merges) call merge_parts(arguments, setup, error)
     end subroutine prepare_sweep
 
-    !> Which table is asked for.
+    !> Path of the requested table.
     subroutine find_output(arguments, setup, error)
         type(arguments_type), intent(in) :: arguments
         type(sweep_setup_type), intent(inout) :: setup
@@ -129,7 +129,7 @@ contains
         end if
     end subroutine find_output
 
-    !> Whether a file is one that the sweep reads.
+    !> True if the sweep reads a file.
     logical function is_read(plan, path)
         type(plan_type), intent(in) :: plan
         character(len=*), intent(in) :: path
@@ -172,7 +172,7 @@ contains
         end if
     end subroutine read_range
 
-    !> Take over what the tasks of an array have done.
+    !> Merge the results of the tasks of an array.
     subroutine merge_parts(arguments, setup, error)
         type(arguments_type), intent(in) :: arguments
         type(sweep_setup_type), intent(inout) :: setup
@@ -190,7 +190,7 @@ contains
         end do
     end subroutine merge_parts
 
-    !> Write the table, where all cases are there, and print what is in it.
+    !> Write the table if all cases are complete, and print its summary.
     subroutine finish_sweep(arguments, setup, error)
         type(arguments_type), intent(in) :: arguments
         type(sweep_setup_type), intent(inout) :: setup
@@ -221,7 +221,7 @@ contains
         end if
     end subroutine finish_sweep
 
-    !> The first case that is missing.
+    !> The first missing case.
     function first_missing(setup) result(text)
         type(sweep_setup_type), intent(in) :: setup
         character(len=:), allocatable :: text
@@ -233,7 +233,7 @@ contains
         text = to_text(int(case))
     end function first_missing
 
-    !> An error of the input.
+    !> Set an input error.
     subroutine refuse(message, error)
         character(len=*), intent(in) :: message
         type(error_type), allocatable, intent(out) :: error

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> How a sweep tells on stderr how far it is: cases done and failed, cases a second, time left, load; one line that overwrites
-!> itself on a terminal, a line per 10 % elsewhere.
+!> Progress of a sweep on stderr: cases done and failed, cases per second, time left, load; one line that overwrites itself on a
+!> terminal, else a line per 10 %.
 module tandem_cli_sweep_progress
     use tandem, only: long, to_text, wp
     use tandem_cli_interruption, only: caught_signal
@@ -12,11 +12,11 @@ module tandem_cli_sweep_progress
 
     public :: sweep_progress_type
 
-    !> Lines a second on a terminal.
+    !> Lines per second on a terminal.
     integer, parameter :: lines_a_second = 5
 
     type, extends(watcher_type) :: sweep_progress_type
-        !> Whether nothing is told.
+        !> True to suppress all output.
         logical :: quiet = .false.
         type(study_progress_type), private :: progress
         integer(long), private :: started = -1, shown = -1
@@ -27,14 +27,14 @@ module tandem_cli_sweep_progress
 
 contains
 
-    !> The cases begin now.
+    !> Start the clock before the first case.
     subroutine begin(self)
         class(sweep_progress_type), intent(inout) :: self
 
         call system_clock(self%started)
     end subroutine begin
 
-    !> So many cases are done.
+    !> Update the number of finished cases.
     subroutine tell(self, journal, workers, busy)
         class(sweep_progress_type), intent(inout) :: self
         type(sweep_journal_type), intent(in) :: journal
@@ -69,14 +69,14 @@ contains
         end if
     end subroutine tell
 
-    !> Whether a signal has come.
+    !> True after a signal.
     logical function stops(self)
         class(sweep_progress_type), intent(inout) :: self
 
         stops = caught_signal() /= 0
     end function stops
 
-    !> A line that stays.
+    !> Write a permanent line.
     subroutine remark(self, text)
         class(sweep_progress_type), intent(in) :: self
         character(len=*), intent(in) :: text
@@ -84,7 +84,7 @@ contains
         if (.not. self%quiet) call self%progress%remark(text)
     end subroutine remark
 
-    !> Remove the line that is to be overwritten.
+    !> Remove the temporary line.
     subroutine clear(self)
         class(sweep_progress_type), intent(in) :: self
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What is printed of a sweep: extremes, means and histograms of all that was kept, failures by their status, Sobol' indices.
+!> Summary of a sweep: extremes, means and histograms of all stored outputs, failures by status, Sobol' indices.
 module tandem_cli_sweep_summary
     use tandem, only: error_type, long, to_text, wp
     use tandem_cli_messages, only: padded, say
@@ -11,7 +11,7 @@ module tandem_cli_sweep_summary
 
     public :: print_summary, print_summary_json
 
-    !> Most outputs that are printed, and statuses that are told apart.
+    !> Largest number of printed outputs, and of distinct statuses.
     integer, parameter :: most_lines = 40, most_statuses = 30
 
     !> Failures of one status.
@@ -22,7 +22,7 @@ module tandem_cli_sweep_summary
 
 contains
 
-    !> For people.
+    !> Print as text.
     subroutine print_summary(table, plan, journal, error)
         character(len=*), intent(in) :: table
         type(plan_type), intent(in) :: plan
@@ -58,7 +58,7 @@ contains
         if (plan%is_for_indices .and. .not. allocated(error)) call print_indices(table, plan, error)
     end subroutine print_summary
 
-    !> The name and the unit of a number.
+    !> Name and unit of a number.
     function label(plan, i, j)
         type(plan_type), intent(in) :: plan
         integer, intent(in) :: i, j
@@ -83,7 +83,7 @@ contains
         if (index(text, '-.') == 1) text = '-0'//text(2:)
     end function figures
 
-    !> A histogram on a line: eighths of a letter's height.
+    !> A histogram in one line: eighths of a letter's height.
     pure function bars(histogram) result(line)
         integer(long), intent(in) :: histogram(bins)
         character(len=:), allocatable :: line
@@ -126,7 +126,7 @@ contains
         end do
     end subroutine group_failures
 
-    !> Sobol' indices, an input a line.
+    !> Print Sobol' indices, one line per input.
     subroutine print_indices(table, plan, error)
         character(len=*), intent(in) :: table
         type(plan_type), intent(in) :: plan
@@ -158,7 +158,7 @@ contains
         if (ieee_is_finite(value)) write (text, '(f7.4)') value
     end function rounded
 
-    !> For programs.
+    !> Print as JSON.
     subroutine print_summary_json(table, plan, journal, error)
         character(len=*), intent(in) :: table
         type(plan_type), intent(in) :: plan

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Whether the output goes to a terminal.
+!> Tests for a terminal.
 module tandem_cli_terminal
     use, intrinsic :: iso_c_binding, only: c_int
     implicit none (type, external)
@@ -8,7 +8,7 @@ module tandem_cli_terminal
     public :: stderr_is_terminal
 
     interface
-        !> Whether a file descriptor is a terminal: 1 or 0.
+        !> 1 if a file descriptor is a terminal, else 0.
         function is_terminal(descriptor) result(answer) bind(c, name='isatty')
             import :: c_int
             implicit none (type, external)
@@ -19,7 +19,7 @@ module tandem_cli_terminal
 
 contains
 
-    !> Whether stderr is a terminal.
+    !> True if stderr is a terminal.
     logical function stderr_is_terminal()
         stderr_is_terminal = is_terminal(2_c_int) == 1_c_int
     end function stderr_is_terminal

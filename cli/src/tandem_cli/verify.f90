@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem verify: reads all of a result file, and says whether it holds what was written.
+!> tandem verify: reads a complete result file and checks its contents.
 module tandem_cli_verify
     use tandem, only: error_type, to_text
     use tandem_cli_arguments, only: arguments_type
@@ -23,8 +23,8 @@ module tandem_cli_verify
 
 contains
 
-    !> Verify a file in a child process, since HDF5 may crash on a damaged file. The exit code is 1 if it is damaged, 2 if it is no
-    !> result or cannot be verified.
+    !> Verify a file in a child process, because HDF5 may crash on a damaged file. The exit code is 1 if it is damaged, 2 if it is
+    !> not a result or cannot be verified.
     subroutine verify_file(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -82,7 +82,7 @@ contains
         end if
     end subroutine read_file
 
-    !> What was found as one object.
+    !> Print the finding as one object.
     subroutine print_json(path, finding, status)
         character(len=*), intent(in) :: path, status
         type(finding_type), intent(in) :: finding
