@@ -1,5 +1,5 @@
-!> A stepper of one's own: the pair of Bogacki and Shampine, order 3 with an embedded order 2. It holds the constraints at every
-!> stage, chooses its steps, and has dense output and events like the shipped ones; a tableau is all that it takes.
+!> A user-defined stepper: the pair of Bogacki and Shampine, order 3 with an embedded order 2. It satisfies the constraints at every
+!> stage, has error control, dense output and events like the shipped ones; only a tableau is needed.
 module bogacki_shampine
     use tandem, only: explicit_type, properties_type, wp
     implicit none (type, external)

@@ -1,5 +1,5 @@
-!> Swings the pendulum from rest at 60 degrees for ten periods and a quarter, when it passes the lowest point, and
-!> compares with what is known there: the period 2 pi sqrt(l/g) / agm(1, cos 30), and the speed from the energy.
+!> Swings the pendulum from rest at 60 degrees for ten periods and a quarter, to the passage of the lowest point, and compares with
+!> exact values: the period 2 pi sqrt(l/g) / agm(1, cos 30), and the speed from the energy.
 program main
     use pendulum, only: pendulum_type
     use tandem, only: error_type, options_type, simulation_type, wp
