@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> chain [FOLDER]: checks the chain of rods, measures how a step's time grows with their number, leaves a table in a folder.
+!> chain [FOLDER]: checks the chain of rods, measures the time of a step against their number, and writes a table to a folder.
 program chain
     use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
     use tandem, only: error_type

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Short runs of every stepper on every scene, for a tool that counts instructions and allocations. Prints a line a run: scene,
+!> Short runs of every stepper on every scene, for a tool that counts instructions and allocations. Prints one line per run: scene,
 !> stepper, control, steps. `tools/bench_count.py` calls it.
 program count
     use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
@@ -21,7 +21,7 @@ program count
 
 contains
 
-    !> A run with fixed steps or under error control, where the stepper can do that.
+    !> Run with fixed steps or under error control, if the stepper supports that.
     subroutine run(name, stepper, is_fixed)
         character(len=*), intent(in) :: name, stepper
         logical, intent(in) :: is_fixed

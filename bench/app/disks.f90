@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What a sweep costs beside a bare loop of the library: runs the disks of a sweep's table, as comma-separated values, one after the
+!> Overhead of a sweep over a bare loop of the library: runs the disks of a sweep's table, as comma-separated values, one after the
 !> other, and compares the heights at the end bit by bit.
 !>
 !> Usage: disks TABLE.csv    columns case, model.mass, initial.omega[2], initial.tilt, rz_end; runs of 1 s in steps of 1 ms
@@ -35,7 +35,7 @@ program disks
     print '(i0, a, f0.3, a, f0.1, a, i0, a)', n, ' disks in ', real(to - from, wp)/rate, ' s, ', n*real(rate, wp)/(to - from), &
         ' a second, ', same, ' with the height of the table'
 contains
-    !> A disk with a model, options and a start of its own.
+    !> Run a disk with its own model, options and start.
     subroutine run(mass, omega, tilt, height)
         real(wp), intent(in) :: mass, omega, tilt
         real(wp), intent(out) :: height

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> large [SCENE [STEPPER [KIND [NUMBER...]]]]: what a step of large mechanisms costs, with steps of 1 ms. A line each: bodies,
-!> microseconds a body and step, the largest constraint error of the steps, kB a body. KIND is a kind of chart.
-!> Of all scenes the sprung ones take sdirk54, and the others rk4.
+!> large [SCENE [STEPPER [KIND [NUMBER...]]]]: cost of a step of large mechanisms, with steps of 1 ms. One line each: bodies,
+!> microseconds per body and step, largest constraint error of the steps, kB per body. KIND is a kind of chart.
+!> For all scenes, the sprung ones take sdirk54 and the others rk4.
 program large
     use, intrinsic :: iso_fortran_env, only: output_unit
     use tandem, only: error_type, mechanism_type, options_type, simulation_type, statistics_type, wp
@@ -34,7 +34,7 @@ program large
 
 contains
 
-    !> An argument, or what stands for it.
+    !> An argument, or its default.
     function argument(number, default)
         integer, intent(in) :: number
         character(len=*), intent(in) :: default
@@ -44,7 +44,7 @@ contains
         if (command_argument_count() >= number) call get_command_argument(number, argument)
     end function argument
 
-    !> Measure a scene: the best of three rounds of as many steps as take a third of a second.
+    !> Measure a scene: the best of three rounds, each with the number of steps that takes a third of a second.
     subroutine measure(name, n)
         character(len=*), intent(in) :: name
         integer, intent(in) :: n
@@ -56,7 +56,7 @@ contains
         real(wp), allocatable :: q(:), qd(:)
         real(wp) :: seconds, best, memory
         integer :: k, round, steps
-        !> Four-bars of A02 lie flat at t = 0.72 s: each round begins anew before that.
+        !> Four-bars of A02 lie flat at t = 0.72 s: each round is restarted before that.
         integer, parameter :: most_steps = 600
 
         memory = memory_in_kb()
@@ -103,12 +103,12 @@ contains
         flush (output_unit)
     end subroutine measure
 
-    !> Processor time, which others at work on the machine change less than that of the clock.
+    !> Processor time, which is less disturbed by other processes than wall time.
     real(wp) function now()
         call cpu_time(now)
     end function now
 
-    !> What the process holds (Linux), else 0.
+    !> Memory of the process (Linux), else 0.
     real(wp) function memory_in_kb()
         character(len=80) :: line
         integer :: unit, stat

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> bench [FOLDER [ROUNDS [PROBLEM...]]]: measures tandem beside other solvers and leaves tables in a folder. `make bench` calls it
-!> in the root of the checkout.
+!> bench [FOLDER [ROUNDS [PROBLEM...]]]: measures tandem and other solvers and writes tables to a folder. `make bench` calls it in
+!> the root of the checkout.
 program bench
     use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
     use tandem, only: error_type

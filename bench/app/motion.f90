@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> motion SCENE [SETTING...]: what a run of a scene costs without a result file, and where it ends. Prints the processor's time of
-!> its start and its steps in s, the least of the repeats, and the number of steps; then a line `name q qd` for each coordinate.
+!> motion SCENE [SETTING...]: cost of a run of a scene without a result file, and its end. Prints the processor time of its start
+!> and of its steps in s, the smallest of the repeats, and the number of steps; then a line `name q qd` for each coordinate.
 program motion
     use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
     use tandem, only: error_type, simulation_type, statistics_type, wp
     use tandem_bench_clock, only: cpu_seconds
     use tandem_io, only: find_scene, read_scene, scene_type
     implicit none (type, external)
-    !> Repeats go on until there are three of them and this time is spent (s).
+    !> Repeat until there are three runs and this time has passed (s).
     real(wp), parameter :: enough = 0.02_wp
     type(scene_type), target :: scene
     type(error_type), allocatable :: error
@@ -49,7 +49,7 @@ program motion
 
 contains
 
-    !> Move the start to where its constraints hold, if the scene asks for that; runs begin there.
+    !> Move the start onto its constraints, if the scene requests it; runs begin there.
     subroutine assemble()
         type(simulation_type) :: simulation
 
@@ -60,7 +60,7 @@ contains
         scene%qd = simulation%state%qd
     end subroutine assemble
 
-    !> One run, from the start on.
+    !> One run from the start.
     subroutine time(taken)
         real(wp), intent(out) :: taken
         type(simulation_type) :: simulation

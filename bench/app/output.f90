@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> output SCENE [SETTING...]: what writing the result file adds to a run, medians of runs in turn with and without it.
+!> output SCENE [SETTING...]: additional time for the result file, medians of alternating runs with and without it.
 program output
     use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
     use tandem, only: error_type, simulation_type, statistics_type, wp
@@ -13,7 +13,7 @@ program output
     character(len=256), allocatable :: settings(:)
     character(len=256) :: name
     character(len=:), allocatable :: path
-    !> Processor and clock (2), without and with the file.
+    !> Processor time and wall time (2), without and with the file.
     real(wp) :: bare(2, rounds), written(2, rounds)
     type(statistics_type) :: statistics
     integer :: i
@@ -43,7 +43,7 @@ contains
     !> One run.
     subroutine time(writes, seconds)
         logical, intent(in) :: writes
-        !> Of the processor and of the clock.
+        !> Processor time and wall time.
         real(wp), intent(out) :: seconds(2)
         type(simulation_type) :: simulation
         type(trajectory_type), target :: trajectory

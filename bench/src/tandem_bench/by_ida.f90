@@ -14,7 +14,7 @@ module tandem_bench_by_ida
 
     public :: ida_type
 
-    !> What IDASolve is asked for, and its answer at a stop.
+    !> Task of IDASolve, and its status at a stop.
     integer(c_int), parameter :: normal = 1, stopped = 1
 
     type, extends(solver_type) :: ida_type
@@ -33,7 +33,7 @@ module tandem_bench_by_ida
 
 contains
 
-    !> Make IDA's memory.
+    !> Allocate the memory of IDA.
     subroutine prepare(self, problem, control, stat)
         class(ida_type), intent(inout), target :: self
         type(problem_type), intent(in) :: problem
@@ -81,7 +81,7 @@ contains
         stat = merge(0, 1, all(answers == 0))
     end subroutine prepare
 
-    !> One smooth piece after the other.
+    !> Integrate one smooth piece after the other.
     subroutine run(self, stat)
         class(ida_type), intent(inout), target :: self
         integer, intent(out) :: stat
@@ -98,7 +98,7 @@ contains
             answer = ida_set_stop(self%memory, stop_at)
             answer = ida_solve(self%memory, stop_at, t, self%y_vector, self%yd_vector, normal)
             if (answer /= 0 .and. answer /= stopped) stat = 1
-            ! Starting anew sets the counters back.
+            ! Restarts reset the counters.
             answer = ida_steps(self%memory, steps)
             answer = ida_failed_tests(self%memory, rejected)
             self%steps = self%steps + steps
@@ -114,7 +114,7 @@ contains
         self%q = self%y(:self%system%n)
     end subroutine run
 
-    !> Give back what SUNDIALS has allocated for the last problem.
+    !> Free the objects of SUNDIALS for the last problem.
     subroutine release(self)
         class(ida_type), intent(inout) :: self
         integer(c_int) :: answer
@@ -131,7 +131,7 @@ contains
         self%is_made = .false.
     end subroutine release
 
-    !> The residual; > 0 where it cannot be evaluated.
+    !> Residual; > 0 if it cannot be evaluated.
     function residual(t, y_vector, yd_vector, r_vector, data) result(stat) bind(c)
         real(c_double), value :: t
         type(c_ptr), value :: y_vector, yd_vector, r_vector, data

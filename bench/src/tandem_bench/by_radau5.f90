@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
 !> The algorithm of the code RADAU5, dense, on the stabilised index-2 equations (`tandem_bench_stabilised`): Radau IIA of 3 stages,
 !> a simplified Newton iteration of one real and one complex system, starting from the collocation polynomial; the error estimate
-!> through the real matrix; the predictive controller; matrices kept while the iteration converges fast and steps hardly change.
-!> Its parameters have that code's default values. Linear systems are LAPACK's.
+!> through the real matrix; the predictive controller; matrices reused while the iteration converges fast and the step size hardly
+!> changes. Its parameters have the default values of that code. Linear systems are solved by LAPACK.
 !>
-!> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed., section IV.8, with the mass matrix in the place of
-!> the identity; written from that description. M depends on q, so that stages carry their rates and the equations are taken as
-!> F(t, y, yd) = 0. Multipliers take no part in norms, as with IDA.
+!> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed., section IV.8, with the mass matrix in place of the
+!> identity; written from this description. M depends on q, so that the unknowns of stages are rates and the equations are written
+!> as F(t, y, yd) = 0. Multipliers are excluded from norms, as with IDA.
 module tandem_bench_by_radau5
     use tandem, only: wp
     use tandem_bench_solver, only: next_stop, problem_type, solver_type
@@ -32,27 +32,27 @@ module tandem_bench_by_radau5
         4.3255798900631553510_wp, -4.1787185915519047273_wp, -0.50287263494578687595_wp, &
         0.33919925181580986954_wp, -0.32768282076106238708_wp, 2.5719269498556054292_wp, &
         0.54177053993587487119_wp, 0.47662355450055045196_wp, -0.59603920482822492497_wp], [3, 3])
-    !> Newton iterations at most; a contraction that lets matrices live on; growth of the step that does.
+    !> Largest number of Newton iterations; contraction below which matrices are reused; growth of the step for which they are.
     integer, parameter :: most_iterations = 7
     real(wp), parameter :: fast = 1.0e-3_wp, hardly(2) = [1.0_wp, 1.2_wp]
-    !> The controller: safety, and by what a step may be divided.
+    !> Controller: safety factor, and bounds of the divisor of the step size.
     real(wp), parameter :: safety = 0.9_wp, least_quotient = 0.125_wp, largest_quotient = 5.0_wp
-    !> The first step.
+    !> First step size.
     real(wp), parameter :: first_step = 1.0e-6_wp
 
     type, extends(solver_type) :: radau5_type
         private
         type(system_type) :: system
         real(wp) :: t_start = 0.0_wp, t_end = 0.0_wp, rtol = 0.0_wp, atol = 0.0_wp
-        !> Unknowns and their rates, what they are weighed by, an error, a right side (size).
+        !> Unknowns and their rates, weights, an error, a right-hand side (size).
         real(wp), allocatable :: y(:), yd(:), scale(:), error(:), rhs(:)
-        !> Stages less y, those transformed, rates, residuals and corrections (size, 3); divided differences of the last step's.
+        !> Stages minus y, their transforms, rates, residuals and corrections (size, 3); divided differences of the last step.
         real(wp), allocatable :: z(:, :), w(:, :), rate(:, :), change(:, :), past(:, :)
-        !> dF/dy, both matrices factored (size, size), a complex right side.
+        !> dF/dy, both factored matrices (size, size), a complex right-hand side.
         real(wp), allocatable :: gradient(:, :), real_matrix(:, :)
         complex(wp), allocatable :: pair_matrix(:, :), pair_rhs(:)
         integer, allocatable :: real_pivots(:), pair_pivots(:)
-        !> theta/(1 - theta) of the last iteration, its theta, and how many there were.
+        !> theta/(1 - theta) of the last iteration, its theta, and its number of corrections.
         real(wp) :: remainder = 1.0_wp, theta = 0.0_wp
         integer :: iterations = 0
     contains
@@ -79,7 +79,7 @@ contains
         call self%system%define(problem%model)
         self%t_start = problem%t_start
         self%t_end = problem%t_end
-        ! The estimate is of order 3: the code asks it for less than the tolerance, so that errors are about that.
+        ! The estimate is of order 3: the code uses a smaller tolerance for it, so that errors are about the given one.
         self%rtol = 0.1_wp*control**(2.0_wp/3)
         self%atol = self%rtol
         associate (n => self%system%n, size => self%system%size)
@@ -98,7 +98,7 @@ contains
         call self%system%make_consistent(self%t_start, self%y, self%yd, stat)
     end subroutine prepare
 
-    !> One smooth piece after the other.
+    !> Integrate one smooth piece after the other.
     subroutine run(self, stat)
         class(radau5_type), intent(inout), target :: self
         integer, intent(out) :: stat
@@ -120,7 +120,7 @@ contains
         self%q = self%y(:self%system%n)
     end subroutine run
 
-    !> One smooth piece.
+    !> Integrate one smooth piece.
     subroutine cross(self, t_start, t_end, stat)
         class(radau5_type), intent(inout) :: self
         real(wp), intent(in) :: t_start, t_end
@@ -152,7 +152,7 @@ contains
             call self%solve_stages(t, h, is_solved, shrink)
             if (is_solved) then
                 call self%estimate(t, h, is_first .or. is_retry, error)
-                ! More iterations than usual ask for shorter steps.
+                ! More iterations than usual lead to shorter steps.
                 quotient = error**0.25_wp/min(safety, safety*(1 + 2*most_iterations)/(self%iterations + 2*most_iterations))
                 quotient = max(least_quotient, min(largest_quotient, quotient))
                 shrink = merge(0.1_wp, 1.0_wp/quotient, is_first)
@@ -190,7 +190,7 @@ contains
         end do
     end subroutine cross
 
-    !> What errors are divided by.
+    !> Scales of the errors.
     pure subroutine weigh(self)
         class(radau5_type), intent(inout) :: self
         integer :: n
@@ -200,7 +200,7 @@ contains
         self%scale(n + 1:) = of_multipliers
     end subroutine weigh
 
-    !> The root of the mean square of a vector, weighed.
+    !> Weighted root mean square of a vector.
     pure real(wp) function norm(self, x)
         class(radau5_type), intent(in) :: self
         real(wp), intent(in) :: x(:)
@@ -208,7 +208,7 @@ contains
         norm = sqrt(sum((x/self%scale)**2)/(2*self%system%n))
     end function norm
 
-    !> Both matrices, for a step h.
+    !> Factor both matrices for a step h.
     subroutine factor(self, h, stat)
         class(radau5_type), intent(inout) :: self
         real(wp), intent(in) :: h
@@ -224,10 +224,10 @@ contains
         end associate
     end subroutine factor
 
-    !> Start values of the stages: the last step's polynomial goes on.
+    !> Start values of the stages: extrapolate the last step's polynomial.
     subroutine start_stages(self, ratio, is_first)
         class(radau5_type), intent(inout) :: self
-        !> The step over the last one.
+        !> Ratio of the step to the last one.
         real(wp), intent(in) :: ratio
         logical, intent(in) :: is_first
         real(wp) :: x
@@ -243,7 +243,7 @@ contains
         self%w = matmul(self%z, transpose(t_inverse))
     end subroutine start_stages
 
-    !> The divided differences of that polynomial, about the end of the step.
+    !> Divided differences of this polynomial, about the end of the step.
     pure subroutine keep_past(self)
         class(radau5_type), intent(inout) :: self
         integer :: i
@@ -262,7 +262,7 @@ contains
         class(radau5_type), intent(inout) :: self
         real(wp), intent(in) :: t, h
         logical, intent(out) :: is_solved
-        !> By what the step shrinks where it does not converge.
+        !> Factor of the step size after a failure to converge.
         real(wp), intent(out) :: shrink
         real(wp) :: size_of, last_size, ratio, last_ratio, enough, left
         integer :: k, stat
@@ -296,7 +296,7 @@ contains
             is_solved = self%remainder*size_of <= enough
             if (is_solved) exit
         end do
-        ! The rates at the end are those of the stage as it is now.
+        ! The rates at the end are those of the final stage.
         if (is_solved) self%rate(:, 3) = rates(self, 3, h)
     end subroutine solve_stages
 
@@ -341,7 +341,7 @@ contains
         end associate
     end subroutine correct
 
-    !> The error of the step; a large one in a first step or after a rejection once more with the force where it leads.
+    !> Error of the step; if it is large in a first step or after a rejection, evaluated again with the force at the result.
     subroutine estimate(self, t, h, may_repeat, error)
         class(radau5_type), intent(inout) :: self
         real(wp), intent(in) :: t, h

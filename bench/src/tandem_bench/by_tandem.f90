@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem's own steppers, called as a user calls them, at default settings.
+!> tandem's own steppers, called as by a user, with default settings.
 module tandem_bench_by_tandem
     use tandem, only: error_type, model_type, new_stepper, options_type, properties_type, simulation_type, statistics_type, wp
     use tandem_bench_solver, only: problem_type, solver_type
@@ -26,7 +26,7 @@ contains
     !> A solver with one of tandem's steppers, by default with stages projected.
     function new_tandem(stepper, at_ends) result(solver)
         character(len=*), intent(in) :: stepper
-        !> Whether steps are projected at their ends alone.
+        !> True if steps are projected at their ends only.
         logical, intent(in), optional :: at_ends
         type(tandem_type) :: solver
         class(stepper_type), allocatable :: method

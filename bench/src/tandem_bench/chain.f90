@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A planar chain of N equal rods that hang in a row from a fixed point, in absolute coordinates: how cost grows with the size of
-!> a system.
+!> A planar chain of N equal rods that hang in a row from a fixed point, in absolute coordinates, to measure cost against system
+!> size.
 !>
 !> q = (x, y, phi) of each rod: its centre, and its angle from the downward vertical. Each revolute joint is two holonomic
 !> constraints; the chain has N degrees of freedom.
@@ -53,7 +53,7 @@ contains
         qd = 0.0_wp
     end subroutine start
 
-    !> The terms. Joint i lies at the upper end of rod i and at the lower end of the one before, whose signs are the same.
+    !> Evaluate the terms. Joint i is at the upper end of rod i and at the lower end of rod i - 1, with the same signs.
     subroutine evaluate(self, need, t, q, qd, terms, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need
@@ -102,7 +102,7 @@ contains
         end select
     end subroutine evaluate
 
-    !> The gradients of the velocity and acceleration constraints and of the equations of motion: by the angles alone.
+    !> Gradients of the velocity and acceleration constraints and of the equations of motion: with respect to the angles only.
     subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need

@@ -16,11 +16,11 @@ module tandem_bench_chain_study
     public :: study_chain
 
     character(len=*), parameter :: newline = new_line('a')
-    !> The steppers, the numbers of rods, the step and the angle at the start.
+    !> Steppers, numbers of rods, step size and angle at the start.
     character(len=8), parameter :: steppers(3) = [character(len=8) :: 'rk4', 'dop853', 'sdirk54']
     integer, parameter :: sizes(7) = [1, 2, 4, 8, 16, 32, 64]
     real(wp), parameter :: step = 1.0e-3_wp, angle = 1.0_wp
-    !> Most steps of a run, and seconds that end it; rounds that are timed, in which all runs take turns.
+    !> Largest number and duration of the steps of a run; number of timed rounds, in each of which all runs take turns.
     integer, parameter :: most_steps = 200, rounds = 7
     real(wp), parameter :: most_seconds = 1.0_wp
 
@@ -36,7 +36,7 @@ module tandem_bench_chain_study
 
 contains
 
-    !> Check the chain, then measure it; the table goes to a folder, its text to the terminal.
+    !> Check the chain, then measure it; the table is written to a folder, its text to the terminal.
     subroutine study_chain(folder, text, error)
         character(len=*), intent(in) :: folder
         character(len=:), allocatable, intent(out) :: text
@@ -59,7 +59,7 @@ contains
                     call measure(trim(steppers(i)), sizes(j), steps(j, i), seconds(round, j, i), evaluations(j, i), change(j, i), &
                         error)
                     if (allocated(error)) return
-                    ! The first round only shows how many steps there is time for.
+                    ! The first round only determines the number of steps.
                     if (round == 0) steps(j, i) = max(5, min(most_steps, int(most_seconds/seconds(round, j, i))))
                 end do
             end do
@@ -183,11 +183,11 @@ contains
         f = [y(3), y(4), (r1/3 - m12*r2)/determinant, (4*r2/3 - m12*r1)/determinant]
     end function double_pendulum
 
-    !> A run of so many steps.
+    !> Run a number of steps.
     subroutine measure(stepper, rods, steps, seconds, evaluations, change, error)
         character(len=*), intent(in) :: stepper
         integer, intent(in) :: rods, steps
-        !> The time of a step, how many evaluations it took, and the change of the energy.
+        !> Time of a step, number of evaluations per step, and change of the energy.
         real(wp), intent(out) :: seconds, evaluations, change
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options

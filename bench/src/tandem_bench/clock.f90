@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The time of the processor, to nanoseconds, which other work on the machine disturbs least, and of the clock.
+!> Processor time in nanoseconds, which is least disturbed by other processes, and wall time.
 module tandem_bench_clock
     use tandem, only: wp
     use, intrinsic :: iso_c_binding, only: c_int, c_long
@@ -29,17 +29,17 @@ module tandem_bench_clock
 
 contains
 
-    !> Seconds of the processor that this process has used; differences count.
+    !> Processor time of this process in seconds; use differences.
     real(wp) function cpu_seconds()
         cpu_seconds = seconds_of(of_process)
     end function cpu_seconds
 
-    !> Seconds of the clock; differences count.
+    !> Wall time in seconds; use differences.
     real(wp) function wall_seconds()
         wall_seconds = seconds_of(of_wall)
     end function wall_seconds
 
-    !> Seconds of one of the clocks.
+    !> Time of one of the clocks in seconds.
     real(wp) function seconds_of(clock)
         integer(c_int), intent(in) :: clock
         type(timespec_type) :: time

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> How the index-1 equations are eliminated.
+!> Elimination methods of the index-1 equations.
 module tandem_bench_elimination
     use tandem, only: wp
     implicit none (type, external)
@@ -7,10 +7,10 @@ module tandem_bench_elimination
 
     public :: by_lu, by_sweeps, by_lapack, kernel_name, dgesv
 
-    !> LU with partial pivoting, written out; the same pivots, but every column swept above and below, with the search for the
-    !> pivot, the rows and the columns in whole vectors; LAPACK.
+    !> LU with partial pivoting, written out; the same pivots, but every column is eliminated above and below, with the search for
+    !> the pivot, the rows and the columns in whole vectors; LAPACK.
     integer, parameter :: by_lu = 1, by_sweeps = 2, by_lapack = 3
-    !> Their names.
+    !> Names of the methods.
     character(len=16), parameter :: kernel_name(3) = [character(len=16) :: 'index-1 LU', 'index-1 sweeps', 'index-1 LAPACK']
 
     interface

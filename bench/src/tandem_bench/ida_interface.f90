@@ -7,7 +7,7 @@ module tandem_bench_ida_interface
     public
 
     interface
-        !> What all objects of SUNDIALS belong to; `comm` is a null pointer without MPI.
+        !> Context of all objects of SUNDIALS; `comm` is a null pointer without MPI.
         function suncontext_create(comm, context) result(stat) bind(c, name='SUNContext_Create')
             import :: c_int, c_ptr
             implicit none (type, external)
@@ -24,7 +24,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function suncontext_free
 
-        !> A vector around values of ours.
+        !> A vector that uses existing values.
         function make_vector(length, values, context) result(vector) bind(c, name='N_VMake_Serial')
             import :: c_double, c_int64_t, c_ptr
             implicit none (type, external)
@@ -42,7 +42,7 @@ module tandem_bench_ida_interface
             type(c_ptr) :: values
         end function vector_values
 
-        !> Free a vector, not the values.
+        !> Free a vector without its values.
         subroutine destroy_vector(vector) bind(c, name='N_VDestroy')
             import :: c_ptr
             implicit none (type, external)
@@ -114,7 +114,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_init
 
-        !> Start it anew, with what was set.
+        !> Restart a run with the same settings.
         function ida_reinit(memory, t, y, yd) result(stat) bind(c, name='IDAReInit')
             import :: c_double, c_int, c_ptr
             implicit none (type, external)
@@ -132,7 +132,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_tolerances
 
-        !> What the callbacks get.
+        !> Argument of the callbacks.
         function ida_set_user_data(memory, data) result(stat) bind(c, name='IDASetUserData')
             import :: c_int, c_ptr
             implicit none (type, external)
@@ -140,7 +140,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_set_user_data
 
-        !> How linear systems are solved.
+        !> Set the solver of linear systems.
         function ida_set_linear_solver(memory, solver, matrix) result(stat) bind(c, name='IDASetLinearSolver')
             import :: c_int, c_ptr
             implicit none (type, external)
@@ -157,7 +157,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_set_jacobian
 
-        !> Which components are differential: 1, or algebraic: 0.
+        !> Kind of the components: 1 for differential, 0 for algebraic.
         function ida_set_id(memory, id) result(stat) bind(c, name='IDASetId')
             import :: c_int, c_ptr
             implicit none (type, external)
@@ -165,7 +165,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_set_id
 
-        !> Whether algebraic components are left out of the error test: 1 or 0.
+        !> 1 to exclude algebraic components from the error test, 0 to include them.
         function ida_suppress_algebraic(memory, suppress) result(stat) bind(c, name='IDASetSuppressAlg')
             import :: c_int, c_ptr
             implicit none (type, external)
@@ -174,7 +174,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_suppress_algebraic
 
-        !> Most steps of one call of `ida_solve`.
+        !> Largest number of steps of one call of `ida_solve`.
         function ida_set_max_steps(memory, most) result(stat) bind(c, name='IDASetMaxNumSteps')
             import :: c_int, c_long, c_ptr
             implicit none (type, external)
@@ -183,7 +183,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_set_max_steps
 
-        !> The time that no step may pass.
+        !> Time that no step may pass.
         function ida_set_stop(memory, t) result(stat) bind(c, name='IDASetStopTime')
             import :: c_double, c_int, c_ptr
             implicit none (type, external)
@@ -192,7 +192,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_set_stop
 
-        !> Where messages go; a null pointer for nowhere.
+        !> Destination of messages; a null pointer for none.
         function ida_set_messages(memory, file) result(stat) bind(c, name='IDASetErrFile')
             import :: c_int, c_ptr
             implicit none (type, external)
@@ -200,7 +200,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_set_messages
 
-        !> Go on to `t_wanted`, or by one step, as the task says; `t` is where the run stands then.
+        !> Integrate to `t_wanted`, or by one step, depending on the task; `t` is the time reached.
         function ida_solve(memory, t_wanted, t, y, yd, task) result(stat) bind(c, name='IDASolve')
             import :: c_double, c_int, c_ptr
             implicit none (type, external)
@@ -220,7 +220,7 @@ module tandem_bench_ida_interface
             integer(c_int) :: stat
         end function ida_steps
 
-        !> Steps that the error test has rejected.
+        !> Number of steps that the error test has rejected.
         function ida_failed_tests(memory, number) result(stat) bind(c, name='IDAGetNumErrTestFails')
             import :: c_int, c_long, c_ptr
             implicit none (type, external)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The index-1 equations at the size of the vehicle, known to the compiler.
+!> The index-1 equations for the vehicle, with sizes that are constants for the compiler.
 module tandem_bench_index1_vehicle
     use tandem, only: model_type, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, options_type, &
         terms_type, wp

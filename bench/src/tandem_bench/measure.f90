@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Measures solvers of one problem side by side. Every solver runs over a range of tolerances or step sizes; then, in several
-!> rounds, all of them are timed again in turn, so that what else the machine does meets all alike. Times are of the processor,
-!> without the preparation, and medians over the rounds; a ratio is the median of the ratios of each round.
+!> Measures several solvers of one problem. Every solver runs over a range of tolerances or step sizes; then, in several rounds, all
+!> of them are timed in turn, so that other load of the machine affects all alike. Times are processor times without the
+!> preparation, and medians over the rounds; a ratio is the median of the ratios of each round.
 module tandem_bench_measure
     use tandem, only: long, wp
     use tandem_bench_clock, only: cpu_seconds
@@ -29,7 +29,7 @@ module tandem_bench_measure
         type(point_type), allocatable :: points(:)
     end type series_type
 
-    !> A timing lasts at least so long; a run that takes longer than the most ends its series.
+    !> Smallest duration of a timing; duration of a run that ends its series.
     real(wp), parameter :: least_seconds = 2.0e-3_wp, most_seconds = 0.5_wp
 
 contains
@@ -39,7 +39,7 @@ contains
         type(problem_type), intent(in) :: problem
         type(solver_holder_type), intent(inout), target :: solvers(:)
         integer, intent(in) :: rounds
-        !> One a solver.
+        !> One per solver.
         type(series_type), allocatable, intent(out) :: series(:)
         integer :: i, j, round
 
@@ -108,8 +108,8 @@ contains
         end do
     end subroutine time
 
-    !> The time to an error: between the runs that enclose it, along a straight line of the logarithms. Lucky runs do not
-    !> count: a run has the largest error of those that are at least as tight. NaN where no run is as good or as bad.
+    !> Time for a given error: interpolated between the adjacent runs in logarithmic scales. Accidentally small errors do not count:
+    !> the error of a run is the largest of those that are at least as tight. NaN outside of the range of the runs.
     pure real(wp) function time_to_error(series, error, round) result(seconds)
         type(series_type), intent(in) :: series
         real(wp), intent(in) :: error

@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> The rolling disk in seven minimal coordinates, derived by hand, with DOP853: the limit of what can be reached. It solves this
-!> one problem only.
+!> The rolling disk in seven minimal coordinates, derived by hand, with DOP853: the limit of what can be achieved. It solves this
+!> problem only.
 !>
 !> (x, y, phi, theta, thetad, phid, w): centre, heading of the rolling direction t, angle of the axis n to the vertical, rates, and
-!> the angular velocity w about the axis. With t, s = n x t, n as frame, the contact is r - R s, and rolling gives
-!> rd = R (thetad n - w t). The moment of momentum about the contact gives three equations; all forces drop out.
+!> the angular velocity w about the axis. With t, s = n x t, n as frame, the contact is r - R s, and rolling gives rd = R (thetad n
+!> - w t). The moment of momentum about the contact gives three equations without unknown forces.
 module tandem_bench_minimal_disk
     use tandem, only: model_type, options_type, rolling_disk_type, wp
     use tandem_bench_solver, only: problem_type, solver_type
@@ -16,7 +16,7 @@ module tandem_bench_minimal_disk
 
     public :: by_hand_type
 
-    !> Unknowns, and the same padded to a whole vector.
+    !> Number of unknowns, and the same padded to whole vectors.
     integer, parameter :: unknowns = 7, states = 8
 
     type, extends(solver_type) :: by_hand_type
@@ -40,7 +40,7 @@ module tandem_bench_minimal_disk
 
 contains
 
-    !> The rolling disk only.
+    !> True for the rolling disk only.
     logical function can_solve(self, problem)
         class(by_hand_type), intent(in) :: self
         type(problem_type), intent(in) :: problem
@@ -52,7 +52,7 @@ contains
         end select
     end function can_solve
 
-    !> From the redundant coordinates to the minimal ones.
+    !> Convert the redundant coordinates to the minimal ones.
     subroutine prepare(self, problem, control, stat)
         class(by_hand_type), intent(inout), target :: self
         type(problem_type), intent(in) :: problem
@@ -112,7 +112,7 @@ contains
         self%q = [self%y(1), self%y(2), self%radius*sin(self%y(4))]
     end subroutine run
 
-    !> Nothing to do: no constraint is left.
+    !> Nothing to do without constraints.
     subroutine finish_step(self, t, stat)
         class(by_hand_type), intent(inout) :: self
         real(wp), intent(in) :: t

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> The problems: the shipped scenes up to t = 10, and the motorcycle with a suspension a thousand times as stiff. References are
-!> those of test/reference where there is one; else two solutions that share nothing but DOP853, and must agree: the index-1
-!> equations and tandem.
+!> Problems: the shipped scenes up to t = 10, and the motorcycle with a suspension a thousand times as stiff. References are those
+!> of test/reference if there is one; otherwise two solutions that have only DOP853 in common and must agree: the index-1 equations
+!> and tandem.
 module tandem_bench_problems
     use tandem, only: error_type, set_error, to_text, wp
     use tandem_bench_by_tandem, only: new_tandem
@@ -20,7 +20,7 @@ module tandem_bench_problems
 
 contains
 
-    !> Make one of the problems. The current folder is the root of the checkout.
+    !> Make one of the problems. The current folder must be the root of the checkout.
     subroutine make_problem(name, problem, error)
         character(len=*), intent(in) :: name
         type(problem_type), intent(out) :: problem
@@ -58,7 +58,7 @@ contains
         end select
     end subroutine make_problem
 
-    !> The solution at the end from a file.
+    !> Read the solution at the end from a file.
     subroutine take_reference(path, problem, error)
         character(len=*), intent(in) :: path
         type(problem_type), intent(inout) :: problem
@@ -74,7 +74,7 @@ contains
         problem%q_end = reference%q(:, size(reference%t))
     end subroutine take_reference
 
-    !> The solution at the end from two solvers.
+    !> Compute the solution at the end with two solvers.
     subroutine make_reference(problem, error)
         type(problem_type), intent(inout) :: problem
         type(error_type), allocatable, intent(out) :: error

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tables of what was measured: a row a run, and a row a solver. Files are those of a study (`journal_type`): CSV, HDF5.
+!> Tables of the measurements: one row per run, and one row per solver. Files are those of a study (`journal_type`): CSV, HDF5.
 module tandem_bench_report
     use tandem, only: error_type, to_text, wp
     use tandem_bench_measure, only: point_type, series_type, time_to_error
@@ -16,7 +16,7 @@ module tandem_bench_report
     public :: report_type
 
     character(len=*), parameter :: newline = new_line('a')
-    !> The errors whose times are tabulated, and the tolerances that count for the time of an evaluation.
+    !> Errors with tabulated times; range of tolerances for the time of an evaluation.
     real(wp), parameter :: errors(4) = [1.0e-4_wp, 1.0e-6_wp, 1.0e-8_wp, 1.0e-10_wp]
     real(wp), parameter :: loosest = 1.1e-4_wp, tightest = 0.9e-10_wp
 
@@ -77,7 +77,7 @@ contains
         if (.not. allocated(error)) call self%summary%open(folder, 'summary', summary_columns, settings, .true., error)
     end subroutine start
 
-    !> The compiler's options without paths.
+    !> Options of the compiler without paths.
     pure function optimisation() result(text)
         character(len=:), allocatable :: text, rest, word
         integer :: blank
@@ -94,12 +94,12 @@ contains
         text = trim(adjustl(text))
     end function optimisation
 
-    !> The rows of a problem.
+    !> Add the rows of a problem.
     subroutine add(self, problem, solvers, series, error)
         class(report_type), intent(inout) :: self
         type(problem_type), intent(in) :: problem
         type(solver_holder_type), intent(in) :: solvers(:)
-        !> One a solver.
+        !> One per solver.
         type(series_type), intent(in) :: series(:)
         type(error_type), allocatable, intent(out) :: error
         integer :: base, i
@@ -117,7 +117,7 @@ contains
         end do
     end subroutine add
 
-    !> A row a run.
+    !> Add one row per run.
     subroutine add_runs(self, problem, holder, series, base, error)
         class(report_type), intent(inout) :: self
         type(problem_type), intent(in) :: problem
@@ -153,13 +153,13 @@ contains
         end associate
     end subroutine add_runs
 
-    !> A row a solver.
+    !> Add one row per solver.
     subroutine add_summary(self, problem, solvers, series, i, base, error)
         class(report_type), intent(inout) :: self
         type(problem_type), intent(in) :: problem
         type(solver_holder_type), intent(in) :: solvers(:)
         type(series_type), intent(in) :: series(:)
-        !> The solver, and the one to compare it with.
+        !> Indices of the solver, and of the one to compare it with.
         integer, intent(in) :: i, base
         type(error_type), allocatable, intent(out) :: error
         character(len=cell_length) :: cells(size(summary_columns))
@@ -197,7 +197,7 @@ contains
         call self%summary%append(cells, error)
     end subroutine add_summary
 
-    !> The median, NaN where one of them is.
+    !> Median, NaN if one of the values is.
     pure real(wp) function median_or_none(values)
         real(wp), intent(in) :: values(:)
 
@@ -205,7 +205,7 @@ contains
         if (all(ieee_is_finite(values))) median_or_none = median(values)
     end function median_or_none
 
-    !> The time of an evaluation in a round: the median over the runs.
+    !> Time of an evaluation in a round: the median over the runs.
     pure real(wp) function evaluation_seconds(series, round)
         type(series_type), intent(in) :: series
         integer, intent(in) :: round
@@ -231,7 +231,7 @@ contains
         step_seconds = median(pack(seconds, counts(series)))
     end function step_seconds
 
-    !> The runs that count for the time of an evaluation: neither very loose nor very tight, or all where none is between.
+    !> True for the runs used for the time of an evaluation: neither very loose nor very tight, or all if there are no such runs.
     pure function counts(series) result(which)
         type(series_type), intent(in) :: series
         logical :: which(size(series%points))

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What all solvers have in common: a problem is prepared, which is not timed, then run, which is.
+!> Common interface of all solvers: a problem is prepared, which is not timed, then run, which is.
 module tandem_bench_solver
     use tandem, only: long, model_type, wp
     implicit none (type, external)
@@ -17,21 +17,21 @@ module tandem_bench_solver
         real(wp) :: t_start = 0.0_wp, t_end = 0.0_wp
         !> The consistent start, and the coordinates of the reference at the end (n).
         real(wp), allocatable :: q(:), qd(:), q_end(:)
-        !> How far a second, different solution is from the reference.
+        !> Distance of a second, different solution from the reference.
         real(wp) :: agreement = 0.0_wp
-        !> The error is that of so many leading coordinates: of the disk those of its centre, which all solvers share.
+        !> Number of leading coordinates that are compared: for the disk those of its centre, which all solvers have.
         integer :: compared = 0
-        !> Whether it is stiff: for implicit solvers only.
+        !> True for a stiff problem: for implicit solvers only.
         logical :: is_stiff = .false.
     end type problem_type
 
-    !> A way to solve problems.
+    !> A solver of problems.
     type, abstract :: solver_type
-        !> What it is called in tables.
+        !> Name in tables.
         character(len=24) :: name = ''
-        !> Whether its steps have a fixed size, the tolerance's stead.
+        !> True if its steps have a fixed size, given in place of the tolerance.
         logical :: is_fixed = .false.
-        !> Whether it is for stiff problems.
+        !> True for a solver of stiff problems.
         logical :: is_implicit = .false.
         !> Coordinates at the end of the last run (n, or as many as are compared).
         real(wp), allocatable :: q(:)
@@ -49,15 +49,15 @@ module tandem_bench_solver
     end type solver_holder_type
 
     abstract interface
-        !> Make everything ready for a run from the start: allocations, checks of the model.
+        !> Prepare a run from the start: allocations, checks of the model.
         subroutine prepare_interface(self, problem, control, stat)
             import :: solver_type, problem_type, wp
             implicit none (type, external)
             class(solver_type), intent(inout), target :: self
             type(problem_type), intent(in) :: problem
-            !> The relative and absolute tolerance, or the step size.
+            !> Relative and absolute tolerance, or step size.
             real(wp), intent(in) :: control
-            !> 0 where all is well.
+            !> 0 on success.
             integer, intent(out) :: stat
         end subroutine prepare_interface
 
@@ -66,14 +66,14 @@ module tandem_bench_solver
             import :: solver_type
             implicit none (type, external)
             class(solver_type), intent(inout), target :: self
-            !> 0 where the end was reached.
+            !> 0 if the end was reached.
             integer, intent(out) :: stat
         end subroutine run_interface
     end interface
 
 contains
 
-    !> Whether a solver is for a problem.
+    !> True if a solver applies to a problem.
     logical function can_solve(self, problem)
         class(solver_type), intent(in) :: self
         type(problem_type), intent(in) :: problem
@@ -81,7 +81,7 @@ contains
         can_solve = self%is_implicit .or. .not. problem%is_stiff
     end function can_solve
 
-    !> Where a smooth piece ends: at the next breakpoint of the model, or at the end of the run.
+    !> End of the current smooth piece: the next breakpoint of the model, or the end of the run.
     pure real(wp) function next_stop(model, t_end)
         class(model_type), intent(in) :: model
         real(wp), intent(in) :: t_end

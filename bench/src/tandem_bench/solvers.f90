@@ -16,14 +16,14 @@ module tandem_bench_solvers
 
     public :: make_solvers, yardstick, by_hand
 
-    !> The solver that others are compared with: index-1 equations with LU written out; for stiff problems, IDA.
+    !> Reference solver of the comparison: index-1 equations with LU written out; for stiff problems, IDA.
     character(len=24), parameter :: yardstick(2) = [character(len=24) :: 'index-1 LU', 'IDA']
-    !> The ones written by hand for speed.
+    !> Solvers written by hand for speed.
     character(len=24), parameter :: by_hand(2) = [character(len=24) :: 'index-1 LU', 'index-1 sweeps']
 
 contains
 
-    !> All solvers that can solve a problem.
+    !> Make all solvers that can solve a problem.
     subroutine make_solvers(problem, solvers)
         type(problem_type), intent(in) :: problem
         type(solver_holder_type), allocatable, intent(out) :: solvers(:)

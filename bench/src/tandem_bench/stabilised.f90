@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> The stabilised index-2 equations of Gear, Gupta and Leimkuhler (1985), F(t, y, yd) = 0 with the unknowns y = (q, u, lambda, mu):
 !>     qd - u + Phi_q' mu = 0,  M ud + C' lambda - S - Q_A = 0,  Phi = 0,  C u - nu = 0.
-!> Residual and gradients are the model's own; mu is zero in the solution, so its derivative is left out.
+!> Residual and gradients are those of the model; mu is zero in the solution, so that its derivative is omitted.
 module tandem_bench_stabilised
     use tandem, only: derivatives_type, long, model_type, need_dynamics_q, need_dynamics_qd, need_force, need_gamma, &
         need_jacobian, need_mass, need_nu, need_phi, need_velocity_q, terms_type, wp
@@ -11,14 +11,14 @@ module tandem_bench_stabilised
 
     public :: system_type, of_multipliers
 
-    !> Multipliers take no part in error tests, and with this absolute tolerance hardly any in Newton's.
+    !> Excludes multipliers from error tests, and almost from the test of Newton's iteration.
     real(wp), parameter :: of_multipliers = 1.0e6_wp
 
     type :: system_type
         class(model_type), allocatable :: model
         !> Coordinates, holonomic constraints, all constraints, unknowns.
         integer :: n = 0, nh = 0, m = 0, size = 0
-        !> Residuals so far.
+        !> Number of residuals so far.
         integer(long) :: evaluations = 0
         type(terms_type), private :: terms
         type(derivatives_type), private :: derivatives
@@ -33,7 +33,7 @@ module tandem_bench_stabilised
 
 contains
 
-    !> Take a model.
+    !> Set the model.
     subroutine define(self, model)
         class(system_type), intent(inout) :: self
         class(model_type), intent(in) :: model
@@ -56,7 +56,7 @@ contains
         !> Unknowns and their rates (size).
         real(wp), intent(in), contiguous :: y(:), yd(:)
         real(wp), intent(inout), contiguous :: r(:)
-        !> Not 0 where it cannot be evaluated.
+        !> Not 0 if it cannot be evaluated.
         integer, intent(out) :: stat
         integer :: i, j
 
@@ -87,7 +87,7 @@ contains
         end associate
     end subroutine find_residual
 
-    !> dF/dy; M stays for those below.
+    !> dF/dy; M is stored for the procedures below.
     subroutine find_gradient(self, t, y, yd, a, stat)
         class(system_type), intent(inout) :: self
         real(wp), intent(in) :: t

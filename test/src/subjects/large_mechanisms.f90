@@ -13,13 +13,13 @@ module large_mechanisms
 
 contains
 
-    !> Draw one of them with about n bodies, and define it.
+    !> Build one of them with about n bodies, and define it.
     subroutine make_large(name, n, mechanism, error, ratio)
         character(len=*), intent(in) :: name
         integer, intent(in) :: n
         type(mechanism_type), intent(inout) :: mechanism
         type(error_type), allocatable, intent(out) :: error
-        !> Of sliders: the frequency of their springs over that of a pendulum, 100 where absent.
+        !> For sliders: ratio of the frequency of their springs to that of a pendulum, 100 by default.
         real(wp), intent(in), optional :: ratio
 
         mechanism%planar = any(name == [character(len=14) :: 'planar_chain', 'four_bars', 'trailers', 'sprung_plane', &
@@ -103,8 +103,8 @@ contains
         end do
     end subroutine add_springs
 
-    !> Sliders of 1 kg in the plane, each on a spring with half the critical damping along a light arm of 1 m that turns at the
-    !> slider before, horizontal at the start: pendulums on stiff springs. Where the springs are stiff the motion does not show it.
+    !> Sliders of 1 kg in the plane, each on a spring with half the critical damping along a light arm of 1 m that rotates about the
+    !> previous slider, horizontal at the start: pendulums on stiff springs. Stiff springs have no visible effect on the motion.
     subroutine draw_sliders(n, ratio, mechanism, error)
         integer, intent(in) :: n
         real(wp), intent(in) :: ratio
@@ -156,7 +156,7 @@ contains
         end do
     end subroutine draw_four_bars
 
-    !> n arms on hinges around a hub that turns about the vertical.
+    !> n arms on hinges around a hub that rotates about the vertical.
     subroutine draw_star(n, mechanism, error)
         integer, intent(in) :: n
         type(mechanism_type), intent(inout) :: mechanism
@@ -182,8 +182,7 @@ contains
         end do
     end subroutine draw_star
 
-    !> Bodies in a square grid of k by k: columns on spherical joints, of which the first one is on the ground, tied to each
-    !> other by distances.
+    !> Bodies in a square grid of k by k: columns on spherical joints, the first of which is on the ground, connected by distances.
     subroutine draw_net(k, mechanism, error)
         integer, intent(in) :: k
         type(mechanism_type), intent(inout) :: mechanism
@@ -212,7 +211,7 @@ contains
         end do
     end subroutine draw_net
 
-    !> A train of trailers with a knife edge each, on hinges one behind the other.
+    !> A train of trailers with a knife edge each, connected by hinges.
     subroutine draw_trailers(n, mechanism, error)
         integer, intent(in) :: n
         type(mechanism_type), intent(inout) :: mechanism
