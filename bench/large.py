@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Large mechanisms beside Exudyn, MuJoCo and Pinocchio: what a step of 1 ms costs, and how wrong it leaves the motion.
+"""Large mechanisms compared with Exudyn, MuJoCo and Pinocchio: cost of a step of 1 ms, and error of the motion.
 
 Usage: bench/large.py [--repeats N] [--seconds S] [SCENE [N...]]
 
-SCENE is planar_chain, spatial_chain, star, four_bars or net, as test/src/subjects/large_mechanisms.f90 draws them, N even for chains; all
+SCENE is planar_chain, spatial_chain, star, four_bars or net, as in test/src/subjects/large_mechanisms.f90, N even for chains; all
 without. Installs exudyn, mujoco, pin, numpy and h5py from PyPI into build/large. The program is build/optimised/tandem, or what TANDEM names: it
 takes rk4 with every stage on the manifold.
 Exudyn integrates the same bodies and joints by generalised alpha, index 3, with a sparse matrix that serves several steps; MuJoCo in
@@ -35,7 +35,7 @@ MOST_LINKS = 300
 
 
 def enter():
-    """Go on in an environment that has the others, on the first core."""
+    """Restart in an environment with the other packages, on the first core."""
     python = PLACE / "bin" / "python"
     if not python.exists():
         subprocess.run([sys.executable, "-m", "venv", str(PLACE)], check=True)
@@ -46,7 +46,7 @@ def enter():
 
 
 def bodies_of(scene, n):
-    """The drawing: (parent, mass, centre, angle about z, moments of inertia, point and axis of the hinge, spin of the start) of each."""
+    """Definition: (parent, mass, centre, angle about z, inertia, point and axis of the hinge, initial spin) of each body."""
     if scene == "star":
         found = [(-1, 10.0, (0, 0, 0), 0.0, (1, 1, 2), (0, 0, 0), (0, 0, 1), 1.0)]
         inertia = 0.1*0.3**2/12
@@ -62,8 +62,8 @@ def bodies_of(scene, n):
 
 
 def loops_of(scene, n):
-    """The drawing of what has loops: (name, mass, moments of inertia, centre, velocity, spin) of each body, (kind, bodies, point) of each
-    joint; -1 is the ground, and a distance is that of two centres."""
+    """Definition of a mechanism with loops: (name, mass, moments of inertia, centre, velocity, spin) of each body, (kind, bodies,
+        point) of each joint; -1 is the ground, and a distance is that of two centres."""
     if scene == "four_bars":
         bars = max(n//2, 1)
         moments = (1/12, 1/12, 1/12)
@@ -86,7 +86,7 @@ def is_planar(scene):
 
 
 def weight_of(scene):
-    """Acceleration due to gravity: what moves in the plane falls along y."""
+    """Acceleration due to gravity: mechanisms in the plane fall along y."""
     return (0.0, -GRAVITY, 0.0) if is_planar(scene) else (0.0, 0.0, -GRAVITY)
 
 
@@ -94,7 +94,7 @@ def weight_of(scene):
 
 
 def text_of(scene, n):
-    """The mechanism as a scene, in which what is alike is repeated."""
+    """The mechanism as a scene, in which equal parts are repeated."""
     planar = is_planar(scene)
     cut = slice(0, 2 if planar else 3)
     lines = ["[scene]", 'model = "mechanism"', f"planar = {str(planar).lower()}", "[gravity]", f"vector = {list(weight_of(scene)[cut])}",
@@ -150,7 +150,7 @@ def loops_in_text(scene, n):
 
 
 def run_tandem(scene, n, folder, end, *settings):
-    """Processor time of the integration, and where the last centre is."""
+    """Processor time of the integration, and position of the last centre."""
     import h5py
 
     path, target = Path(folder) / f"{scene}.toml", Path(folder) / "out.h5"
@@ -330,10 +330,10 @@ def compare(scene, n, repeats, seconds):
         _, exact = run_tandem(scene, n, folder, ENDS[1], 'solver.stepper="dop853"', "solver.rtol=1e-11", "solver.atol=1e-11")
         solvers = {"tandem": lambda end: run_tandem(scene, n, folder, end, *settings)}
         for make in (exudyn, mujoco, pinocchio):
-            # These need trees, and Pinocchio's data hold 48 N^3 bytes.
+            # These need trees, and the data of Pinocchio take 48 N^3 bytes.
             if make is not exudyn and scene in LOOPS or make is pinocchio and n > MOST_LINKS:
                 continue
-            # Ten steps say how long the runs would take.
+            # Ten steps give an estimate of the time of the runs.
             solver = make(scene, n)
             if solver(10*STEP)[0]*sum(ENDS)/(10*STEP)*repeats < seconds*repeats:
                 solvers[make.__name__] = solver

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The mechanisms of bench/mechanisms.py: what is compared at which time with which reference, and their parts as numbers."""
+"""The mechanisms of bench/mechanisms.py: compared quantities, times and references, and their parts as numbers."""
 
 import cmath
 import math
@@ -13,8 +13,9 @@ FUNCTIONS = {name: getattr(math, name) for name in ("sin", "cos", "acos", "sqrt"
 
 @dataclass
 class Case:
-    """`measure` takes an object with point(body, place), rotation(body), spin(body) in the body's axes, and turned(body) since the start
-    in the plane. Without a reference it is a run of tandem with dop853 at 1e-13, and its distance from one of radau5 at 1e-12 is told."""
+    """`measure` takes an object with point(body, place), rotation(body), spin(body) in the body's axes, and turned(body) since the
+        start in the plane. Without a reference it is a run of tandem with dop853 at 1e-13, and its distance from one of radau5 at 1e-12
+        is reported."""
 
     end: float
     measure: object
@@ -23,7 +24,7 @@ class Case:
 
 
 def cranked(angle):
-    """Of the slider-crank: the slider's place, and the speeds of its parts for one rad/s as pairs of mass and square."""
+    """Slider-crank: position of the slider, and speeds of the parts for one rad/s as pairs of mass and square."""
     r, length = 0.08, 0.3
     tilt = cmath.asin(-r/length*cmath.sin(angle))
     turn = -r/length*cmath.cos(angle)/cmath.cos(tilt)
@@ -35,7 +36,7 @@ def cranked(angle):
 
 
 def slider_crank(end, speed):
-    """Where the slider is: one degree of freedom, m(a) a'' + m'(a) a'^2/2 + V'(a) = 0, derivatives by complex steps, DOP853 of SciPy."""
+    """Position of the slider: one degree of freedom, m(a) a'' + m'(a) a'^2/2 + V'(a) = 0, derivatives by complex steps, DOP853 of SciPy."""
     from scipy.integrate import solve_ivp
 
     def rate(_, state):
@@ -83,7 +84,7 @@ CASES = {
 
 
 def free_crank(folder):
-    """The slider-crank without its motor, from the speed that it had; the shipped one has no degree of freedom."""
+    """The slider-crank without its motor, from its previous speed; the shipped one has no degree of freedom."""
     text = (ROOT / "scenes" / "slider_crank.toml").read_text()
     for old, new in (('motion = "speed*t"\n', ""), ("inertia = 1e-4\n", 'inertia = 1e-4\nvelocity = [0, "speed*l/2"]\nomega = "speed"\n'),
                      ("assemble = true\n", 'assemble = true\nfixed_velocities = ["crank.angle"]\n')):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The same bodies, joints and forces in Exudyn, from the scene and the start that tandem draws; see bench/mechanisms.py."""
+"""The same bodies, joints and forces in Exudyn, from the scene and the start of tandem; see bench/mechanisms.py."""
 
 import json
 import math
@@ -35,13 +35,13 @@ GRAVITY = 9.81
 #: Rows that a joint holds in axes whose third is its own, of a universal joint whose first two are its own.
 HELD = {"revolute": [1, 1, 1, 1, 1, 0], "prismatic": [1, 1, 0, 1, 1, 1], "spherical": [1, 1, 1, 0, 0, 0],
         "universal": [1, 1, 1, 0, 0, 1]}
-#: Why not.
+#: Reasons.
 CANNOT = {"rattleback": "no rolling ellipsoid but by contact springs", "chaplygin_sphere": "no rolling sphere but by contact springs",
           "turntable": "no rolling sphere but by contact springs, no plane that turns"}
 
 
 class System:
-    """A mechanism that is being built, and what is measured of it."""
+    """A mechanism under construction, and its measured quantities."""
 
     def __init__(self, start):
         self.container = exudyn.SystemContainer()
@@ -63,7 +63,7 @@ class System:
         return c*(x - bx) + s*(y - by), -s*(x - bx) + c*(y - by)
 
     def add_flat(self, name, mass, inertia, weighs=True):
-        """A rigid body in the plane, as it is drawn."""
+        """A rigid body in the plane, in the reference configuration."""
         q, qd = zip(*(self.start[f"{name}.{c}"] for c in ("x", "y", "angle")))
         self.node[name] = self.mbs.AddNode(NodeRigidBody2D(referenceCoordinates=list(q), initialVelocities=list(qd)))
         self.body[name] = self.mbs.AddObject(ObjectRigidBody2D(physicsMass=mass, physicsInertia=inertia, nodeNumber=self.node[name]))
@@ -74,7 +74,7 @@ class System:
         markers = [self.marker(name, (*place, 0.0)) for name, place in ((one, place_one), (two, place_two))]
         self.mbs.AddObject(RevoluteJoint2D(markerNumbers=markers))
 
-    # What is measured.
+    # Measured quantities.
     def point(self, name, place=(0, 0, 0)):
         return self.mbs.GetObjectOutputBody(self.body[name], exudyn.OutputVariableType.Position, list(map(float, place)))
 

@@ -16,7 +16,7 @@ def texts(values):
 
 
 class Body:
-    """A body at a place of the world with the joints by which it moves against its parent: (name, type, axis, place in the world)."""
+    """A body at a position in the world with its joints to its parent: (name, type, axis, position in the world)."""
 
     def __init__(self, name, place, mass, inertia, joints, children=(), sites=()):
         self.name, self.place, self.mass, self.children, self.joints, self.sites = name, np.array(place, float), mass, children, joints, sites
@@ -34,14 +34,14 @@ class Body:
 
 @dataclass
 class Loops:
-    """What is closed is (body, place in the world, other body or nothing for the ground)."""
+    """Closures are (body, position in the world, other body or nothing for the ground)."""
 
     gravity: list
     bodies: list
     closings: list
     #: Takes the angle of a joint by its name, and the place of a site by its.
     measure: object
-    #: Of joints at the start (rad/s, m/s), and what drives them (N m).
+    #: Rates of joints at the start (rad/s, m/s), and their motors (N m).
     speeds: dict = field(default_factory=dict)
     motors: dict = field(default_factory=dict)
     #: From a place of the ground to a site: (place, site, stiffness, length).
@@ -68,7 +68,7 @@ class Loops:
                 f"</worldbody><equality>{equalities}</equality><tendon>{tendons}</tendon><actuator>{motors}</actuator></mujoco>")
 
     def pinocchio(self):
-        """A right side for (q, v), a start, and what is measured."""
+        """A right-hand side for (q, v), a start, and the measured quantities."""
         import pinocchio
 
         model, carriers, frames = pinocchio.Model(), {}, {}

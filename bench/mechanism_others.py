@@ -10,7 +10,7 @@ from mechanism_cases import CASES
 
 GRAVITY = 9.81
 ROLLS = "it rolls by contacts with regularised friction, which creep"
-#: Why not.
+#: Reasons.
 ROLLING = ("rattleback", "chaplygin_sphere", "turntable", "bicycle", "mechanism_disk", "trailers")
 MUJOCO_CANNOT = {name: ROLLS for name in ROLLING}
 PINOCCHIO_CANNOT = {name: "no rolling contact among its constraints" for name in ROLLING}
@@ -40,7 +40,7 @@ MEASURES = {"a01_pendulum": lambda _, site: site("m")[:2], "a05_governor": lambd
 def mujoco_model(name, step):
     import mujoco
 
-    # Equalities are held at the level of accelerations, with what drifts drawn back as fast as a step allows: a time constant of two.
+    # Equalities hold at the level of accelerations; drift is removed as fast as a step allows: a time constant of two.
     closed = loops.LOOPS[name]() if name in loops.LOOPS else None
     text = closed.mujoco() if closed else MODELS[name]
     model = mujoco.MjModel.from_xml_string(text.replace("{solref}", f"{2*step!r} 1"))
@@ -53,7 +53,7 @@ def mujoco_model(name, step):
 
 
 def run_mujoco(name, steps, repeats):
-    """Error and processor time of so many steps."""
+    """Error and processor time of a number of steps."""
     import mujoco
 
     case = CASES[name]
@@ -75,7 +75,7 @@ def run_mujoco(name, steps, repeats):
 
 
 def pinocchio_pendulum():
-    """A right side for (q, v), a start, and what is measured."""
+    """A right-hand side for (q, v), a start, and the measured quantities."""
     import pinocchio
 
     model = pinocchio.Model()

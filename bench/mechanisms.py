@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Mechanisms beside Exudyn, MuJoCo and Pinocchio: the true error at the end against the processor time of the integration alone.
+"""Mechanisms compared with Exudyn, MuJoCo and Pinocchio: true error at the end against processor time of the integration.
 
 Usage: bench/mechanisms.py [--repeats N] [--figure PATH] [--table PATH] [--from FILE] [NAME...]      names of scenes; all without
 
@@ -28,16 +28,16 @@ PLACE = Path(os.environ.get("OTHERS", ROOT / "build" / "others"))
 ENVIRONMENT = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
 TARGETS = (1e-3, 1e-6, 1e-9)
 STEPPERS = ("dopri5", "dop853", "radau5")
-#: A new chart at every step, as is usual, and one that stays while it serves.
+#: A new chart at every step, as usual, and a chart that is kept while it is valid.
 CHARTS = {"": "every_step", " adaptive": "adaptive"}
 #: Tolerances.
 LOGARITHMS = range(2, 13)
-#: A method that takes longer than this is not asked for less error (s); each next setting of Exudyn takes four times as long.
+#: A method that takes longer than this is not run with smaller errors (s); each next setting of Exudyn takes four times as long.
 LONGEST = 1.0
 
 
 def enter():
-    """Go on in an environment that has the others."""
+    """Restart in an environment with the other packages."""
     python = PLACE / "bin" / "python"
     if not python.exists():
         subprocess.run([sys.executable, "-m", "venv", str(PLACE)], check=True)
@@ -82,7 +82,7 @@ class State:
 
 
 def integrate(scene, *settings):
-    """Processor time and the values at the end; infinite and none where the run ended with an error."""
+    """Processor time and the values at the end; infinite and none if the run ended with an error."""
     done = subprocess.run([MOTION, scene, *settings], env=ENVIRONMENT, capture_output=True, text=True, cwd=ROOT, check=False)
     if done.returncode:
         return math.inf, {}
@@ -92,7 +92,7 @@ def integrate(scene, *settings):
 
 
 class Problem:
-    """A case with its scene and the start that tandem draws."""
+    """A case with its scene and the start of tandem."""
 
     def __init__(self, name, folder):
         from mechanism_cases import CASES, free_crank, parameters, scene_of
@@ -123,7 +123,7 @@ class Problem:
         return max(abs(x - y) for x, y in zip(self.measure(values), self.case.reference))
 
     def points(self, repeats):
-        """{solver: [(error, time)]}, printed one by one, and why others have none."""
+        """{solver: [(error, time)]}, printed one by one, and the reasons of missing ones."""
         import mechanism_exudyn as exudyn
         import mechanism_others as others
 
@@ -152,7 +152,7 @@ class Problem:
         return found, missing
 
     def try_all(self, found, label, settings):
-        """Runs of less and less error until they take long."""
+        """Runs with decreasing errors until they take too long."""
         found[label] = []
         for setting, run in settings:
             error, taken = run()
@@ -164,7 +164,7 @@ class Problem:
 
 
 def missing_of(name):
-    """{solver: why it has no points}."""
+    """{solver: reason for having no points}."""
     import mechanism_exudyn as exudyn
     import mechanism_others as others
 
@@ -186,7 +186,7 @@ def read_points(path):
 
 
 def time_at(points, target):
-    """The least time with an error of at most the target, log-linear between neighbours; infinite where none gets there."""
+    """Shortest time with an error of at most the target, log-linear between neighbours; infinite if there is none."""
     best = min((taken for error, taken in points if error <= target), default=math.inf)
     for (e1, t1), (e2, t2) in zip(points, points[1:]):
         if e1 > target >= e2 > 0 and t1 < t2:
@@ -229,7 +229,7 @@ def table_of(results):
 
 
 def draw(results, path):
-    """One panel a mechanism."""
+    """One panel per mechanism."""
     import matplotlib
 
     matplotlib.use("Agg")

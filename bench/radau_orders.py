@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""What Radau IIA of 3, 5 and 7 stages costs, in evaluations, with the estimate and the controller of Hairer and Wanner's code (Solving
+"""Evaluations of Radau IIA with 3, 5 and 7 stages, with the estimate and the controller of Hairer and Wanner's code (Solving
 ODEs II, section IV.8): a stiff pendulum in polar coordinates and a rolling disk in minimal ones, against 7 stages with 1e-13.
 
 Usage: bench/radau_orders.py    with an environment that has NumPy and mpmath
@@ -50,7 +50,7 @@ class Radau:
         return self.f(t, y)
 
     def solve(self, t, y, h, z, matrix, scale):
-        """The simplified Newton iteration: the increments, or what the step must be multiplied by."""
+        """Simplified Newton iteration: the increments, or the factor for the step size."""
         self.remainder = max(self.remainder, EPSILON)**0.8
         self.theta, last_size, last_ratio = 1e-3, None, None
         for self.iterations in range(1, self.most + 1):

@@ -39,7 +39,7 @@ class Pendulum(tandem.Model):
 
 
 def by_tandem(ratio, tolerance, stepper):
-    """Steps, and where the mass is at the end."""
+    """Number of steps, and position of the mass at the end."""
     stretch = G*np.cos(START)/(ratio**2*G)
     start = [(1 + stretch)*np.sin(START), -(1 + stretch)*np.cos(START), stretch]
     solution = tandem.solve(Pendulum(ratio), (0, END), start, [0, 0, 0], stepper=stepper, rtol=tolerance)
