@@ -25,7 +25,7 @@ extern "C" {
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
 #define TANDEM_INTERFACE_VERSION 1015
 
-/* Outcomes. */
+/* Status codes. */
 enum {
     TANDEM_OK = 0,
     TANDEM_INVALID_OPTION = -1,
@@ -84,8 +84,8 @@ typedef int (*tandem_motion_function)(double t, const double *q, const double *q
  * NaN), each for a constant vector x. */
 typedef int (*tandem_direction_function)(double t, const double *q, const double *x, double *value, void *user_data);
 
-/* Several terms at once: set those in `need`, a sum of TANDEM_PHI ...; the others may be set too. qd has a meaning only where
- * gamma or force are needed. */
+/* Several terms at once: set those in `need`, a sum of TANDEM_PHI ...; the others may be set too. qd is defined only if gamma or
+ * force is needed. */
 typedef int (*tandem_evaluate_function)(int need, double t, const double *q, const double *qd, double *phi, double *jacobian,
                                         double *nu, double *gamma, double *mass, double *force, void *user_data);
 
@@ -94,40 +94,40 @@ typedef int (*tandem_evaluate_function)(int need, double t, const double *q, con
 /* The version of the library's interface. */
 int tandem_interface_version(void);
 
-/* A problem with n coordinates. NULL only where there is no memory; sizes that cannot be are refused by tandem_start, and
- * tandem_message() tells at once. user_data goes to every function of the model. */
+/* A problem with n coordinates. NULL only without memory; tandem_start refuses invalid sizes, which tandem_message() reports at
+ * once. user_data is passed to every function of the model. */
 tandem_problem *tandem_new(int n, int n_holonomic, int n_nonholonomic, void *user_data);
 
-/* A problem whose model is a mechanism of bodies and joints, described by keys: tandem_set_key for each, then tandem_define, then all
- * that other problems can do, but for giving functions of the model. user_data goes to the functions of events. */
+/* A problem whose model is a mechanism of bodies and joints, described by keys: call tandem_set_key for each, then tandem_define,
+ * then any function of other problems except those that set functions of the model. user_data is passed to the functions of
+ * events. */
 tandem_problem *tandem_new_mechanism(void *user_data);
 
-/* Give a key such as body.rod.mass a value, as scene files have it: a number, "a text" in quotes, true, false, or a list of these in
- * brackets. The keys are those of doc/mechanism.md but for scene.planar, which is an argument of tandem_define. */
+/* Set the value of a key such as body.rod.mass, as in scene files: a number, "a text" in quotes, true, false, or a list of these
+ * in brackets. The keys are those of doc/mechanism.md except scene.planar, which is an argument of tandem_define. */
 int tandem_set_key(tandem_problem *problem, const char *key, const char *value);
 
-/* Build the mechanism of its keys. planar != 0: bodies move in the plane; may_be_open != 0: joints need not meet in the drawing, since
- * tandem_assemble will close them. Between t_start and t_end kinks of functions of time are looked for. Where it fails, keys can be
- * mended. */
+/* Build the mechanism from its keys. planar != 0: bodies move in the plane; may_be_open != 0: joints may be open in the reference
+ * configuration, because tandem_assemble will close them. Kinks of functions of time are searched between t_start and t_end. After
+ * a failure keys can be corrected. */
 int tandem_define(tandem_problem *problem, int planar, int may_be_open, double t_start, double t_end);
 
-/* How many coordinates and constraints there are; pointers may be NULL. Of a mechanism, 0 before it is complete. */
+/* Numbers of coordinates and constraints; pointers may be NULL. 0 for a mechanism that is not complete. */
 int tandem_get_sizes(tandem_problem *problem, int *n, int *n_holonomic, int *n_nonholonomic);
 
-/* The coordinates and velocities of a mechanism as it is drawn, n of each. */
+/* Coordinates and velocities of a mechanism in its reference configuration, n of each. */
 int tandem_get_drawing(tandem_problem *problem, double *q, double *qd);
 
-/* The name of a coordinate of a mechanism, its unit, or the name of a constraint row; what is "coordinate", "unit" or "row", index
- * from 0. Cut to capacity characters with the NUL. */
+/* Name of a coordinate of a mechanism, its unit, or name of a constraint row; what is "coordinate", "unit" or "row", index from 0.
+ * Cut to capacity characters including the NUL. */
 int tandem_get_name(tandem_problem *problem, const char *what, int index, int capacity, char *text);
 
-/* Give a problem back; NULL is allowed. Whoever uses the handle afterwards is refused, and so is a second tandem_free: sixteen
- * bytes of each problem stay until the program ends. */
+/* Free a problem; NULL is allowed. Later uses of the handle are refused, including a second tandem_free: sixteen bytes of each
+ * problem remain until the program ends. */
 void tandem_free(tandem_problem *problem);
 
-/* What the last call for this problem had to say, beginning with the name of its status; 2047 characters at most. The text
- * belongs to the problem and is always at the same place, which the next call overwrites: copy it to keep it. NULL has a
- * message, too. */
+/* Message of the last call for this problem, beginning with the name of its status; at most 2047 characters. The text belongs to
+ * the problem and always has the same address; the next call overwrites it: copy it to keep it. NULL has a message, too. */
 const char *tandem_message(const tandem_problem *problem);
 
 /* --- the model: give functions by name, NULL takes one back. Each change, of an energy too, ends a run that is under way: it must
@@ -137,17 +137,17 @@ int tandem_set_position_function(tandem_problem *problem, const char *name, tand
 int tandem_set_motion_function(tandem_problem *problem, const char *name, tandem_motion_function function);
 int tandem_set_direction_function(tandem_problem *problem, const char *name, tandem_direction_function function);
 
-/* `provides`: the sum of the constants of the terms that the function gives. They precede the functions by name. NULL takes the
- * function back, with any sum. */
+/* `provides`: sum of the constants of the terms that the function sets. They take precedence over functions by name. NULL removes
+ * the function, with any sum. */
 int tandem_set_evaluate(tandem_problem *problem, tandem_evaluate_function function, int provides);
 
 /* Name a constraint row (from 0, holonomic rows first) for messages; up to 96 characters. */
 int tandem_set_row_name(tandem_problem *problem, int row, const char *name);
 
 /* Compare every function with differences of another one at ten random states near (t, q, qd), which need not satisfy the
- * constraints: Phi_q and Phi_t with Phi, gamma with C and nu, derivatives with what they are derived from, M with its transpose.
- * TANDEM_INVALID_MODEL where one is wrong: the message names it, the entry (value[row][column]) and both values. E, e, M and the
- * forces have nothing to be compared with. It takes some 80 n evaluations of the model; a run does not notice. */
+ * constraints: Phi_q and Phi_t with Phi, gamma with C and nu, derivatives with the functions they are derived from, M with its
+ * transpose. TANDEM_INVALID_MODEL if one is wrong: the message names it, the entry (value[row][column]) and both values. There is
+ * no reference for E, e, M and the forces. Takes some 80 n evaluations of the model; a run is not affected. */
 int tandem_check(tandem_problem *problem, double t, const double *q, const double *qd);
 
 /* --- options: a value that cannot be is refused at once, and the one before stays; how options go together is checked by
@@ -159,119 +159,119 @@ int tandem_check(tandem_problem *problem, double t, const double *q, const doubl
 int tandem_set_real(tandem_problem *problem, const char *name, double value);
 
 /* max_steps, max_evaluations, max_events, iteration_limit; constant_mass (1: M does not depend on q and is evaluated once), which
- * belongs to the model: it ends a run that is under way. */
+ * belongs to the model: setting it ends a current run. */
 int tandem_set_integer(tandem_problem *problem, const char *name, int value);
 
 /* stepper (rk4, dopri5, dop853, trapezoid, sdirk54, radau5, radau, auto), chart_kind (automatic, dense, sparse), chart (every_step,
  * adaptive, paper), refresh, basis, projection (stages, step_ends); velocity_metric (mass, weights) for tandem_assemble. */
 int tandem_set_text(tandem_problem *problem, const char *name, const char *value);
 
-/* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; not 0 where nu jumps); mass_blocks (sizes of
- * the diagonal blocks of M, outside of which it is zero). They belong to the model: each ends a run that is under way.
- * rtol_q, rtol_qd, atol_q, atol_qd (n): tolerances one a coordinate, which are options. fixed_q, fixed_qd, weight_q, weight_qd (n):
- * for tandem_assemble. A count of 0 takes a list back. tandem_start and tandem_assemble check the sizes. */
+/* coordinate_scale (n); breakpoints (ascending times of kinks); nu_jumps (as many; nonzero if nu jumps); mass_blocks (sizes of the
+ * diagonal blocks of M, outside of which it is zero). They belong to the model: setting one ends a current run. rtol_q, rtol_qd,
+ * atol_q, atol_qd (n): tolerances per coordinate, which are options. fixed_q, fixed_qd, weight_q, weight_qd (n): for
+ * tandem_assemble. A count of 0 removes a list. tandem_start and tandem_assemble check the sizes. */
 int tandem_set_vector(tandem_problem *problem, const char *name, int count, const double *values);
 
 /* --- events: watched from the next tandem_start on; a run that is under way goes on with those that it was started with ------- */
 
-/* Where an entry (from 0) of "q", "qd" or "lambda" passes through a value: direction 1 where it rises, -1 where it falls, 0 for
- * both. stops = 0: it is recorded; else the run ends there, too. Events have numbers in their order, from 0 on. */
+/* Watch an entry (from 0) of "q", "qd" or "lambda" for a value: direction 1 for a rise through it, -1 for a fall, 0 for both.
+ * stops = 0: the event is recorded; else the run ends there, too. Events have numbers in their order, from 0. */
 int tandem_add_event(tandem_problem *problem, const char *name, const char *quantity, int index, double value, int direction,
                      int stops);
 
-/* Where the value (1) of a function passes through zero. */
+/* Watch the value (1) of a function for zeros. */
 int tandem_add_event_function(tandem_problem *problem, const char *name, tandem_motion_function function, int direction, int stops);
 
-/* No events any more. */
+/* Remove all events. */
 int tandem_clear_events(tandem_problem *problem);
 
 /* --- a run --------------------------------------------------------------------------------------------------------- */
 
-/* Start at (t, q, qd). What little the start is off the constraints is removed. May be called again at any time. */
+/* Start at (t, q, qd). Small constraint errors of the start are removed. May be called again at any time. */
 int tandem_start(tandem_problem *problem, double t, const double *q, const double *qd);
 
-/* Integrate to t_end, or to an event that stops the run. Nothing is done where t_end is the current time; an earlier one is
- * refused. On a failure the state is that of the last accepted step. */
+/* Integrate to t_end, or to an event that stops the run. If t_end is the current time, nothing is done; an earlier one is refused.
+ * After a failure the state is that of the last accepted step. */
 int tandem_integrate(tandem_problem *problem, double t_end);
 
 /* One accepted step that does not pass t_limit. */
 int tandem_step(tandem_problem *problem, double t_limit);
 
-/* At most max_steps accepted steps that do not pass t_end, and rows of what they pass; *rows tells how many. at_steps = 0: a row for
- * each of the `capacity` times in `times`, which ascend from the current time on, as far as the steps have come; by dense output,
- * which steps do not notice. Else a row for each step, whose time is put into `times`. It ends where these are full, and at t_end,
- * too, and where an event stops the run. Row i is q[i][n], qd[i][n], qdd[i][n]; pointers may be NULL. A failure keeps the rows. */
+/* At most max_steps accepted steps that do not pass t_end, and rows of states; *rows is their number. at_steps = 0: a row for each
+ * of the `capacity` times in `times`, which ascend from the current time, as far as the steps have come; by dense output, which
+ * does not affect the steps. Else a row for each step, whose time is stored in `times`. Ends when these are full, at t_end, and at
+ * an event that stops the run. Row i is q[i][n], qd[i][n], qdd[i][n]; pointers may be NULL. A failure keeps the rows. */
 int tandem_advance(tandem_problem *problem, double t_end, int max_steps, int capacity, int at_steps, double *times, double *q,
                    double *qd, double *qdd, int *rows);
 
-/* How many events were recorded so far. */
+/* Number of events recorded so far. */
 int tandem_count_events(tandem_problem *problem, int *count);
 
-/* One of them, index from 0 in the order of time: its number, how it passed through zero (0: it touched zero, or was zero at the
- * start), the time, and the state there; pointers may be NULL. */
+/* One of the recorded events, index from 0 in the order of time: its number, its direction through zero (0: it touched zero, or
+ * was zero at the start), the time, and the state; pointers may be NULL. */
 int tandem_get_event(tandem_problem *problem, int index, int *event, int *direction, double *t, double *q, double *qd);
 
-/* The number of the event that has stopped the run where it stands now; -1 where none has. */
+/* Number of the event that has stopped the run at its current state; -1 if none has. */
 int tandem_get_stop(tandem_problem *problem, int *event);
 
-/* Watch a run, right after tandem_start, up to t_end, where a step ends: from there on tandem_estimate_error can be called. */
+/* Record a run, directly after tandem_start, up to t_end, where a step ends: from there on tandem_estimate_error can be called. */
 int tandem_watch_error(tandem_problem *problem, double t_end);
 
-/* Make a second, more accurate run from the same start: the statistics global_error, global_error_q, ... tell the error of the
- * first one, and warnings may. Your data of the model must be as they were at the start. A run does not notice. */
+/* Make a second, more accurate run from the same start: the statistics global_error, global_error_q, ... give the error of the
+ * first one, as may warnings. Your data of the model must be as at the start. The first run is not affected. */
 int tandem_estimate_error(tandem_problem *problem);
 
-/* Move q and qd, near a start, to the nearest state at t that satisfies the constraints; they are unchanged where there is none, or
- * none near enough. The lists fixed_q, fixed_qd, weight_q and weight_qd and the options largest_move_q, largest_move_qd and
- * velocity_metric say which state is nearest and how near it must be: doc/linking.md. A run does not notice. */
+/* Move q and qd, near a start, to the nearest state at t that satisfies the constraints; they are unchanged if there is none, or
+ * none close enough. The lists fixed_q, fixed_qd, weight_q and weight_qd and the options largest_move_q, largest_move_qd and
+ * velocity_metric define the nearest state and the largest distance: doc/linking.md. A run is not affected. */
 int tandem_assemble(tandem_problem *problem, double t, double *q, double *qd);
 
-/* Eigenvalues of small motions about a state that satisfies the constraints: `count` of them, at most 2 n, for which re and im have room,
- * sorted by their real parts. a has room for 4 n^2 numbers and gets the matrix (count x count), one column after the other, or is
- * NULL. Zeros that symmetries and families explain are zero exactly: doc/linearisation.md. A run does not notice. */
+/* Eigenvalues of small motions about a state that satisfies the constraints: `count` of them, at most 2 n, for which re and im
+ * must have room, sorted by their real parts. a must have room for 4 n^2 numbers and receives the matrix (count x count) by
+ * columns, or is NULL. Zeros due to symmetries and families are exactly zero: doc/linearisation.md. A run is not affected. */
 int tandem_linearise(tandem_problem *problem, double t, const double *q, const double *qd, int *count, double *re, double *im,
                      double *a);
 
-/* Move q to the nearest equilibrium, stable or not; unchanged where none is found. A run does not notice. */
+/* Move q to the nearest equilibrium, stable or not; unchanged if none is found. A run is not affected. */
 int tandem_find_equilibrium(tandem_problem *problem, double t, double *q);
 
-/* Move q and qd to the nearest steady motion, along the motions that a text names with blanks or commas between them: one of a
- * mechanism's symmetries, as "world.turn_z"; a group of them, as "world.turn"; "any", or NULL, for all; "world.turn_z=0.03" holds a rate
- * (rad/s, m/s). q and qd are unchanged where none is found: doc/linearisation.md. A run does not notice. */
+/* Move q and qd to the nearest steady motion, along the motions in a text, separated by blanks or commas: one of a mechanism's
+ * symmetries, as "world.turn_z"; a group of them, as "world.turn"; "any", or NULL, for all; "world.turn_z=0.03" for a given rate
+ * (rad/s, m/s). q and qd are unchanged if none is found: doc/linearisation.md. A run is not affected. */
 int tandem_find_steady_motion(tandem_problem *problem, double t, double *q, double *qd, const char *motions);
 
 /* The current state; pointers may be NULL. */
 int tandem_get_state(tandem_problem *problem, double *t, double *q, double *qd, double *qdd);
 
-/* The state at a time within the last step, on the constraints; pointers may be NULL. The run does not notice. */
+/* The state at a time within the last step, on the constraints; pointers may be NULL. The run is not affected. */
 int tandem_get_state_at(tandem_problem *problem, double t, double *q, double *qd, double *qdd);
 
-/* lambda at a time within the last step, one for each row of C. */
+/* lambda at a time within the last step, one entry per row of C. */
 int tandem_get_multipliers(tandem_problem *problem, double t, double *lambda);
 
-/* Energies of the current state; the potential one is 0 where the model has none; pointers may be NULL. */
+/* Energies of the current state; the potential energy is 0 if the model has none; pointers may be NULL. */
 int tandem_get_energies(tandem_problem *problem, double *kinetic, double *potential);
 
 /* steps, rejected, failed, right_hand_sides, charts, largest_position_error, local_error_sum, stiff (1 or 0), n_redundant,
  * wall_seconds, ...: doc/options.md lists them, and so does the message of an unknown name. */
 int tandem_get_statistic(tandem_problem *problem, const char *name, double *value);
 
-/* Warnings of the run so far: redundant rows that were left out, errors that are large, ... Ask when a run has ended. */
+/* Number of warnings of the run so far: dropped redundant rows, large errors, ... Call it when a run has ended. */
 int tandem_count_warnings(tandem_problem *problem, int *count);
 
-/* The text of one of them, index from 0, cut to capacity characters with the NUL. */
+/* Text of a warning, index from 0, cut to capacity characters including the NUL. */
 int tandem_get_warning(tandem_problem *problem, int index, int capacity, char *text);
 
-/* All that the run remembers, as a row of words; *count tells how many. words == NULL: only count them; the number may grow in
- * a run. Your own data of the model are not among them. The row serves the same version of the library on the same machine. */
+/* Save the state of a run as an array of words; *count is their number. words == NULL: only count them; the number may grow during
+ * a run. Your own data of the model is not included. The array is valid for the same version of the library on the same machine. */
 int tandem_save_state(tandem_problem *problem, int capacity, int64_t *words, int *count);
 
-/* Go on from a saved state, bitwise as if nothing had been: in a problem with the same model and options that was started, at
- * the same start or another. Where it is refused, the problem must be started anew. */
+/* Continue from a saved state, bitwise as without interruption: in a problem with the same model and options that was started, at
+ * the same start or another. After a refusal the problem must be started again. */
 int tandem_restore_state(tandem_problem *problem, int count, const int64_t *words);
 
-/* Which smooth piece is current: 1 before the first breakpoint. Functions of the model look at this and never compare t with
- * a breakpoint. */
+/* Number of the current smooth piece: 1 before the first breakpoint. Functions of the model use it and never compare t with a
+ * breakpoint. */
 int tandem_get_segment(const tandem_problem *problem);
 
 #ifdef __cplusplus
