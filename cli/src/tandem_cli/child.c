@@ -9,9 +9,9 @@
 
 enum { in_child = -1, killed = 1000 };
 
-/* Fork. In the child -1, and the caller goes on with its work there; a crash then ends it silently, without a core. In the parent,
-   once the child has ended, its exit code, or 1000 and the signal that ended it. Without a child (no memory, no processes) the
-   caller does the work itself: -1. */
+/* Fork. Returns -1 in the child, where the caller continues with the work; a crash ends it silently, without a core file. In the
+   parent, after the end of the child, returns its exit code, or 1000 plus the signal that ended it. If no child can be created (no
+   memory, no processes), the caller does the work itself: -1. */
 int tandem_fork_and_wait(void)
 {
     static const int crashes[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};

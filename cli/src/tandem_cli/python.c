@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT */
-/* Hands a subcommand over to Python: the program becomes the interpreter, so that signals and exit codes are its own. */
+/* Hands a subcommand over to Python: the process is replaced by the interpreter, which receives signals and sets the exit code. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-/* The interpreter: TANDEM_PYTHON, or that of the environment which `make python` leaves beside the program, or python3. */
+/* The interpreter: TANDEM_PYTHON, or that of the environment created by `make python` next to the program, or python3. */
 static const char *interpreter(void)
 {
     static char path[4096];
@@ -29,7 +29,7 @@ static const char *interpreter(void)
     return "python3";
 }
 
-/* Run code with words, each of them ended by a NUL. Comes back only where there is no interpreter: then its name, and why, as text. */
+/* Run code with words, each terminated by a NUL. Returns only without an interpreter: then its name and the reason, as text. */
 int tandem_call_python(const char *code, const char *words, int count, char *text, int size)
 {
     const char *name = interpreter();

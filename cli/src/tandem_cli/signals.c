@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Signals that ask the program to end. The first one is noted, and the run looks for it; the second one ends the program as if
-   nobody had caught it. */
+/* Signals that end the program. The first one is noted, and the run checks for it; the second one has its default action. */
 #include <signal.h>
 #include <string.h>
 
@@ -25,11 +24,11 @@ void tandem_watch_signals(void)
     action.sa_handler = note;
     action.sa_flags = SA_RESTART;
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
-        /* What the caller ignores, such as nohup a hangup, stays ignored. */
+        /* Signals ignored by the caller, such as a hangup under nohup, stay ignored. */
         if (sigaction(numbers[i], NULL, &before) == 0 && before.sa_handler != SIG_IGN)
             sigaction(numbers[i], &action, NULL);
     }
-    /* Beyond the largest size of a file, writing fails with a reason instead of ending the program. */
+    /* Writing beyond the largest size of a file returns an error instead of ending the program. */
     signal(SIGXFSZ, SIG_IGN);
 }
 

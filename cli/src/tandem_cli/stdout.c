@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/* What the program says on stdout. gfortran's own writes succeed where the disk is full; C tells of it. */
+/* Output of the program on stdout. gfortran's own writes succeed on a full disk; those of C report the failure. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
-/* Why something could not be written, the first time; 0 where all could. */
+/* First error of writing; 0 if none. */
 static int problem = 0;
 
 void tandem_say(const char *text, size_t length)
@@ -13,7 +13,7 @@ void tandem_say(const char *text, size_t length)
         problem = errno;
 }
 
-/* Bring all to where it goes. The length of the system's words for what stood in the way; 0 where nothing did. */
+/* Flush the output. Returns the length of the system's message of the first error; 0 if none. */
 int tandem_finish_output(char *text, int size)
 {
     if (fflush(stdout) != 0 && problem == 0)
