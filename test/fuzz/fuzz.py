@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Gives thousands of wrong, odd and right scenes to `tandem-fuzz` (reader.f90 beside this file) and judges what it says.
+"""Gives thousands of wrong, odd and right scenes to `tandem-fuzz` (reader.f90 beside this file) and checks its answers.
 
 Usage: .venv/bin/fpm test tandem-fuzz --profile debug --runner test/fuzz/fuzz.py [-- --seed N --count N]
        test/fuzz/fuzz.py PROGRAM [--seed N] [--count N]       with the program of any build
-       test/fuzz/fuzz.py PROGRAM --again build/fuzz           once more what has failed and was kept
+       test/fuzz/fuzz.py PROGRAM --again build/fuzz           repeat the stored failures
 
 The inputs are mutations of the shipped scenes and of some that use all tables (scenes.py), texts of TOML and mechanisms from
-grammars (mutations.py, mechanisms.py), made from a seed. What
-is required of each (judge.py): an answer within the time limit, no crash, no complaint of run-time checks, bounded memory; a
-message that names the line, or the setting, where it is refused; agreement with Python's tomllib where it is accepted: the text
-is TOML, what it says is what the complete scene says, all numbers are in their ranges, and the complete scene reads back as
-itself. What fails is kept in build/fuzz, with the command that shows it.
+grammars (mutations.py, mechanisms.py), made from a seed. The
+requirements (judge.py): an answer within the time limit, no crash, no complaint of run-time checks, bounded memory; a
+message that names the line, or the setting, if it is refused; agreement with Python's tomllib if it is accepted: the text
+is TOML, the complete scene has the same values, all numbers are in their ranges, and the complete scene reads back as
+itself. Failed inputs are stored in build/fuzz, with the command that repeats the failure.
 
-It prints a line `ok KIND` or `not ok KIND` for each kind of input, and what was found.
+It prints a line `ok KIND` or `not ok KIND` for each kind of input, and the failures.
 """
 
 import argparse
@@ -49,7 +49,7 @@ class Crash(Exception):
 
 
 class Reader:
-    """The program that reads scenes: one process for many, a new one after it died."""
+    """The program that reads scenes: one process for many, a new one after a crash."""
 
     def __init__(self, program, folder):
         self.program, self.folder = program, folder
@@ -59,7 +59,7 @@ class Reader:
     def start(self):
         def limit():
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-            # What is built with a sanitizer reserves terabytes and uses little of them.
+            # Programs with a sanitizer reserve terabytes and use little of them.
             if "ASAN_OPTIONS" not in os.environ:
                 resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
@@ -93,7 +93,7 @@ class Reader:
         self.stop()
 
     def complaints(self):
-        """What the program has written to stderr: run-time checks, sanitizers, the library of Fortran."""
+        """Output of the program on stderr: run-time checks, sanitizers, the Fortran library."""
         if os.fstat(self.errors.fileno()).st_size == 0:
             return ""
         self.errors.seek(0)
@@ -133,7 +133,7 @@ class Reader:
 
 
 def keep(folder, number, case, problem):
-    """Keep an input that failed."""
+    """Store an input that failed."""
     place = folder / f"{number}"
     place.mkdir(parents=True, exist_ok=True)
     (place / "input.toml").write_bytes(case.text)
@@ -146,7 +146,7 @@ def keep(folder, number, case, problem):
 
 
 def kept(folder):
-    """The inputs that were kept."""
+    """The stored inputs."""
     for place in sorted(folder.iterdir(), key=lambda path: path.name):
         if (place / "input.toml").exists():
             words = [os.fsdecode(line) for line in (place / "settings").read_bytes().split(b"\n") if line]

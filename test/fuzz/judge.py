@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Judges what the program said about a scene, by Python's own reader of TOML.
+"""Checks the answer of the program about a scene with Python's own reader of TOML.
 
-What is accepted must be TOML; each value that it gives must be the one in the complete scene; every number of the complete scene
-must be in its range. Where the two readers are known to differ is listed in `tolerated`: newer TOML than Python knows.
+Accepted text must be TOML; each of its values must be the one in the complete scene; every number of the complete scene
+must be in its range. Known differences between the two readers are listed in `tolerated`: newer TOML than Python knows.
 """
 
 import math
@@ -38,7 +38,7 @@ def zero_or_normal(value):
     return value == 0 or abs(value) >= 1e-300
 
 
-# The ranges that the complete scene promises: a key's, whatever the model; all numbers of a list are meant.
+# Ranges of the complete scene: those of a key, for every model; they apply to all numbers of a list.
 RANGES = {
     "model": dict.fromkeys(
         "mass inertia radius half_length stiffness wheel_radius rear_length half_track fork_forward fork_height".split(), positive
@@ -63,14 +63,14 @@ STEPS = ["stepper", "step", "rtol", "rtol_qd", "atol", "atol_qd", "first_step", 
 SINGLE = ["scene", "model", "initial", "time", "solver", "output"]
 # Those of mechanisms, which have tables within them.
 SINGLE += "parameters gravity ground body joint constraint wheel force function sensor results repeat".split()
-# A message may show a line, mark the part of it, and name it.
+# A message may show a line, mark a part of it, and name it.
 LONGEST_MESSAGE = 100000
 # More steps or rows than these are refused.
 MOST = 2**31
 
 
 def problem(case, path, verdict, status, text):
-    """What is wrong with the answer; nothing where it is right."""
+    """Problem in the answer; none if it is right."""
     try:
         said = text.decode()
     except UnicodeDecodeError:
@@ -130,7 +130,7 @@ def tolerated(text):
 
 
 def parsed(text):
-    """A text as Python reads it, and what it says where it does not."""
+    """A text as read by Python, and its message if it fails."""
     try:
         return tomllib.loads(text), None
     except (tomllib.TOMLDecodeError, RecursionError) as first:
@@ -141,7 +141,7 @@ def parsed(text):
 
 
 def setting(word):
-    """A setting as a document: a value that is no TOML stands for itself as text."""
+    """A setting as a document: an invalid TOML value is a text."""
     word = word.rstrip(" ")
     document, why = parsed(word)
     value = word.split("=", 1)[1].strip(" ")
@@ -175,7 +175,7 @@ def wrong_scene(case, text):
 
 
 def wrong_values(document, settings, shown):
-    """Whether the complete scene says what file and settings say."""
+    """True if the complete scene differs from file and settings."""
     given, events = {}, []
     for source in [document, *settings]:
         for table, content in source.items():
@@ -222,7 +222,7 @@ def merge(tables, more):
 
 
 def same(value, shown):
-    """Whether a value is the one that is shown: numbers to the last bit, blanks at the ends of texts left alone."""
+    """True if a value equals the displayed one: numbers to the last bit, texts up to trailing blanks."""
     if isinstance(value, dict):
         return isinstance(shown, dict) and all(key in shown and same(one, shown[key]) for key, one in value.items())
     if isinstance(shown, list) and not isinstance(value, (list, dict)):
@@ -250,7 +250,7 @@ def numbers(value):
 
 
 def wrong_ranges(shown):
-    """Whether a number of the complete scene is none or out of its range."""
+    """True if a number of the complete scene is not a number or out of its range."""
     if not all(math.isfinite(number) for number in numbers(shown)):
         return "the complete scene has numbers that are not finite"
     for table, ranges in RANGES.items():

@@ -14,7 +14,7 @@ ELEMENTS = ["pin", "guide", "link", "sum", "roller", "coil", "twist", "push", "r
 
 
 def mostly(random, right, wrong, chance=0.03):
-    """One of those that are right; in a wild scene seldom one of the others."""
+    """One of the valid ones; in a wild scene seldom one of the others."""
     return random.choice(wrong if random.wild and random.random() < chance else right)
 
 
@@ -56,7 +56,7 @@ def a_pair(random):
 
 
 def an_inertia(random):
-    """Moments of a body that can be, now and then of none."""
+    """Valid moments of inertia of a body, occasionally invalid ones."""
     moments = mostly(random, [[1.0, 1.0, 1.0], [1.0, 0.6, 0.5], [2.0, 1.0, 1.0]], [[1.0, 0.1, 0.1], [0.0, 0.0, 0.0], [1e300] * 3])
     factor = random.choice([1, 1, 1e-3])
     return "[" + ", ".join(f"{factor * moment:g}" for moment in moments) + "]"
@@ -159,7 +159,7 @@ def a_repetition(random, planar):
 
 
 def mechanical(random, texts, wild=None):
-    """A mechanism of a few elements, in any order; half of them wild where that is left open."""
+    """A mechanism of a few elements, in any order; by default half of them are wild."""
     random.wild = random.random() < 0.5 if wild is None else wild
     random.planar = planar = random.random() < 0.5
     parts = [["[parameters]", f"a = {a_number(random)}", f"c = {a_number(random)}",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Makes scenes that are wrong, odd, or right in an unusual way, from a generator of random numbers that was seeded.
+"""Makes scenes that are wrong, odd, or right in an unusual way, from a seeded generator of random numbers.
 
 Each kind of input is a function of (random, texts) that gives a text as str or bytes; in `KINDS` with its share. A kind that is
 named `same ...` only changes the spelling: it must be accepted. One that is named `never ...` must be refused.
@@ -167,7 +167,7 @@ def any_value(random):
 
 
 def bytes_changed(random, texts):
-    """Some bytes flipped, removed, doubled, put in."""
+    """Some bytes flipped, removed, doubled, inserted."""
     data = bytearray(random.choice(texts).encode())
     for _ in range(random.choice([1, 1, 1, 2, 5, 20])):
         at = random.randrange(len(data))
@@ -322,7 +322,7 @@ def line_ends_changed(random, texts):
 
 
 def characters_put_in(random, texts):
-    """UTF-8, right and broken, other encodings, control characters, at any place."""
+    """UTF-8, valid and broken, other encodings, control characters, at any place."""
     text = random.choice(texts)
     data = text.encode()
     what = random.randrange(6)
@@ -362,7 +362,7 @@ def garbage(random, texts):
 
 
 def nested(random, texts):
-    """Arrays and tables in each other, and dotted keys, up to a depth at which a parser that descends would fall."""
+    """Nested arrays and tables, and dotted keys, up to a depth at which a recursive parser would fail."""
     text = random.choice(texts)
     depth = random.choice([2, 10, 100, 1000, 4000, 4999, 5001, 20000, 200000])
     opened = random.choice(["[", "{a=", "[{a=", "[[", "a.", "'a'.", '"".', "{a.b="])
@@ -476,7 +476,7 @@ def grammatical(random, texts):
 
 
 def same_line_ends(random, texts):
-    """As an editor of Windows writes it, or without an end of the last line."""
+    """As written by a Windows editor, or without an end of the last line."""
     text = random.choice([text for text in texts if "'''" not in text])
     return random.choice([text.replace("\n", "\r\n"), text.rstrip("\n"), text.rstrip("\n").replace("\n", "\r\n"), text + "\n\n\n"])
 
@@ -491,7 +491,7 @@ def same_comments(random, texts):
 
 
 def same_numbers(random, texts):
-    """Numbers that are spelled otherwise."""
+    """Numbers in another notation."""
 
     def other(match):
         value = float(match[2])
@@ -520,7 +520,7 @@ def same_keys(random, texts):
         random.shuffle(tables)
         return first + "\n".join(tables + events)
     plain = [block for block in tables if all(line == "" or line[0] in "#[" or PAIR.match(line) for line in block.split("\n"))]
-    # One whose dotted keys go on in other headings would be another scene.
+    # A table whose dotted keys continue in other headings would be another scene.
     tops = [re.match(r"\[(\w+)", block)[1] for block in tables]
     plain = [block for block in plain if tops.count(re.match(r"\[(\w+)", block)[1]) == 1]
     chosen = random.choice(plain)
@@ -537,14 +537,14 @@ def never_control(random, texts):
 
 
 def never_broken(random, texts):
-    """Bytes that are no UTF-8, anywhere."""
+    """Invalid UTF-8, anywhere."""
     data = random.choice([text for text in texts if text.isascii()]).encode()
     at = random.randrange(len(data) + 1)
     return data[:at] + random.choice(BROKEN) + data[at:]
 
 
 def never_doubled(random, texts):
-    """A key or a table that is there twice."""
+    """A repeated key or table."""
     lines = random.choice([text for text in texts if "\n[[" not in text]).split("\n")
     if random.random() < 0.7:
         at = random.choice(pairs(lines))
@@ -632,7 +632,7 @@ def a_setting(random, texts):
 
 
 def cases(texts, random, count, only=None):
-    """(number, case) so many times, of one kind where it is given; the scenes themselves first."""
+    """(number, case) a number of times, of one kind if it is given; the scenes themselves first."""
     for number, text in enumerate(texts, 1):
         yield number, Case("same scene", text.encode())
     kinds = [*KINDS, ("settings", sum(share for _, share, _ in KINDS) * SETTINGS_SHARE, None)]

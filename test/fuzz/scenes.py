@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The scenes that are mutated: the shipped ones, and some that use the tables and keys which those leave out. All are right."""
+"""The scenes to be mutated: the shipped ones, and some with the tables and keys that those do not use. All are valid."""
 
 EVENTS = """\
 [scene]
