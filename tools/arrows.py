@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Which folder uses which: the `use` of all modules of src, io, cli and app as arrows between their folders.
+"""Dependencies between folders: the `use` statements of all modules of src, io, cli and app as arrows between their folders.
 
 Usage: tools/arrows.py          print each arrow, how many `use` it stands for, and the files that they are in
        tools/arrows.py write    draw them anew in CONTRIBUTING.md
@@ -31,7 +31,7 @@ def folder(root, path):
     inner = parts[parts.index("src") + 1 :]
     if len(inner) == 1:
         return parts[0] if package else "tandem.f90"
-    # A file beside a folder of its name is that folder's.
+    # A file beside a folder of its name belongs to this folder.
     below = len(inner) > 2 or (root / path).with_suffix("").is_dir()
     return package + (Path(inner[1]).stem if below else "base")
 
@@ -54,7 +54,7 @@ def find_arrows(root):
 
 
 def in_order(arrows):
-    """The folders, each after those that it uses; a ValueError names a circle."""
+    """The folders, each after those it uses; a ValueError names a circle."""
     try:
         return list(TopologicalSorter({here: sorted(arrows[here]) for here in sorted(arrows)}).static_order())
     except CycleError as error:
@@ -75,7 +75,7 @@ def draw(arrows):
 
 
 def problems(root=ROOT):
-    """What is wrong: a circle, or a drawing that is not what the sources say."""
+    """Problems: a circle, or a diagram that differs from the sources."""
     try:
         drawing = draw(find_arrows(root))
     except ValueError as error:

@@ -1,20 +1,20 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Measures what doc/performance.md shows and makes its figures and tables anew. `make bench` calls it after its set-up. What it
-# measures is left in build/bench.
+# Makes the measurements of doc/performance.md and updates its figures and tables. `make bench` calls it after its set-up. The
+# results are in build/bench.
 #
 # Usage: tools/bench.sh            all of it
-#        tools/bench.sh figures    figures and tables of what is there
+#        tools/bench.sh figures    figures and tables of the existing results
 #        tools/bench.sh count      compare instructions with bench/counts.txt (`make bench-count`)
-#        tools/bench.sh record     write bench/counts.txt anew
-#        tools/bench.sh profiles   measure only where the time of two runs goes
-#        tools/bench.sh sweep [--cases N] [--rounds N]    a sweep on one and on two threads beside bare loops (doc/sweep.md)
-#        tools/bench.sh large [SCENE [STEPPER [KIND [NUMBER...]]]]    what a step of many bodies costs (doc/sparse.md)
-#        tools/bench.sh mechanisms [NAME...]    mechanisms beside Exudyn, MuJoCo and Pinocchio, from PyPI
-#        tools/bench.sh output SCENE [SETTING...]    what writing the result file adds to a run
+#        tools/bench.sh record     write bench/counts.txt
+#        tools/bench.sh profiles   measure only the profiles of two runs
+#        tools/bench.sh sweep [--cases N] [--rounds N]    a sweep on one and on two threads compared with bare loops (doc/sweep.md)
+#        tools/bench.sh large [SCENE [STEPPER [KIND [NUMBER...]]]]    cost of a step of many bodies (doc/sparse.md)
+#        tools/bench.sh mechanisms [NAME...]    mechanisms compared with Exudyn, MuJoCo and Pinocchio, from PyPI
+#        tools/bench.sh output SCENE [SETTING...]    additional time for the result file
 #
 # Environment: ARCH  flags for the machine at hand (-march=native)
-#              CORE  the core that all runs share (0)
+#              CORE  core of all runs (0)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export OPENBLAS_NUM_THREADS=1

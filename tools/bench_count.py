@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Counts what short runs cost in instructions, which no other work on the machine disturbs, and how often they allocate memory, and
+"""Counts instructions of short runs, which do not depend on other load of the machine, and their memory allocations, and
 compares with bench/counts.txt.
 
 Usage: tools/bench_count.py PROGRAM            compare; exit code 1 where a step needs more than 3 % more than it did
        tools/bench_count.py PROGRAM record     write bench/counts.txt anew
 
 PROGRAM is the program `count` of bench/, without AVX-512, which valgrind does not know. `make bench-count` builds it and calls this.
-What is counted is `integrate` as a whole; allocations are the calls of malloc, calloc and realloc in it.
+Instructions are those of `integrate` as a whole; allocations are the calls of malloc, calloc and realloc in it.
 """
 
 import re
@@ -57,7 +57,7 @@ def count(program):
 
 
 def tools():
-    """What the counts depend on besides the project."""
+    """Versions on which the counts depend besides the project."""
     compiler = subprocess.run(["gfortran", "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
     version = subprocess.run(["valgrind", "--version"], capture_output=True, text=True, check=True).stdout.strip()
     libraries = subprocess.run(["dpkg-query", "-W", "-f", "${Package} ${Version}, ", "libopenblas0", "libc6"],

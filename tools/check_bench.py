@@ -4,8 +4,8 @@
 
 Usage: tools/check_bench.py FOLDER FLAGS
 
-Below FOLDER lie the module files of tandem and tandem-io; FLAGS says what warnings to ask for. Prints "ok FILE" or
-"not ok FILE" for each source below bench/, and what the compiler says of it; tools/verify.py counts them.
+Below FOLDER lie the module files of tandem and tandem-io; FLAGS selects the warnings. Prints "ok FILE" or
+"not ok FILE" for each source below bench/, and the messages of the compiler; tools/verify.py counts them.
 """
 
 import graphlib

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Checks the examples: what the documents quote is what the files hold, each example runs and is as exact as it should
-# be, and a project outside the checkout that depends on tandem builds without HDF5, TOML and a network.
+# Checks the examples: quotations in documents match the files, each example runs with the required
+# accuracy, and a project outside the checkout that depends on tandem builds without HDF5, TOML and a network.
 #
 # Usage: tools/check_examples.sh
 #
-# Prints "ok NAME" or "not ok NAME" for each check, and after a failure what was wrong; tools/verify.py counts them.
+# Prints "ok NAME" or "not ok NAME" for each check, and details after a failure; tools/verify.py counts them.
 # Exit code 1 if anything failed.
 set -uo pipefail
 cd "$(dirname "$0")/.." || exit 1
@@ -19,7 +19,7 @@ tmp=$(mktemp -d) || exit 1
 trap 'rm -rf "$tmp"' EXIT
 failures=0
 
-check() { # NAME COMMAND...: passes if the command succeeds; what it prints tells why it did not
+check() { # NAME COMMAND...: passes if the command succeeds; its output explains a failure
     local name=$1
     shift
     if "$@" >"$tmp/told" 2>&1; then
@@ -57,7 +57,7 @@ error_below() { # LIMIT LOG: the line "error: NUMBER" of a program's output
         ' "$2"
 }
 
-# --- 1. what the documents quote -----------------------------------------------------------------------------------
+# --- 1. quotations in documents -------------------------------------------------------------------------------------
 
 is_short() { [ "$(wc -l <"$1")" -le "$2" ] || { echo "$1 has $(wc -l <"$1") lines, allowed $2"; return 1; }; }
 check readme-is-short is_short README.md 150
@@ -85,12 +85,12 @@ check steered-skate-finds-its-procedures-right finds_nothing_wrong "$tmp/steered
 # --- 3. a project that depends on tandem ---------------------------------------------------------------------------
 
 copy_outside() { # the files of the checkout, without anything that set-up or a build made
-    # Also where the checkout is somebody else's, as that of a machine is in its container.
+    # Also if the checkout belongs to another user, as in a container.
     git -c safe.directory="$PWD" ls-files -z --cached --others --exclude-standard | tar --null --ignore-failed-read -T - -cf - |
         tar -C "$tmp/copy" -xf - && [ -f "$tmp/copy/example/dependent/fpm.toml" ]
 }
 
-build_dependent() { # git may fetch nothing, and pkg-config finds nothing
+build_dependent() { # without downloads by git and without pkg-config
     local strict="-std=f2018 -Wall -Wextra -pedantic -Wno-unused-dummy-argument"
     (
         cd "$tmp/copy/example/dependent" &&

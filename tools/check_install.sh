@@ -9,7 +9,7 @@
 #
 # Usage: tools/check_install.sh
 #
-# Prints "ok NAME" or "not ok NAME" for each check, and after a failure what was wrong; tools/verify.py counts them.
+# Prints "ok NAME" or "not ok NAME" for each check, and details after a failure; tools/verify.py counts them.
 # Exit code 1 if anything failed.
 set -uo pipefail
 cd "$(dirname "$0")/.." || exit 1
@@ -22,7 +22,7 @@ trap 'rm -rf "$tmp"' EXIT
 prefix=$tmp/installed
 failures=0
 
-check() { # NAME COMMAND...: passes if the command succeeds; what it prints tells why it did not
+check() { # NAME COMMAND...: passes if the command succeeds; its output explains a failure
     local name=$1
     shift
     if "$@" >"$tmp/told" 2>&1; then
@@ -72,7 +72,7 @@ needs_only_lapack_and_blas() {
 }
 check library-needs-only-lapack-and-blas needs_only_lapack_and_blas "$prefix/lib/libtandem.so.1"
 
-no_common_state() { # the only variables are what the compiler never changes: tables of types, constant arrays, and one text of ours
+no_common_state() { # the only variables are constant data: tables of types, constant arrays, and one text of ours
     nm "$prefix/lib/libtandem.a" | awk '
         $2 ~ /^[bBdDC]$/ && $3 !~ /__vtab_|__def_init_|_c_MOD_no_problem$|^jumptable\./ && !($2 == "d" && $3 ~ /^A\./) { print; bad = 1 }
         END { exit bad }'
@@ -177,7 +177,7 @@ python_raises() { # an exception in a function of the model ends the program as 
     grep -q "^KeyError: 'density'" "$tmp/raised" || { cat "$tmp/raised"; return 1; }
 }
 check python-example-raises-the-exception-of-a-function python_raises
-python_does_not_guard() { # where the guard lets it through ctypes hands on what was on the stack as status: the term is named
+python_does_not_guard() { # an unguarded exception makes ctypes return a random status: the term is named
     sed 's/^            raised.append(exception)$//; s/^            return -1$/            raise/' "$tmp/raises.py" >"$tmp/unguarded.py"
     ! python3 "$tmp/unguarded.py" "$prefix/lib/libtandem.so.1" >"$tmp/raised" 2>&1 || { echo "no failure"; return 1; }
     grep -Eq '(set not all of its value|could not be evaluated) .*term mass' "$tmp/raised" || { cat "$tmp/raised"; return 1; }

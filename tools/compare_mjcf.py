@@ -5,7 +5,7 @@
 Usage: tools/compare_mjcf.py [FILE...]      files, or all that the packages gymnasium and dm-control ship
 
 Installs mujoco, gymnasium, dm-control and h5py from PyPI into build/mujoco, or takes what MUJOCO names. The program is build/tandem, or
-what TANDEM names. What the import leaves out is taken out of MuJoCo too: contacts, limits, equalities, armatures, friction, actuators, and the springs
+what TANDEM names. Features that the import omits are removed in MuJoCo too: contacts, limits, equalities, armatures, friction, actuators, and the springs
 and dampers that no joint of its own has here. Prints a line for each and the largest difference, relative to the largest value, of accelerations
 to 1 m/s^2 or 1 rad/s^2 at least; exit code 1 where one is above 1e-10.
 """

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Measures which lines of src/ the tests run, and lists those that they do not.
+"""Measures the coverage of src/ by the tests, and lists the lines that are not run.
 
 Usage: tools/coverage.py [--report]        `make coverage` calls it without the option
 
@@ -30,7 +30,7 @@ LEAST = 90.0
 
 
 def objects():
-    """The folders that hold counters of the sources in src/: fpm's own, and the library's."""
+    """Folders with counters of the sources in src/: fpm's own, and the library's."""
     found = {path.parent for path in (ROOT / "build").glob("gfortran_*/tandem/src_*.gcno")}
     return [*sorted(found), LIBRARY]
 
@@ -43,7 +43,7 @@ def forget():
 
 
 def run(*command, **options):
-    """Run a command; its output goes to a log, and what it says is shown where it fails."""
+    """Run a command; its output goes to a log, and is shown if it fails."""
     log = OUT / "log.txt"
     with open(log, "ab") as file:
         code = subprocess.run(command, cwd=ROOT, stdout=file, stderr=file, stdin=subprocess.DEVNULL, **options).returncode
@@ -69,7 +69,7 @@ def measure():
 
 
 def counts():
-    """How often each line was run: {source: {line: times}}."""
+    """Number of runs of each line: {source: {line: times}}."""
     total = collections.defaultdict(lambda: collections.defaultdict(int))
     for folder in objects():
         for notes in sorted(folder.glob("*.gcno")):
@@ -92,7 +92,7 @@ def counts():
 
 
 def spans(numbers):
-    """Numbers of lines in short: 3-5, 9."""
+    """Abbreviated numbers of lines: 3-5, 9."""
     text = []
     for number in numbers:
         if text and number == text[-1][1] + 1:

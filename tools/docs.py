@@ -32,7 +32,7 @@ OUTPUT = ROOT / "build" / "docs"
 FRONT = ROOT / "build" / "docs-front.md"
 FORD = ROOT / ".venv" / "bin" / "ford"
 SITE = ROOT / ".deps" / "site"
-# What the pages load: where FORD's templates point, the file beside the pages, and the package and the place that it comes from.
+# Files that the pages load: the address in FORD's templates, the file beside the pages, its package and path.
 ASSETS = [
     ("cdn.jsdelivr.net/npm/bootstrap[^\"]*css", "bootstrap.min.css", "mkdocs", "mkdocs/themes/mkdocs/css/bootstrap.min.css"),
     ("cdn.jsdelivr.net/npm/bootstrap[^\"]*js", "bootstrap.min.js", "mkdocs", "mkdocs/themes/mkdocs/js/bootstrap.bundle.min.js"),
@@ -67,7 +67,7 @@ def check(name, problems):
 
 
 def public_names(text):
-    """What a module offers that it defines itself."""
+    """Names that a module defines and makes public."""
     listed = re.findall(r"^    public\s*::\s*((?:.*&\s*\n)*.*)$", text, re.M)
     return {name for block in listed for name in re.findall(r"[a-z_]\w*", re.sub(r"!.*", "", block), re.I)}
 
@@ -114,7 +114,7 @@ def has_comment(lines, number):
 
 
 def page(text):
-    """A page of doc/ as FORD wants it: a title on top, links to the other pages as HTML, mathematics for MathJax."""
+    """A page of doc/ for FORD: a title on top, links to the other pages as HTML, mathematics for MathJax."""
     title = re.match(r"# (.*)\n", text)[1]
     text = text.split("\n", 1)[1]
     parts = re.split(r"(^```.*?^```$)", text, flags=re.M | re.S)
@@ -143,22 +143,22 @@ def make_pages():
 
 
 def front_page():
-    """What FORD makes the front page of: its settings, the start of README.md, and the text of doc/reference.md."""
+    """Source of the front page for FORD: its settings, the start of README.md, and the text of doc/reference.md."""
     settings, text = (ROOT / "doc" / "reference.md").read_text().split("---\n", 2)[1:]
     start = (ROOT / "README.md").read_text().split("\n## Steppers", 1)[0].split("\n", 1)[1]
     start = start.replace("](doc/figures/", "](media/")
     start = re.sub(r"\]\(doc/(\w+)\.md(#[^)]*)?\)", lambda m: f"](page/{m[1]}.html{m[2] or ''})", start)
-    # Examples and scenes are no pages.
+    # Examples and scenes are not pages.
     start = re.sub(r"\[((?:example|scenes)/[^\]]*)\]\([^)]*\)", r"`\1`", start)
     start = re.sub(r"(?<!\$)\$([^$`\n]+)\$(?!\$)", r"\\(\1\\)", start)
     FRONT.write_text(f"---\n{settings}---\n{start}\n{text}")
 
 
-# --- what FORD leaves to do ----------------------------------------------------------------------------------------------
+# --- post-processing of the output of FORD -------------------------------------------------------------------------------
 
 
 def bring_motions():
-    """Pages that play the motions, behind their pictures, where the package for Python is installed; else the pictures stay."""
+    """Pages that play the motions, behind their pictures, if the package for Python is installed; else only pictures."""
     python = ROOT / "build" / "python" / "bin" / "python"
     if not python.exists():
         return
@@ -174,7 +174,7 @@ def bring_motions():
 
 
 def bring_assets():
-    """Scripts and styles beside the pages, instead of addresses; mathematics only where there is some."""
+    """Replace addresses of scripts and styles by local files; mathematics only on pages with formulas."""
     folder = OUTPUT / "assets"
     folder.mkdir()
     wheels = {file.name.split("-")[0]: zipfile.ZipFile(file) for file in SITE.glob("*.whl")}
@@ -206,7 +206,7 @@ def mathematics(match):
 
 
 def offered():
-    """(name, module) of what `use tandem` brings."""
+    """(name, module) of the names that `use tandem` provides."""
     text = re.sub(r"&\s*\n\s*", "", (ROOT / "src" / "tandem.f90").read_text())
     return {(name, module) for module, names in re.findall(r"^    use (\w+), only: (.*)", text, re.M) for name in names.split(", ")}
 
@@ -253,14 +253,14 @@ def set_internals_apart():
 
 
 def is_for_programs(row, known):
-    """A row of a list: the name, then for most the module or the file where it is."""
+    """A row of a list: the name, then for most the module or the file."""
     cells = [re.sub(r"<[^>]*>|&nbsp;", "", cell).strip() for cell in re.findall(r"<td>(.*?)</td>", row, re.S)]
     name, place = cells[0], cells[1]
     return name in INTERFACES | {"tandem"} or (name, place) in known or place in INTERFACES or place.endswith("f77.f90")
 
 
 def fetched():
-    """What a page would fetch from elsewhere: scripts, styles, pictures, fonts."""
+    """Resources that a page would load from elsewhere: scripts, styles, pictures, fonts."""
     found = set()
     for file in [*OUTPUT.rglob("*.html"), *OUTPUT.rglob("*.css")]:
         text = file.read_text(errors="replace")
@@ -300,7 +300,7 @@ def search_problems():
 
 
 class Links(html.parser.HTMLParser):
-    """The links of a page, and the places that links can lead to."""
+    """Links of a page, and its link targets."""
 
     def __init__(self, file):
         super().__init__()
@@ -340,10 +340,10 @@ def main():
     run = subprocess.run(
         [FORD, str(FRONT)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
-    # FORD would take a folder of figures for pages.
+    # FORD would treat a folder of figures as pages.
     shutil.copytree(ROOT / "doc" / "figures", OUTPUT / "page" / "figures")
     bring_motions()
-    # Its progress, drawn as bars, names files and entities, of which some are called `error`.
+    # Its progress bars name files and entities, some of which are called `error`.
     told = [line for line in run.stdout.splitlines() if "\u2501" not in line and re.search(r"warning|error(?!\.f90)", line, re.I)]
     check("ford-has-nothing-to-warn-of", told + [f"exit code {run.returncode}"] * bool(run.returncode))
     wanted = ["index.html", "module/tandem.html", "type/model_type.html", "proc/tdintg.html", "page/linking.html"]

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Makes the tables of a document anew from the files of studies, or of `make bench`. tools/plots.sh and tools/bench.sh call it.
+"""Updates the tables of a document from the files of studies, or of `make bench`. tools/plots.sh and tools/bench.sh call it.
 
 Usage: tools/fill_tables.py DOCUMENT FOLDER
 """

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Compares the interfaces for C and Fortran 77 with what include/interface.txt says belongs to their version.
+"""Compares the interfaces for C and Fortran 77 with the contents of their version in include/interface.txt.
 
 Usage: tools/interface.py check [--library FILE] [--modules DIR] [--root DIR]
        tools/interface.py record [--root DIR]
@@ -10,8 +10,8 @@ the header, the include file and the Fortran sources disagree. With --modules, w
 writes the prototypes of the Fortran functions, and they must be those of the header. With --library, the symbols that the
 shared library exports must be those of the interfaces.
 
-`record` writes include/interface.txt after a change. It wants a new minor number (the last three digits) where something was
-added, and a new major one where something was taken away or changed: src/tandem/legacy/version.f90, TANDEM_INTERFACE_VERSION
+`record` writes include/interface.txt after a change. It requires a new minor number (the last three digits) where something was
+added, and a new major one where something was removed or changed: src/tandem/legacy/version.f90, TANDEM_INTERFACE_VERSION
 in include/tandem.h, TDIVER in include/tandem.inc.
 """
 
@@ -28,7 +28,7 @@ def squeeze(text):
     return re.sub(r"\s+", " ", text).strip()
 
 
-# --- what the sources say ---------------------------------------------------------------------------------------------
+# --- contents of the sources -------------------------------------------------------------------------------------------
 
 
 def read_header(root):
@@ -72,7 +72,7 @@ def read_joined(path):
 
 
 def read_options(root):
-    """What can be set by name, with its kind: the rows of the table, and what is the model's or an assembly's."""
+    """Settings by name, with their kinds: the rows of the table, and settings of the model or of an assembly."""
     kinds = {"number": "real option", "whole": "integer option", "word": "text option", "list": "list"}
     table = read_joined(root / "src/tandem/options.f90")
     rows = re.findall(r"%take\(option_row_type\('(\w+)', .*?\), (number|whole|word|list)=self%", table)
@@ -84,7 +84,7 @@ def read_options(root):
 
 
 def read_figures(root):
-    """The figures by name, in lower case: those of reports, and what the interfaces call otherwise."""
+    """Figures by name, in lower case: those of reports, and further ones of the interfaces."""
     source = root / "src/tandem"
     texts = "".join(read_joined(source / file) for file in ("simulate/statistics.f90", "model/terms.f90", "model/derivatives.f90"))
     names = []
@@ -101,7 +101,7 @@ def read_figures(root):
 
 
 def read_names(root):
-    """The names that callers give as texts: of options, statistics, and procedures of a model."""
+    """Names that callers pass as texts: of options, statistics, and procedures of a model."""
     legacy = root / "src/tandem/legacy"
     names = read_options(root) + [f"statistic {name}" for name in read_figures(root)]
     names += [
@@ -112,7 +112,7 @@ def read_names(root):
 
 
 def read_statistics(root):
-    """The numbers in the types that hold the figures of a run."""
+    """Numbers in the types of the figures of a run."""
     names = set()
     for file, type_ in (("simulate/statistics.f90", "statistics_type"), ("model/counts.f90", "counts_type")):
         text = (root / "src/tandem" / file).read_text()
@@ -142,7 +142,7 @@ def read_all(root):
 
 
 def disagreements(root, modules):
-    """What the header, the include file and the Fortran sources say differently."""
+    """Differences between the header, the include file and the Fortran sources."""
     version, _ = read_all(root)
     header_version, c_constants, declarations = read_header(root)
     include_version, f77_constants = read_include(root)
@@ -163,7 +163,7 @@ def disagreements(root, modules):
             problems.append(f"{name} is {lengths[name]} in tandem.inc, {length} in {file}.f90")
     if sorted(f77_constants.values()) != sorted(expected.values()):
         problems.append("tandem.inc has other statuses or terms than the Fortran sources")
-    # The kind of model decides on their wording; it is no figure itself.
+    # Their names depend on the kind of model, which is not a figure itself.
     told = {"has_ready_made_model"} | set(re.findall(r"\bs%(\w+)", (root / "src/tandem/simulate/figures.f90").read_text()))
     problems += [f"figures.f90 lacks the statistic {name}" for name in sorted(read_statistics(root) - told)]
     if modules:
@@ -179,7 +179,7 @@ def disagreements(root, modules):
 
 
 def plain(prototype):
-    """Types only, with all pointers to things that Fortran does not know as void pointers."""
+    """Types only, with pointers to types unknown to Fortran as void pointers."""
     before, arguments = re.match(r"(.*?)\s*\((.*)\)$", squeeze(prototype)).groups()
     before = re.sub(r"\b(const )?(tandem_problem|char) \*", "void *", before)
     types = []
@@ -191,9 +191,9 @@ def plain(prototype):
             continue
         name = re.sub(r"\bconst ", "", re.sub(r"\w+$", "", argument)).replace(" ", "")
         types.append("void*" if name in ("tandem_problem*", "char*") else name)
-    # gfortran writes its kind of 64 bits as `long`, which it is where it runs.
+    # gfortran writes its 64-bit kind as `long`, which is equivalent on this platform.
     types = ["int64_t*" if type_ == "long*" else type_ for type_ in types]
-    # Fortran takes the list of numbers as an address, since it may be NULL.
+    # Fortran takes the list of numbers as an address, because it may be NULL.
     types = ["void*" if type_ == "double*" and "tandem_set_vector" in before else type_ for type_ in types]
     return f"{before.replace(' *', '* ')}({', '.join(types)})".replace("  ", " ")
 

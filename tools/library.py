@@ -47,7 +47,7 @@ FASTER = "x86-64-v3"
 # Static libraries of Debian that they hold, and the packages with their licences.
 OPENBLAS = "openblas-serial/libopenblas.a"
 HELD_BY_PROGRAM = ["libhdf5_serial_hl.a", "libhdf5_serial_fortran.a", "libhdf5_serial.a", "libsz.a", "libaec.a", "libz.a"]
-# Libraries that they need stand in a folder of their own, where no other program looks: one that brings its own gfortran takes that.
+# Required libraries are in a separate folder, which other programs do not search: one with its own gfortran uses that.
 RUN_TIME = {"libgfortran.so": "libgfortran.so.5", "libquadmath.so": "libquadmath.so.0"}
 LICENCES = {"openblas": "libopenblas-dev", "hdf5": "libhdf5-dev", "libaec": "libaec-dev", "zlib": "zlib1g-dev",
             "gfortran": "libgfortran5"}
@@ -61,7 +61,7 @@ USE = re.compile(r"^\s*use\s*(?:,\s*non_intrinsic\s*)?(?:::)?\s*(\w+)", re.M | r
 
 
 def versions():
-    """The version of tandem, and the major number of the interface, which is that of the shared library."""
+    """Version of tandem, and major number of the interface, which is that of the shared library."""
     tandem = re.search(r'^version = "([^"]+)"', (ROOT / "fpm.toml").read_text(), re.M)[1]
     interface = re.search(r"interface_version = (\d+)", (ROOT / "src/tandem/legacy/version.f90").read_text())[1]
     return tandem, int(interface) // 1000, int(interface) % 1000
@@ -108,7 +108,7 @@ def compile_all(build, flags, roots, includes=()):
     fresh = {}
 
     def compile_one(source):
-        """True if it was compiled; also if one that it needs was."""
+        """True if it was compiled; also if a source it depends on was."""
         target = objects[source]
         newer = target.exists() and target.stat().st_mtime > max(source.stat().st_mtime, oldest)
         if newer and not any(fresh[other] for other in needs.get(source, ())):
@@ -156,8 +156,8 @@ def found_by_linker(name):
 
 
 def portable_link(names, *folders):
-    """Arguments of the linker for static libraries whose symbols nobody else sees. Shared ones are searched in folders beside the
-    file, also those that they need in turn (an RPATH, no RUNPATH)."""
+    """Arguments of the linker for static libraries with local symbols. Shared ones are searched in folders beside the file, also
+        their own dependencies (an RPATH, no RUNPATH)."""
     where = ":".join(f"$ORIGIN/{folder}" for folder in folders)
     stand_ins = []
     for source in (ROOT / "tools" / "portable").glob("*.c"):
@@ -174,7 +174,7 @@ def symbols(kind, file):
 
 
 def build_blas(solver, shared):
-    """OpenBLAS as a shared library with nothing but what the solver calls."""
+    """OpenBLAS as a shared library reduced to the routines that the solver calls."""
     called = sorted(symbols("U", solver) & symbols("T", found_by_linker(OPENBLAS)))
     script = shared.with_suffix(".map")
     script.write_text("TANDEM_1 { global: " + "; ".join(called) + "; local: *; };\n")
@@ -200,12 +200,12 @@ def build_libraries(build, flags, link=("-llapack", "-lblas")):
 
 
 def link_shared(build, objects, flags, link):
-    """libtandem.so in the build folder, where it is older than an object."""
+    """libtandem.so in the build folder, if it is older than an object."""
     shared, made = build / "libtandem.so", build / "linked.so"
     newest = max(file.stat().st_mtime for file in [*objects, Path(__file__)])
     if shared.exists() and shared.stat().st_mtime > newest:
         return
-    # Symbols that nobody defines are an error here, not in the user's program; a sanitizer's come with the program.
+    # Undefined symbols are an error here, not in the user's program; those of a sanitizer come with the program.
     strict = [] if any("-fsanitize" in flag for flag in flags) else ["-Wl,-z,defs"]
     subprocess.run(
         [FC, "-shared", *flags, *strict, f"-Wl,-soname,libtandem.so.{versions()[1]}", "-o", str(made), *map(str, objects), *link],
@@ -238,7 +238,7 @@ def build_portable():
     flags = [flag for flag in plain if "-march" not in flag] + [f"-march={FASTER}"]
     faster = PORTABLE / FASTER
     link_shared(faster, compile_all(faster, flags, [ROOT / "src"]), flags, [blas, *portable_link([], "../../tandem")])
-    # For who loads the library by a path, where the dynamic linker has no choice.
+    # For callers that load the library by a path, where the dynamic linker has no choice.
     subprocess.run(
         [CC, "-shared", "-nostdlib", "-o", str(PORTABLE / "libtandem-chosen.so"), "-Wl,--no-as-needed"]
         + [str(PORTABLE / "libtandem.so"), "-Wl,--allow-shlib-undefined", "-Wl,--disable-new-dtags", "-Wl,-rpath,$ORIGIN/.."],
@@ -262,7 +262,7 @@ def run_path(prefix):
 def contents(prefix):
     """The generated files of the library: path below the prefix, text."""
     tandem, major, minor = versions()
-    # The static run-time library of gfortran asks for libquadmath where there is one.
+    # The static run-time library of gfortran requires libquadmath on some platforms.
     quadmath = subprocess.run([FC, "-print-file-name=libquadmath.a"], capture_output=True, text=True).stdout.strip()
     needed = "-llapack -lblas -lgfortran" + (" -lquadmath" if os.path.isabs(quadmath) else "") + " -lm"
     pkgconfig = f"""\
@@ -347,7 +347,7 @@ def library_part(build, prefix):
 
 
 def program_part(program):
-    """The program with its scenes, which it finds beside its folder (io/src/tandem_io/scene/shipped.f90)."""
+    """The program with its scenes, which it searches relative to its folder (io/src/tandem_io/scene/shipped.f90)."""
     if not program.exists():
         raise SystemExit(f"library: {program} is missing: make optimised")
     files = {"bin/tandem": program, "share/tandem/licences/program-toml-f.txt": TOML_F / "LICENSE-MIT"}
@@ -445,7 +445,7 @@ def make_archive():
     folder = ROOT / "build" / name
     shutil.rmtree(folder, ignore_errors=True)
     install(None, None, str(folder), "", ["library", "program"], None, portable=True)
-    # The sections for link-time optimisation are larger than the static library, and serve this gfortran alone.
+    # The sections for link-time optimisation are larger than the static library, and work with this gfortran only.
     lto = ["-R", ".gnu.lto_*", "-R", ".gnu.debuglto_*"]
     subprocess.run(["strip", "-g", *lto, str(folder / "lib" / "libtandem.a")], check=True)
     kept = ["README.md", "CHANGELOG.md", "LICENSE", "doc", "example"]
@@ -475,7 +475,7 @@ def below(prefix, destdir):
 
 
 def remove(prefix, destdir, parts):
-    """Remove what the lists of the parts name, and folders that are empty then; returns how many files."""
+    """Remove the files in the lists of the parts, and empty folders; returns the number of files."""
     target = below(prefix, destdir)
     lists = [target / manifest(part) for part in parts]
     names = [name for file in lists if file.exists() for name in file.read_text().split("\n")[:-1]]

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Draws what is in result files and in the files of studies.
+"""Draws the contents of result files and of the files of studies.
 
 Usage: tools/plot.py FILE.h5... PICTURE [OPTION...]
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Measures what README.md, doc/results.md, doc/precision.md and doc/stability.md show, with build/optimised/tandem, and makes their figures and tables
-# anew. `make plots` calls it after its set-up; it takes about ten minutes. What it measures is left in build/plots;
-# `tools/plots.sh figures` makes figures and tables of what is there.
+# Makes the measurements of README.md, doc/results.md, doc/precision.md and doc/stability.md with build/optimised/tandem, and
+# updates their figures and tables. `make plots` calls it after its set-up; it takes about ten minutes. The results are in build/plots;
+# `tools/plots.sh figures` makes figures and tables of the existing results.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export OPENBLAS_NUM_THREADS=1

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Installs the package for Python, with the library, the program and three.js, into an environment of its own: build/python, where
-# `tandem plot` and `tandem view` look for it. `make python` calls it after the build of the program. What is missing is brought:
+# Installs the package for Python, with the library, the program and three.js, into a separate environment: build/python, where
+# `tandem plot` and `tandem view` look for it. `make python` calls it after the build of the program. Missing parts are installed:
 # packages of the system by tools/setup.sh, others from PyPI.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -9,7 +9,7 @@ export PIP_USER=0 PIP_DISABLE_PIP_VERSION_CHECK=1 LC_ALL=C.UTF-8
 unset PYTHONPATH PYTHONHOME
 env=build/python log=build/python.log
 say() { printf 'python: %s\n' "$*" >&2; }
-logged() { # COMMAND...: its output goes to the log, and is shown where it fails
+logged() { # COMMAND...: its output goes to the log, and is shown if it fails
     "$@" >"$log" 2>&1 </dev/null || { tail -n 15 "$log" >&2; say "failed: $*"; exit 1; }
 }
 

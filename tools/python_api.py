@@ -10,7 +10,7 @@ FILES = ["model.py", "solve.py", "simulation.py", "problem.py", "mechanism.py", 
 
 
 def public_names(file):
-    """What __all__ of a package lists."""
+    """Names in __all__ of a package."""
     for node in ast.parse((PACKAGE / file).read_text()).body:
         if isinstance(node, ast.Assign) and node.targets[0].id == "__all__":
             return set(ast.literal_eval(node.value))

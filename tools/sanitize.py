@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Looks for wrong use of memory and undefined behaviour, by the compiler's sanitizers and by valgrind.
+"""Finds invalid use of memory and undefined behaviour with the compiler's sanitizers and by valgrind.
 
 Usage: tools/sanitize.py [sanitizers] [valgrind] [suites [SUITE...]]        all without a name; `make sanitize` calls it
 
@@ -28,13 +28,13 @@ ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "build" / "sanitize"
 FPM = str(ROOT / ".venv" / "bin" / "fpm")
 SANITIZE = "-O1 -g -fsanitize=address,undefined -fno-omit-frame-pointer"
-# Array temporaries are no fault here; `tools/verify.py debug` looks for them.
+# Array temporaries are not errors here; `tools/verify.py debug` detects them.
 CHECKED = f"{SANITIZE} -fcheck=all,no-array-temps"
 PLAIN = "-O1 -g"
 VALGRIND = ["valgrind", "-q", "--error-exitcode=99", "--num-callers=20", "--leak-check=full", "--show-leak-kinds=definite"]
 VALGRIND += ["--errors-for-leak-kinds=definite", f"--suppressions={ROOT}/config/valgrind.txt"]
 # Leaks in the code of others, by the first procedure that is not the sanitizer's: toml-f makes the labels of its messages, and
-# test-drive its lists of tests (in main.f90 too), by functions whose results hold allocatable texts, which gfortran 12 forgets.
+# test-drive its lists of tests (in main.f90 too), by functions whose results hold allocatable texts, which gfortran 12 leaks.
 KNOWN_LEAKS = re.compile(r"__tomlf_diagnostic_MOD_new_label |__testdrive_MOD_new_|MAIN__ \S*test/main.f90:")
 LEAK = re.compile(r"^(?:Direct|Indirect) leak of .*?(?=\n\n|\Z)", re.M | re.S)
 TROUBLE = re.compile(r"ERROR: (?!LeakSanitizer)\w+Sanitizer|runtime error:|Fortran runtime error|Backtrace for|^==\d+== ", re.M)
@@ -101,7 +101,7 @@ COMMANDS = [
 
 
 def unknown_leak(text):
-    """The first leak that a program reports and that is none of the known ones."""
+    """First reported leak that is not a known one."""
     for leak in LEAK.finditer(text):
         place = re.search(r"#\d+ 0x\w+ in (?!__interceptor)(.*)", leak[0])
         if not (place and KNOWN_LEAKS.match(place[1])):
@@ -110,7 +110,7 @@ def unknown_leak(text):
 
 
 class Checks:
-    """Runs commands, judges them, and counts what was found."""
+    """Runs commands, checks their results, and counts failures."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -119,7 +119,7 @@ class Checks:
         self.failures = 0
 
     def run(self, name, command, code=0, cwd=None, seconds=1200, **environment):
-        """One check: the command ends with the code, and nobody complains."""
+        """One check: the command ends with the code, and reports no error."""
         log = self.folder / (re.sub(r"\W+", "_", name) + ".log")
         try:
             done = subprocess.run(
@@ -147,7 +147,7 @@ class Checks:
 
 
 def scenes(folder):
-    """Scenes that the shipped ones leave out, which the fuzzing has."""
+    """Scenes with features that the shipped ones do not use, from the fuzzing."""
     sys.path.insert(0, str(ROOT / "test" / "fuzz"))
     from scenes import ASSEMBLED, EVENTS
 
@@ -175,9 +175,9 @@ def command_lines(checks, tool, binary, **environment):
 
 
 def sanitizers():
-    """What is built with the sanitizers."""
+    """Checks with the sanitizers."""
     checks = Checks(OUT / "sanitizers")
-    # Leaks are judged by `unknown_leak`. What toml-f makes of integers that are too long is never used (`has_overflown`).
+    # Leaks are checked by `unknown_leak`. Results of toml-f for too long integers are never used (`has_overflown`).
     os.environ["LSAN_OPTIONS"] = "exitcode=0"
     os.environ["ASAN_OPTIONS"] = "detect_leaks=1"
     os.environ["UBSAN_OPTIONS"] = f"print_stacktrace=1:halt_on_error=1:suppressions={ROOT}/config/undefined.txt"
@@ -191,7 +191,7 @@ def sanitizers():
 
 
 def valgrind():
-    """What valgrind watches."""
+    """Checks with valgrind."""
     checks = Checks(OUT / "valgrind")
     command_lines(checks, VALGRIND, program(PLAIN, "tandem", "run", "tandem"))
     installed, linking = checks.folder / "installed", checks.folder / "linking"
@@ -213,7 +213,7 @@ def fortran_tests():
 
 
 def suites(only=()):
-    """What valgrind watches of the Fortran tests."""
+    """Fortran tests under valgrind."""
     checks = Checks(OUT / "suites")
     known = dict(fortran_tests())
     unknown = [f"{suite}/{test}" for suite, tests in LONG.items() for test in tests if test not in known.get(suite, ())]

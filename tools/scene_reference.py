@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Makes the tables of doc/scene_reference.md anew: every key of a scene, as the program shows it.
+"""Updates the tables of doc/scene_reference.md: every key of a scene, as shown by the program.
 
 Usage: tools/scene_reference.py           write them; the program is build/tandem, or what TANDEM names
-       tools/scene_reference.py --check   exit code 1 if the page is not what the program says
+       tools/scene_reference.py --check   exit code 1 if the page differs from the program
 
 A table stands between `<!-- keys: TABLE -->`, or `<!-- keys: TABLE MODEL -->` for one that belongs to a model, and `<!-- end -->`.
 """
@@ -19,12 +19,12 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "doc" / "scene_reference.md"
 TANDEM = os.environ.get("TANDEM", str(ROOT / "build" / "tandem"))
 MODELS = ["rolling_disk", "articulated_vehicle", "motorcycle"]
-# The least that a scene says, and settings that bring to light the keys that appear on demand.
+# Smallest scenes, and settings that show keys that appear on demand.
 LEAST = '[scene]\nmodel = "{}"\n[time]\nend = 1.0\n[[event]]\nname = "event"\nwatch = "qd:{}"\n'
 WATCHED = {"rolling_disk": "rx", "articulated_vehicle": "x1", "motorcycle": "rx"}
 MORE = ["initial.assemble=true", "solver.rtol_qd=1e-8", "solver.atol_qd=1e-8"]
 REQUIRED = {("scene", "model"), ("time", "end"), ("event", "name"), ("event", "watch")}
-# What the program makes up from the name of the file.
+# Value derived from the name of the file.
 NAMED = {("scene", "name"): "that of the file", ("output", "file"): "`NAME.h5`"}
 ENTRY = re.compile(r"""([A-Za-z]\w*) = ((?:"[^"]*"|\[.*?\]|[^ #]+))(?: +# (.*))?$""")
 
@@ -61,7 +61,7 @@ def table(name, model):
     lines = ["| key | default | meaning |", "|---|---|---|"]
     for key in keys:
         place, (value, comment) = (name, key), whole[name, key]
-        # Details of the assembly have defaults where it takes place; other keys that are not shown have none.
+        # Details of the assembly have defaults if it takes place; other keys that are not shown have none.
         value = plain.get(place, (value if name == "initial" else "", ""))[0]
         default = "required" if place in REQUIRED else NAMED.get(place, f"`{value}`" if value else "none")
         if key.endswith("weights"):

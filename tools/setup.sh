@@ -1,16 +1,16 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Brings what the build needs and is not there yet. `make` calls it before each build: it takes a fraction of a second
-# when nothing is missing, and the next call makes good what an interrupted one left.
+# Installs missing requirements of the build. `make` calls it before each build: it takes a fraction of a second
+# when nothing is missing, and a call after an interrupted one completes it.
 #
-# Usage: tools/setup.sh         what `fpm build` needs
-#        tools/setup.sh test    and what tools/verify.py needs
-#        tools/setup.sh docs    and what `make docs` needs
-#        tools/setup.sh plot    and what tools/plot.py needs
-#        tools/setup.sh bench   and what bench/ needs
-#        tools/setup.sh mpi     and what mpi/ needs
-#        tools/setup.sh python  and what tools/python.sh needs
-#        tools/setup.sh wheel   and what `make wheel` and `make dist` need
+# Usage: tools/setup.sh         requirements of `fpm build`
+#        tools/setup.sh test    and of tools/verify.py
+#        tools/setup.sh docs    and of `make docs`
+#        tools/setup.sh plot    and of tools/plot.py
+#        tools/setup.sh bench   and of bench/
+#        tools/setup.sh mpi     and of mpi/
+#        tools/setup.sh python  and of tools/python.sh
+#        tools/setup.sh wheel   and of `make wheel` and `make dist`
 #
 # 1. packages of the system  gfortran, LAPACK and BLAS, the serial HDF5, git, Python's venv (for the tests also g++, CMake,
 #                            pkg-config; for bench/ SUNDIALS, valgrind; for mpi/ OpenMPI; for wheels the OpenBLAS without

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Where the writer of a sweep over MPI saturates: a model on paper, and a simulation of its queue with measured costs.
+"""Saturation of the writer of a sweep over MPI: an analytical model, and a simulation of its queue with measured costs.
 
 Usage: tools/sweep_queue.py [--ranks N] [--case SECONDS] [--spread S] [--words N] [--record SECONDS] [--message SECONDS]
 
@@ -22,10 +22,10 @@ RECORD, MESSAGE = 0.14e-6, 1.3e-6
 
 
 def on_paper(ranks, case, words, record, message):
-    """Messages, records and bytes a second that reach rank 0 from ranks that are always busy, and how busy it is."""
+    """Messages, records and bytes per second that reach rank 0 from ranks that are always busy, and load of rank 0."""
     delay = GATHERING * ranks
     lasting = max(SHORTEST, 4 * delay)
-    # A rank tells when it has gathered long enough, but not more often than it has cases to tell.
+    # A rank sends when it has gathered long enough, but not more often than it finishes cases.
     told = ranks * min(1 / case, 1 / max(delay, 2e-3))
     given = ranks * min(1 / case, 1 / lasting)
     records = ranks / case

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""How fast a sweep is beside a bare loop of the library, on one hardware thread and on two, and what two threads can do at most.
+"""Speed of a sweep compared with a bare loop of the library, on one hardware thread and on two, and the limit of two threads.
 
 Usage: tools/sweep_speed.py [--cases N] [--rounds N] [--threads A,B]
 
@@ -27,7 +27,7 @@ ENVIRONMENT = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
 
 
 def sweep(folder, threads, jobs):
-    """Its time."""
+    """Time of a sweep."""
     begin = time.monotonic()
     subprocess.run(["taskset", "-c", threads, str(TANDEM), "sweep", "disks.toml", "--jobs", str(jobs), "--quiet", "--force"],
                    cwd=folder, env=ENVIRONMENT, check=True, stdout=subprocess.DEVNULL)

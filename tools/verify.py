@@ -43,7 +43,7 @@ def flags(name):
 
 @dataclass
 class Count:
-    """What a reader found: how many tests, and what to tell about those that failed."""
+    """Result of a reader: the number of tests, and reports on failures."""
 
     passed: int = 0
     failed: int = 0
@@ -106,7 +106,7 @@ def test_drive(lines):
 
 
 def test_drive_checked(lines):
-    """As test_drive, and one test more: the checked build reports no array temporary in what we ship."""
+    """As test_drive, plus one test: the checked build reports no array temporary in shipped sources."""
     places = {}
 
     def watched():
@@ -137,7 +137,7 @@ def linter(lines):
 
 
 def compiler(lines):
-    """The output of a verbose build: no warning from our own sources, and every one of them was compiled."""
+    """The output of a verbose build: no warning in our own sources, and all of them were compiled."""
     place = None
     compiled = set()
     warnings = {}
@@ -195,7 +195,7 @@ def ok_lines(lines):
     return count
 
 
-# --- what the strict build needs --------------------------------------------------------------------------------------
+# --- inputs of the strict build ---------------------------------------------------------------------------------------
 
 
 def is_ours(path):
@@ -203,7 +203,7 @@ def is_ours(path):
 
 
 def own_sources():
-    """Our Fortran sources, less those of the small projects that stand below with a manifest of their own."""
+    """Our Fortran sources, without those of the small projects with their own manifests."""
     manifests = ("fpm.toml", "CMakeLists.txt", "Makefile")
     found = set()
     for folder in SOURCES:
@@ -216,7 +216,7 @@ def own_sources():
 
 
 def copy_sources():
-    """Lay the project anew in a place of its own: the compiler warns only of what it compiles."""
+    """Copy the project to a new place: the compiler warns only about files that it compiles."""
     shutil.rmtree(STRICT, ignore_errors=True)
     STRICT.mkdir(parents=True)
     shutil.copy(ROOT / "fpm.toml", STRICT)
@@ -240,9 +240,9 @@ class Part:
     minutes: float = 40
     # The minutes that it takes on two idle cores.
     expected: float = 0.2
-    # Another part that must come before, also where it was not asked for.
+    # Another part that must run before, even if it was not requested.
     needs: str = ""
-    # Left out of `make test`, since it takes long or needs large packages.
+    # Excluded from `make test`, because it takes long or needs large packages.
     long: bool = False
 
 
@@ -285,8 +285,8 @@ PARTS = [
 
 
 def environment():
-    """What every part runs in, whatever the caller's own is: one thread of BLAS unless he says otherwise, messages that tests and
-    readers know, and no repository of git that a hook has named."""
+    """Environment of every part, independent of the caller's: one thread of BLAS unless the caller sets another number, messages
+        that tests and readers know, and no git repository named by a hook."""
     own = {
         name: value
         for name, value in os.environ.items()
@@ -343,7 +343,7 @@ def run(part):
                 yield line
 
     def watch():
-        """Stop the part where its limit is reached."""
+        """Stop the part at its limit."""
         used, since = 0.0, time.monotonic()
         while not ended.wait(min(5, 6 * part.minutes)):
             now = processor_time(process.pid)
@@ -368,7 +368,7 @@ def run(part):
         )
         count.notes += last
     elif code != 0 and count.failed == 0:
-        # The exit code knows of a failure that no test was counted for.
+        # The exit code includes failures without a counted test.
         count.failed = 1
         count.passed = 0 if part.reader is one_test else count.passed
         count.notes.append(f"ended with exit code {code}; its last lines:")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The pictures of tools/plot.py, one module a kind. Those of single runs are drawn by the package for Python, as `tandem plot` does."""
+"""The pictures of tools/plot.py, one module per kind. The package for Python draws those of single runs."""
 
 import sys
 from pathlib import Path

@@ -165,7 +165,7 @@ def animate(figure, show, rows, picture):
 
 
 class SmallWriter(PillowWriter):
-    """One palette for all frames, so that what does not move costs nothing."""
+    """One palette for all frames, so that static parts cost nothing."""
 
     def finish(self):
         frames = [frame.convert("RGB") for frame in self._frames]
@@ -178,7 +178,7 @@ DRAW = {"rolling_disk": draw_disk, "articulated_vehicle": draw_vehicle, "motorcy
 
 
 def draw(path, picture):
-    """Animate a result; what is wrong where that cannot be."""
+    """Animate a result; returns the problem if this is impossible."""
     result = read_result(path)
     model = result.scene.get("scene", {}).get("model")
     if model not in DRAW:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Drawings of the elements of mechanisms, for doc/mechanism_reference.md: what its letters are, and where signs are positive.
+"""Drawings of the elements of mechanisms, for doc/mechanism_reference.md: meaning of its symbols, and signs.
 
 Usage: .venv/bin/python tools/plots/elements.py PICTURE
 """
@@ -50,7 +50,7 @@ def point(axes, place, text, shift):
 
 
 def joint(axes):
-    """Points and ways of a joint whose two sides are apart, so that both can be seen."""
+    """Points and displacements of a joint whose two sides are apart, so that both can be seen."""
     first, second = np.array([1.0, 1.2]), np.array([3.5, 1.9])
     p1, p2 = np.array([1.9, 1.45]), np.array([2.55, 1.95])
     body(axes, first, 12, 1.05, 0.45, "")
@@ -86,7 +86,7 @@ def angle(axes):
 
 
 def spring(axes):
-    """Traction along the line of two points."""
+    """Tension along the line of two points."""
     p1, p2 = np.array([0.9, 0.8]), np.array([3.5, 1.6])
     body(axes, (0.2, 0.6), 20, 0.95, 0.45)
     body(axes, (4.2, 1.8), 15, 0.95, 0.45)
@@ -157,7 +157,7 @@ def knife(axes):
 
 
 def reactions(axes):
-    """Which side a reaction acts on."""
+    """Side of a joint on which a reaction acts."""
     body(axes, (0.9, 1.3), 10, 1.0, 0.42)
     body(axes, (3.7, 1.3), -10, 1.0, 0.42)
     axes.text(0.5, 1.95, "body 1", fontsize=8, color=GREY)

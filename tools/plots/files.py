@@ -10,5 +10,5 @@ __all__ = ["Study", "kind_of", "read_result", "read_study", "text"]
 
 
 def kind_of(path):
-    """The name of the study whose file this is, or 'result'."""
+    """Name of the study of the file, or 'result'."""
     return study_of(path) or "result"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Pictures of single runs: track and height, all that a result file tells, and the paper's figures."""
+"""Pictures of single runs: track and height, overview of a result file, and the paper's figures."""
 
 import numpy as np
 from tandem.plot import coordinates, overview
@@ -39,7 +39,7 @@ def draw_two(path, picture, x, y, z):
 
 
 def draw_paper_2(paths, picture):
-    """The vehicle's lane change: where the front chassis goes, and how the rear one follows."""
+    """The vehicle's lane change: path of the front chassis and of the rear one."""
     result = read_result(paths[0])
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
     left.plot(result["x1"], result["y1"], color=BLUE)

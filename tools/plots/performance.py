@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Error against run time of tandem and of other solvers, from what `make bench` measured; the tables of doc/performance.md."""
+"""Error against run time of tandem and of other solvers, measured by `make bench`; the tables of doc/performance.md."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ def style_of(solver):
 
 
 def draw(paths, picture):
-    """A panel a problem."""
+    """One panel per problem."""
     c = read_study(paths[0]).columns
     scenes = list(dict.fromkeys(c["scene"]))
     columns = 2
@@ -71,7 +71,7 @@ def draw_chain(paths, picture):
 
 
 def number(value, factor=1.0, digits=2):
-    """A few digits without an exponent, a dash for what does not exist."""
+    """A few digits without an exponent, a dash for missing values."""
     if not np.isfinite(value):
         return "-"
     value *= factor
@@ -98,7 +98,7 @@ class Tables:
         return lines
 
     def evaluations(self):
-        """Microseconds a step and an evaluation."""
+        """Microseconds per step and per evaluation."""
         c = self.summary
         lines = head("scene", "solver", "a step [us]", "an evaluation [us]", "ratio", "ratio to the better index-1 solver")
         for k in range(len(c["scene"])):
@@ -137,7 +137,7 @@ class Tables:
         return lines
 
     def chain(self):
-        """Microseconds a step against the number of rods, and how they grow."""
+        """Microseconds per step against the number of rods, and their growth."""
         c = self.rods
         steppers = list(dict.fromkeys(c["stepper"]))
         lines = head("rods", "coordinates", "constraints", *(f"{stepper} [us]" for stepper in steppers),
@@ -149,7 +149,7 @@ class Tables:
         return lines
 
     def agreement(self):
-        """How far the references are apart."""
+        """Distances between the references."""
         c = self.runs
         lines = head("scene", "two solutions differ by")
         for scene in dict.fromkeys(c["scene"]):
@@ -159,7 +159,7 @@ class Tables:
         return lines
 
     def profile(self, name):
-        """Where the time of a run went, part by part."""
+        """Time of a run, part by part."""
         lines = head("part", "", "calls", "time [ms]", "share [%]", "a call [ns]")
         with h5py.File(self.folder / f"profile_{name}.h5") as file:
             table = file["report/profile"]
@@ -179,7 +179,7 @@ class Tables:
         return lines
 
     def clocks(self):
-        """What the clocks of profiles cost, and what output took."""
+        """Cost of the clocks of profiles, and time of the output."""
         lines = head("run", "output over the rest [%]", "readings", "two readings, taken off [ns]", "in a loop [ns]")
         for path in sorted(self.folder.glob("profile_*.h5")):
             with h5py.File(path) as file:
@@ -190,5 +190,5 @@ class Tables:
         return lines
 
     def mechanisms(self):
-        """What bench/mechanisms.py has written."""
+        """Output of bench/mechanisms.py."""
         return (self.folder / "mechanisms.md").read_text().splitlines()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The verdicts on stiff and extreme cases as a matrix: a row a case, a column a stepper with its control."""
+"""The verdicts on stiff and extreme cases as a matrix: one row per case, one column per stepper with its control."""
 
 import numpy as np
 from matplotlib.patches import Patch, Rectangle
@@ -28,7 +28,7 @@ def columns_of(study):
 
 
 def content(study, row):
-    """What a cell shows: the letter of the verdict, and the error or the status."""
+    """Content of a cell: the letter of the verdict, and the error or the status."""
     verdict, status = study.columns["verdict"][row], study.columns["status"][row]
     letter = VERDICTS[verdict][1]
     if status != "complete":

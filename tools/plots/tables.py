@@ -67,7 +67,7 @@ class Tables:
         return lines
 
     def references(self):
-        """How far the references of the studies can be trusted."""
+        """Accuracy of the references of the studies."""
         lines = head("scene", "its runs differ from it in q", "in qd", "errors quoted from")
         for name in self.names():
             study = self.study(name)
@@ -76,7 +76,7 @@ class Tables:
         return lines
 
     def check(self):
-        """Errors against a study's own reference beside those against the reference file."""
+        """Errors against a study's own reference compared with those against the reference file."""
         lines = head("scene", "runs compared", "largest deviation of the error in q", "in qd")
         for scene in "rolling_disk", "articulated_vehicle":
             own, given = (self.study(f"precision_{scene}", part) for part in ("own", "file"))
@@ -92,7 +92,7 @@ class Tables:
         return lines
 
     def orders(self):
-        """Medians of the orders that fixed steps show."""
+        """Medians of the orders of fixed steps."""
         lines = head("scene", *STEPPERS)
         for name in self.names():
             study = self.study(name)
@@ -102,7 +102,7 @@ class Tables:
                 for k in np.flatnonzero((study.columns["stepper"] == stepper) & (study.columns["control"] == "step")):
                     if study.columns["order"][k] < 1:
                         break  # rounding
-                    # Where the motion is not resolved yet, there is no order.
+                    # Unresolved motions show no order.
                     if study.attributes["floor_q"] < study.columns["error_q"][k] < 0.3:
                         orders.append(study.columns["order"][k])
                 orders = [order for order in orders if np.isfinite(order)]
@@ -111,7 +111,7 @@ class Tables:
         return lines
 
     def cost(self):
-        """Time a step with fixed steps, and a right-hand side, medians over the finest rows."""
+        """Time per step with fixed steps, and per right-hand side, medians over the finest rows."""
         lines = head("scene", *(f"`{name}`" for name in STEPPERS))
         for name in self.names():
             study = self.study(name)
@@ -136,7 +136,7 @@ class Tables:
         return lines
 
     def verdicts(self):
-        """How often each stepper got which verdict."""
+        """Number of verdicts of each kind per stepper."""
         c = self.study("stability").columns
         names = ("held", "degraded", "refused", "failed", "wrong")
         lines = head("steps", "stepper", "runs", *names)
@@ -164,7 +164,7 @@ class Tables:
         return lines
 
     def endless(self):
-        """What a million steps leave."""
+        """Errors after a million steps."""
         c = self.study("stability").columns
         lines = head("case", "stepper", "energy change", "constraint errors, last tenth over first", "memory gained [pages]",
                      "microseconds a step")
@@ -174,7 +174,7 @@ class Tables:
         return lines
 
     def stability_duration(self):
-        """How long the study took."""
+        """Duration of the study."""
         lines = head("command", "took")
         for line in (self.folder / "durations.txt").read_text().splitlines():
             seconds, command = line.split(" ", 1)
@@ -183,7 +183,7 @@ class Tables:
         return lines
 
     def paper(self, number):
-        """A table of the paper beside ours."""
+        """A table of the paper and the results of tandem."""
         c = self.study("tables").columns
         lines = head("Tol", "position: paper", "ours", "velocity: paper", "ours", "acceleration: paper", "ours")
         for tolerance in (1e-6, 1e-9, 1e-12):
@@ -196,7 +196,7 @@ class Tables:
         return lines
 
     def differences(self):
-        """What is said about the entries of the paper's tables that differ, each sentence once."""
+        """Remarks on the entries of the paper's tables that differ, each once."""
         c = self.study("tables").columns
         lines = []
         for k in np.flatnonzero(np.char.startswith(c["place"], "table")):
@@ -217,7 +217,7 @@ class Tables:
         return lines
 
     def durations(self):
-        """What the studies took, as tools/plots.sh noted it."""
+        """Durations of the studies, as noted by tools/plots.sh."""
         lines = head("command", "took")
         for line in (self.folder / "durations.txt").read_text().splitlines():
             seconds, command = line.split(" ", 1)
@@ -226,7 +226,7 @@ class Tables:
 
 
 def fill(document, tables):
-    """Make the tables of a document anew, each by the method of its name; their number."""
+    """Update the tables of a document, each by the method of its name; returns their number."""
     path = Path(document)
     text, count = re.subn(r"(<!-- table: (\w+) ?(\w*) -->\n).*?(<!-- end -->)", lambda found: found[1] + "\n".join(
         getattr(tables, found[2])(*([found[3]] if found[3] else []))) + "\n" + found[4], path.read_text(), flags=re.DOTALL)
