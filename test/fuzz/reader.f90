@@ -1,16 +1,16 @@
 ! SPDX-License-Identifier: MIT
-!> Reads scenes as `tandem show`, `check` and `run` do, one after the other in one process, and says what became of each; `fuzz.py`
-!> beside this file makes the scenes and judges the answers.
+!> Reads scenes as `tandem show`, `check` and `run` do, one after the other in one process, and reports the result of each;
+!> `fuzz.py` beside this file makes the scenes and judges the answers.
 !>
-!> Standard input gives a scene by these lines: its path, a path for a copy, the number of its settings and the length of
-!> the longest, and each of those.
-!> Standard output answers by a line `verdict status length` and a text of that length: of a scene that was refused the message,
-!> of one that was accepted the complete scene. The verdicts are
+!> Standard input contains for each scene these lines: its path, a path for a copy, the number of its settings and the length of the
+!> longest, and the settings.
+!> Standard output answers with a line `verdict status length` and a text of that length: for a refused scene the message, for an
+!> accepted one the complete scene. The verdicts are
 !>
 !> - `refused`: with an error of the input;
-!> - `changed`: the complete scene, written to the copy and read again, is another one;
-!> - `absurd`: a number that is not finite reached the model, or a run that succeeded ended in one;
-!> - `accepted`: none of those; the status is that of a very short run.
+!> - `changed`: the complete scene, written to the copy and read again, differs;
+!> - `absurd`: a number that is not finite reached the model, or a successful run ended in one;
+!> - `accepted`: none of these; the status is that of a very short run.
 program fuzz_reader
     use tandem, only: error_type, simulation_type, wp
     use tandem_io, only: read_scene, scene_type
@@ -33,10 +33,10 @@ program fuzz_reader
 
 contains
 
-    !> Read a scene, with the settings that the next lines of standard input give, and answer.
+    !> Read a scene, with the settings in the next lines of standard input, and answer.
     subroutine try_next(path, copy, n, longest)
         character(len=*), intent(in) :: path, copy
-        !> How many settings there are, and how long they can be.
+        !> Number of settings, and their largest length.
         integer, intent(in) :: n, longest
         character(len=longest) :: settings(n)
         character(len=:), allocatable :: line
@@ -75,12 +75,12 @@ contains
         call answer(merge('accepted', 'absurd  ', is_sound), stat, scene%text)
     end subroutine try_next
 
-    !> Start a scene and go a few steps.
+    !> Start a scene and take a few steps.
     subroutine run(scene, stat, is_sound)
         type(scene_type), intent(inout), target :: scene
-        !> The status of the run.
+        !> Status of the run.
         integer, intent(out) :: stat
-        !> False where the last state is not finite: also that of a run which failed must be.
+        !> False if the last state is not finite; it must be finite after a failure too.
         logical, intent(out) :: is_sound
         type(simulation_type) :: simulation
         type(error_type), allocatable :: error
@@ -111,7 +111,7 @@ contains
         flush (output_unit)
     end subroutine answer
 
-    !> Whether two lists of numbers are the same, bit by bit but for the sign of a zero.
+    !> True if two lists of numbers are equal, bit by bit except for the sign of a zero.
     pure logical function same(a, b)
         real(wp), intent(in) :: a(:), b(:)
 
@@ -119,7 +119,7 @@ contains
         if (same) same = .not. any(a < b .or. a > b)
     end function same
 
-    !> Write a file anew.
+    !> Write a file.
     subroutine write_text(path, text)
         character(len=*), intent(in) :: path, text
         integer :: unit
