@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of linearised systems: eigenvalues against closed forms and other formulations, the matrix against differences of the
-!> reduced equations, and what is said of zeros.
+!> reduced equations, and the causes of zeros.
 module test_linearisation
     use asserts, only: check_below, check_count, check_no_failure, check_true
     use linearised, only: check_eigenvalues, has_eigenvalue, linearise_scene, linearise_text
@@ -16,7 +16,7 @@ module test_linearisation
 
     public :: collect_linearisation
 
-    !> What comes after this and a sleigh's speed: no settings.
+    !> No settings; used for this and a sleigh's speed.
     character(len=1), parameter :: nothing(0) = [character(len=1) ::]
     complex(wp), parameter :: i = (0.0_wp, 1.0_wp)
 
@@ -63,8 +63,8 @@ contains
         if (stat /= 0) error stop 'get_benchmark: no convergence'
     end subroutine get_benchmark
 
-    !> Eigenvalues at many speeds. The coefficients of the 2 x 2 form have 15 digits, and of the eigenvalues near the double one
-    !> near v = 0.68 half of them are left.
+    !> Eigenvalues at many speeds. The coefficients of the 2 x 2 form have 15 digits, and the eigenvalues near the double one at v =
+    !> 0.68 half of these.
     subroutine test_bicycle(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: speeds(9) = [0.0_wp, 0.5_wp, 1.0_wp, 2.0_wp, 3.3_wp, 4.0_wp, 5.0_wp, 7.3_wp, 10.0_wp]
@@ -84,12 +84,12 @@ contains
         end do
     end subroutine test_bicycle
 
-    !> The digits that the benchmark's authors give.
+    !> Digits published by the authors of the benchmark.
     subroutine test_benchmark(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
         type(linearisation_type) :: it
-        !> Half a unit of the last digit, and what the matrix has of errors.
+        !> Half a unit of the last digit, and errors of the matrix.
         real(wp), parameter :: bound = 1.0e-12_wp
 
         call linearise_scene('bicycle', ['parameters.speed=0'], scene, it, error)
@@ -167,7 +167,7 @@ contains
         rho = squares*u/length - [0.0_wp, 0.0_wp, 0.01_wp]
         u_rate = -cross(w, u)
         rho_rate = squares*u_rate/length - squares*u*sum(squares*u*u_rate)/length**3
-        ! The centre of mass moves with -omega x rho; the force is what its acceleration asks for, less the part with omega'.
+        ! The centre of mass moves with -omega x rho; the force follows from its acceleration, minus the part with omega'.
         force = m*(-cross(w, rho_rate) - cross(w, cross(w, rho)) - g*u)
         do k = 1, 3
             matrix(:, k) = inertia(:, k) - m*cross(rho, cross(rho, unit(k)))
@@ -217,14 +217,14 @@ contains
         values(:4) = pack(values, abs(values) > 1.0_wp)
         call check_eigenvalues(it, values(:4), 1.0e-10_wp, 'rattleback', error)
         call check_count(error, it%kind, in_steady_motion, 'kind of motion')
-        ! The frame turns with the spin, in which a shift of the place goes round.
+        ! The frame rotates with the spin, in which a shift of the position rotates.
         call check_true(error, has_eigenvalue(it, 5.0_wp*i, 1.0e-12_wp), 'rate of the frame')
-        ! Given with eight digits, of which five hold: the others are those of differences with steps of 1e-4.
+        ! Given with eight digits, five of which are right: the others are errors of differences with steps of 1e-4.
         call check_true(error, has_eigenvalue(it, (2.12069719_wp, 109.39108156_wp), 2.0e-3_wp), 'value given')
     end subroutine test_rattleback
 
-    !> A heavy top with its tip held: A P^2 cos(theta) - C w P + m g l = 0 at the precession P and the spin w about its axis, and
-    !> the nutation nu^2 = ((C w - 2 A P cos(theta))/A)^2 + P^2 sin(theta)^2 from the potential that its integrals leave.
+    !> A heavy top with its tip fixed: A P^2 cos(theta) - C w P + m g l = 0 for the precession P and the spin w about its axis, and
+    !> the nutation nu^2 = ((C w - 2 A P cos(theta))/A)^2 + P^2 sin(theta)^2 from the potential reduced by its integrals.
     subroutine test_top(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: m = 2.0_wp, l = 0.4_wp, g = 9.81_wp, c = 0.06_wp, a = 0.1_wp + m*l**2, theta = 0.6_wp, p = 1.3_wp
@@ -245,7 +245,7 @@ contains
         call check_eigenvalues(it, [i*nu, -i*nu], 1.0e-11_wp, 'nutation', error)
         if (allocated(error)) return
         call check_count(error, it%kind, in_steady_motion, 'kind of motion')
-        ! From another tilt, the rates held: the tilt at which they precess.
+        ! From another tilt, at given rates: the tilt at which they precess.
         settings(2) = 'parameters.theta=0.63'
         settings(3) = 'initial.steady=["world.turn_z", "top.spin_z"]'
         call linearise_text(text, settings, scene, it, error)
@@ -258,7 +258,7 @@ contains
         call check_true(error, abs(found - theta) < 1.0e-11_wp, 'tilt of the steady precession')
         call check_eigenvalues(it, [i*nu, -i*nu], 1.0e-10_wp, 'nutation where it settles', error)
         if (allocated(error)) return
-        ! The spin held, the precession free: it is that of the tilt that was found.
+        ! At a given spin the precession is free: it belongs to the tilt found.
         settings(3) = 'initial.steady=["world.turn_z", "top.spin_z=95"]'
         call linearise_text(text, settings, scene, it, error)
         if (allocated(error)) return
@@ -275,8 +275,8 @@ contains
         end associate
     end subroutine test_top
 
-    !> A against differences of eighth order of V'qd and W'qdd in the coordinates of a dense chart, which solves the equations in
-    !> another way: <= 1e-10 of its norm, of which differences with steps of 1/512 of a unit leave 1e-12.
+    !> A against differences of eighth order of V'qd and W'qdd in the coordinates of a dense chart, another formulation: <= 1e-10 of
+    !> its norm, where differences with steps of 1/512 of a unit have errors of 1e-12.
     subroutine test_matrix(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: scenes(8) = [character(len=20) :: 'a01_pendulum', 'a05_governor', 'bicycle', &
@@ -310,18 +310,18 @@ contains
             call simulation%initialize(scene%model, scene%options, 0.0_wp, scene%q, scene%qd, failure, scene%assembly)
             call check_no_failure(error, failure)
             if (allocated(error)) return
-            ! The rattleback's contact goes along the stone within a tenth of a unit of its Euler parameters.
+            ! The rattleback's contact moves along the stone within a tenth of a unit of its Euler parameters.
             call compare(scene%model, simulation%state%q, simulation%state%qd, 2.0_wp**merge(-13, -9, scenes(k) == 'rattleback'), &
                 scenes(k), error)
             if (allocated(error)) return
         end do
     end subroutine test_matrix
 
-    !> The same at one point, in a frame that does not go along.
+    !> The same at one point, in a fixed frame.
     subroutine compare(model, q, qd, unit_step, name, error)
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: q(:), qd(:)
-        !> The step of a coordinate.
+        !> Step of a coordinate.
         real(wp), intent(in) :: unit_step
         character(len=*), intent(in) :: name
         type(error_type), allocatable, intent(inout) :: error
@@ -331,11 +331,11 @@ contains
         type(failure_type), allocatable :: failure
         real(wp), allocatable :: expected(:, :), f(:), l(:, :)
         real(wp), parameter :: weight(4) = [4.0_wp/5, -1.0_wp/5, 4.0_wp/105, -1.0_wp/280]
-        !> Coordinates move by up to 4 h and velocities by that over the rate of the motion.
+        !> Coordinates change by up to 4 h and velocities by that over the rate of the motion.
         real(wp) :: h, scale, worst
         integer :: j, k, side, stat, n
 
-        ! Kept charts have the paper's complement, whose coordinates v and w are.
+        ! Kept charts have the paper's complement, with coordinates v and w.
         options%chart = 'adaptive'
         call chart%initialize(model, options, .false., failure)
         call check_no_failure(error, failure)
@@ -389,7 +389,7 @@ contains
         end subroutine evaluate
     end subroutine compare
 
-    !> A model without derivatives: central differences of fourth order leave 1e-9 of the norm.
+    !> A model without derivatives: central differences of fourth order have errors of 1e-9 of the norm.
     subroutine test_stand_in(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model
@@ -422,7 +422,7 @@ contains
         end do
     end subroutine test_stand_in
 
-    !> Which zeros are symmetries, which are families, in blocks of which sizes.
+    !> Numbers of zeros due to symmetries and to families, and sizes of their blocks.
     subroutine test_zeros(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
@@ -430,7 +430,8 @@ contains
 
         call linearise_scene('bicycle', ['parameters.speed=4'], scene, it, error)
         if (allocated(error)) return
-        ! Places in the plane, the heading, the turns of two wheels; the speed. Faster is further on, turned is off to the side.
+        ! Positions in the plane, the heading, rotations of two wheels; the speed. A faster motion is ahead, a turned one is off to
+        ! the side.
         call check_count(error, count(it%spectrum%cause == of_symmetry), 5, 'symmetries')
         call check_count(error, count(it%spectrum%cause == of_family), 1, 'families')
         call check_count(error, it%spectrum%n_zeros, 6, 'zeros')
@@ -445,7 +446,7 @@ contains
         call check_true(error, it%nv - it%nw <= it%spectrum%n_zeros, 'at least as many as nonholonomic rows')
     end subroutine test_zeros
 
-    !> A nilpotent matrix of blocks of size 3, 2 and 1 beside a regular part, in disguise by an orthogonal transformation.
+    !> A nilpotent matrix of blocks of size 3, 2 and 1 and a regular part, under an orthogonal transformation.
     subroutine test_jordan(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 9

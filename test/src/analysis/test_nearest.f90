@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of eigenvalues near a shift: the sparse factors against LAPACK's, the iteration against spectra that are known, the
-!> eigenvalues of mechanisms against the dense analysis and against closed forms, and what is refused.
+!> Tests of eigenvalues near a shift: the sparse factors against LAPACK's, the iteration against known spectra, the eigenvalues of
+!> mechanisms against the dense analysis and against closed forms, and refusals.
 module test_nearest
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use linearised, only: linearise_text
@@ -58,7 +58,7 @@ contains
         y = self%values*x
     end subroutine apply_diagonal
 
-    !> Chains of rods that hang: n of them, in the plane or in space, by hinges or ball joints; more of the scene.
+    !> Hanging chains of n rods, in the plane or in space, with hinges or ball joints; further text of the scene.
     function chain(n, dimensions, joint, more) result(text)
         integer, intent(in) :: n, dimensions
         character(len=*), intent(in) :: joint, more
@@ -86,12 +86,12 @@ contains
             'position = ['//zeros//'"0.5 - i"]'//newline//'[repeat.link.joint."pin{i}"]'//newline//'type = "'//joint//'"'// &
             newline//'bodies = ["rod{i - 1}", "rod{i}"]'//newline//'at = ['//zeros//'"1 - i"]'//newline//axis// &
             more//newline//'[time]'//newline//'end = 1'//newline
-        ! The first rod is drawn by itself.
+        ! The first rod is defined separately.
         write (number, '(i0)') n - 1
         text = replaced(text, 'count = ', trim(number))
     end function chain
 
-    !> The text with another number behind a key.
+    !> The text with another number after a key.
     function replaced(text, key, number) result(new)
         character(len=*), intent(in) :: text, key, number
         character(len=:), allocatable :: new
@@ -102,7 +102,7 @@ contains
         new = text(:first - 1)//number//text(last:)
     end function replaced
 
-    !> A matrix of random entries, some of them on every row and column.
+    !> A matrix of random entries, with some in every row and column.
     subroutine draw_matrix(n, a, dense)
         integer, intent(in) :: n
         type(sparse_matrix_type), intent(out) :: a
@@ -152,7 +152,7 @@ contains
         b = cmplx(re, im, wp)
         call reference%solve(re, im)
         call lu%solve_refined(a, b, x)
-        ! Both have rounding times the condition, which is about 100 here.
+        ! Both have rounding errors times the condition, which is about 100 here.
         call check_below(error, maxval(abs(x - cmplx(re, im, wp)))/maxval(abs(x)), 1.0e-12_wp, 'difference of the solutions')
         call lu%factor(a, [(i, i=1, n)], 10, stat)
         call check_count(error, stat, -1, 'status where there is no room')
@@ -195,7 +195,7 @@ contains
         if (allocated(error)) return
         call check_close(error, real(krylov%values(:6), wp), [1.0_wp, 0.5_wp, 0.5_wp, 0.5_wp, 1/3.0_wp, 0.25_wp], 1.0e-13_wp, &
             'eigenvalues')
-        ! The last one's copy comes too.
+        ! The copy of the last one is included.
         call check_count(error, size(krylov%values), 7, 'eigenvalues')
     end subroutine test_copies
 
@@ -246,7 +246,7 @@ contains
                 merge(0.0_wp, 1.0e-5_wp, it%spectrum%cause(j) == of_motion), what//': difference of an eigenvalue')
             is_taken(j) = .true.
         end do
-        ! None that is nearer was missed.
+        ! No nearer one was missed.
         do j = 1, size(is_taken)
             if (is_taken(j) .or. size(nearest%values) == 0) cycle
             call check_true(error, abs(it%spectrum%values(j) - shift) >= (1 - 1.0e-9_wp)*abs(nearest%values(min(k, &
@@ -320,14 +320,14 @@ contains
         if (allocated(error)) return
         found = aimag(pack(nearest%values(:20), aimag(nearest%values(:20)) > 0.0_wp))
         squares = 1/sqrt(squares(n:1:-1))
-        ! Differences as gradients, and rounding times the condition of the closed form's matrix.
+        ! Gradients by differences, and rounding times the condition of the closed form's matrix.
         call check_close(error, found, squares(:10), 1.0e-10_wp, 'the ten lowest frequencies')
         call check_below(error, maxval(abs(real(nearest%values(:20), wp))), 1.0e-11_wp, 'damping of a chain without any')
         ! A chain of n links differs from a rope by some j^2/n^2.
         call check_close(error, found(:3), zeros/2*sqrt(g/n), 1.0e-3_wp, 'frequencies of a rope')
     end subroutine test_closed_form
 
-    !> Rods of which no axis is another's equal swing in two planes alike.
+    !> Rods with two equal axes swing in two planes alike.
     subroutine test_two_ways(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
@@ -442,7 +442,7 @@ contains
         call check_failure(error, failure, 'no_equilibrium', 'moves it')
     end subroutine test_refused
 
-    !> A spring that the model does not tell of.
+    !> A spring that the model does not declare.
     subroutine test_unnamed(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
@@ -462,7 +462,7 @@ contains
         call check_failure(error, failure, 'invalid_model', 'which rows')
     end subroutine test_unnamed
 
-    !> A wind blows at a hanging chain: all rods point along the sum of wind and gravity.
+    !> Wind on a hanging chain: all rods point along the sum of wind and gravity.
     subroutine test_rest(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 100
@@ -484,7 +484,7 @@ contains
         end do
     end subroutine test_rest
 
-    !> Turns of bodies by Euler parameters are those about the hinges, and places go with them.
+    !> Rotations of bodies by Euler parameters are those about the hinges, with consistent displacements.
     subroutine test_body_motions(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
@@ -502,7 +502,7 @@ contains
         place = (0.0_wp, 0.0_wp)
         do i = 1, 5
             associate (motion => motions(6*i - 5:6*i, 1))
-                ! A turn by r about y moves the centre of mass, half a rod below its pin, by -r/2.
+                ! A rotation by r about y moves the centre of mass, half a rod below its pin, by -r/2.
                 call check_below(error, abs(motion(1) - (place - motion(5)/2)), 1.0e-11_wp, 'a place that goes with its turn')
                 call check_below(error, maxval(abs(motion([2, 3, 4, 6]))), 1.0e-11_wp, 'a motion out of the plane')
                 place = place - motion(5)

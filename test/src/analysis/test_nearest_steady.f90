@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of eigenvalues near a shift about steady motions, in coordinates that go along: against the dense analysis, which finds the
-!> frame in another way and has exact gradients, and against closed forms; and what does not go on steadily is refused.
+!> Tests of eigenvalues near a shift about steady motions, in co-rotating coordinates: against the dense analysis, which finds the
+!> frame in another way and has exact gradients, and against closed forms; motions that are not steady are refused.
 module test_nearest_steady
     use asserts, only: check_below, check_failure, check_no_failure, check_true
     use linearised, only: linearise_scene, linearise_text
@@ -13,7 +13,7 @@ module test_nearest_steady
     public :: collect_nearest_steady
 
     character(len=1), parameter :: nothing(0) = [character(len=1) ::], nl = new_line('a')
-    !> Rods of 1 m that turn about a pivot one behind the other, without gravity.
+    !> Rods of 1 m in a row that rotate about a pivot, without gravity.
     character(len=*), parameter :: rotor = '[scene]'//nl//'model = "mechanism"'//nl//'planar = true'//nl//'[parameters]'//nl// &
         'w = 2'//nl//'n = 7'//nl//'[body.rod1]'//nl//'mass = 1'//nl//'inertia = "1/12"'//nl//'position = [0.5, 0]'//nl// &
         'velocity = [0, "0.5*w"]'//nl//'omega = "w"'//nl//'[joint.pin1]'//nl//'type = "revolute"'//nl// &
@@ -48,7 +48,7 @@ contains
             new_unittest('what-does-not-go-on-steadily-is-refused', test_refused)]
     end subroutine collect_nearest_steady
 
-    !> All motions that are found are eigenvalues of the dense analysis; zeros of symmetries and families are not split off here.
+    !> All eigenvalues found are eigenvalues of the dense analysis; zeros of symmetries and families are not split off here.
     subroutine check_agreement(scene, it, shift, k, bound, what, error)
         type(scene_type), intent(inout), target :: scene
         type(linearisation_type), intent(in) :: it
@@ -77,7 +77,7 @@ contains
                 merge(0.0_wp, 1.0e-4_wp, it%spectrum%cause(j) == of_motion), what//': difference of an eigenvalue')
             is_taken(j) = .true.
         end do
-        ! None that is nearer was missed.
+        ! No nearer one was missed.
         do j = 1, size(is_taken)
             if (is_taken(j) .or. size(nearest%values) == 0 .or. it%spectrum%cause(j) /= of_motion) cycle
             call check_true(error, abs(it%spectrum%values(j) - shift) >= (1 - 1.0e-9_wp)*abs(nearest%values(min(k, &
@@ -95,7 +95,7 @@ contains
         call check_agreement(scene, it, (0.3_wp, 20.0_wp), 4, 1.0e-10_wp, 'its fast modes', error)
     end subroutine test_rotor
 
-    !> Behind a tractor that goes straight a trailer's angle a obeys l a' = -v a, l from its hitch to its axle: 2 m and 1.5 m.
+    !> Behind a tractor that goes straight a trailer's angle a satisfies l a' = -v a, l from its hitch to its axle: 2 m and 1.5 m.
     subroutine test_trailers(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
@@ -113,7 +113,7 @@ contains
         call check_below(error, minval(abs(nearest%values + 2/1.5_wp)), 1.0e-10_wp, 'the second trailer')
     end subroutine test_trailers
 
-    !> Wheels that spin besides; the contact of a bicycle and a disk with the ground gives rows that depend on the coordinates.
+    !> Wheels that also spin; the ground contact of a bicycle and a disk gives rows that depend on the coordinates.
     subroutine test_wheels(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), allocatable, target :: scene
@@ -132,7 +132,7 @@ contains
         call check_agreement(scene, it, (0.1_wp, 1.0_wp), 1, 1.0e-9_wp, 'a disk', error)
     end subroutine test_wheels
 
-    !> It turns in space about the vertical, with gravity along it, held by stiff springs with dampers.
+    !> Rotation in space about the vertical, with gravity along it, and stiff springs with dampers.
     subroutine test_governor(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
@@ -142,7 +142,7 @@ contains
         call check_agreement(scene, it, (-10.0_wp, 10.0_wp), 3, 1.0e-8_wp, 'a governor', error)
     end subroutine test_governor
 
-    !> Gravity in the plane, rods that turn at several rates, a rod that turns about another point than its pivot.
+    !> Gravity in the plane, rods that rotate at several rates, a rod that rotates about another point than its pivot.
     subroutine test_refused(error)
         type(error_type), allocatable, intent(out) :: error
 

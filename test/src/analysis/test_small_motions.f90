@@ -1,6 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of eigenvalues against what small motions do: Floquet multipliers of the variational equations, and motions that are
-!> simulated.
+!> Tests of eigenvalues against small motions: Floquet multipliers of the variational equations, and simulated motions.
 module test_small_motions
     use asserts, only: check_below, check_failure, check_no_failure, check_true
     use linearised, only: linearise_scene, linearise_text
@@ -67,7 +66,7 @@ contains
         end select
     end subroutine get_subject
 
-    !> exp(lambda tau) against the multipliers, to 1e-10 of the largest: the variational equations are integrated to 1e-13 a step,
+    !> exp(lambda tau) against the multipliers, to 1e-10 of the largest: the variational equations are integrated to 1e-13 per step,
     !> and their eigenvectors are far from orthogonal.
     subroutine test_multipliers(error)
         type(error_type), allocatable, intent(out) :: error
@@ -94,15 +93,15 @@ contains
                     trim(subjects(k))//': multiplier')
             end do
         end do
-        ! A disturbed motion does not come round.
+        ! A disturbed motion is not periodic.
         call linearise_scene('mechanism_disk', [character(len=1) ::], scene, it, error)
         if (allocated(error)) return
         call floquet%find(it, scene%model, 0.5_wp, failure)
         call check_failure(error, failure, 'invalid_option', 'has not come round')
     end subroutine test_multipliers
 
-    !> A pendulum that swings through 60 degrees is periodic, nothing of it is named: both multipliers are 1, in a Jordan block
-    !> whose entry is how the period changes with the energy. Its eigenvalues come out as 1 +- the root of the error.
+    !> A pendulum that swings through 60 degrees is periodic without a named motion: both multipliers are 1, in a Jordan block whose
+    !> entry is the derivative of the period with respect to the energy. The computed eigenvalues are 1 +- the root of the error.
     subroutine test_swing(error)
         type(error_type), allocatable, intent(out) :: error
         !> 4 K(sin(30 degrees)) sqrt(l/g), by the arithmetic-geometric mean.
@@ -131,9 +130,9 @@ contains
         call check_below(error, maxval(abs(floquet%multipliers - 1)), 1.0e-5_wp, 'multipliers')
     end subroutine test_swing
 
-    !> Motions a little to either side of a steady one: half their difference, seen along a left eigenvector in the frame that goes
-    !> along, is a constant times exp(lambda t). A line through its logarithms has the slope lambda to 1e-7 of its size:
-    !> displacements of 3e-5 leave some tens of their square, steps with a tolerance of 1e-12 that over 3e-5.
+    !> Motions slightly to either side of a steady one: half their difference, projected onto a left eigenvector in the co-rotating
+    !> frame, is a constant times exp(lambda t). A line through its logarithms has the slope lambda to 1e-7 of its size:
+    !> displacements of 3e-5 cause errors of some tens of their square, steps with a tolerance of 1e-12 that over 3e-5.
     subroutine test_fits(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), allocatable, target :: scene
@@ -145,7 +144,7 @@ contains
             allocate (scene)
             call get_subject(subjects(k), scene, it, error)
             if (allocated(error)) return
-            ! The mode that grows most, or decays least.
+            ! The mode with the largest growth, or the smallest decay.
             i = findloc(it%spectrum%cause, of_motion, dim=1, back=.true.)
             call fit(scene, it, i, trim(subjects(k)), error)
             if (allocated(error)) return
@@ -167,10 +166,10 @@ contains
         integer :: i
 
         associate (lambda => it%spectrum%values(mode), n => size(it%q))
-            ! The contact of the rattleback goes along the stone within a tenth of a unit.
+            ! The contact of the rattleback moves along the stone within a tenth of a unit.
             small = merge(1.0e-5_wp, 3.0e-5_wp, name == 'rattleback')
             call get_left_eigenvector(it%a, lambda, left)
-            ! A turn or so, or a growth by e or so.
+            ! About one turn, or a growth by about e.
             span = 2/abs(lambda)
             t = [(span*i/n_times, i=1, n_times)]
             call simulate(scene, it, mode, small, t, q(:, :, 1), qd(:, :, 1), error)
@@ -183,7 +182,7 @@ contains
                     amplitude = dot_product(left, cmplx([matmul(it%dual_v, x), matmul(it%dual_w, y)], 0.0_wp, wp))
                 end associate
                 logarithm(i) = log(amplitude)
-                ! On from where the last one was.
+                ! Continue on the branch of the last one.
                 if (i > 1) logarithm(i) = last + log(amplitude/exp(last))
                 last = logarithm(i)
             end do
@@ -206,7 +205,7 @@ contains
         left = conjg(vectors(:, minloc(abs(values - lambda), dim=1)))
     end subroutine get_left_eigenvector
 
-    !> Start beside the steady motion along a mode, and go on to times.
+    !> Start next to the steady motion along a mode, and continue to given times.
     subroutine simulate(scene, it, mode, small, t, q, qd, error)
         type(scene_type), intent(inout), target :: scene
         type(linearisation_type), intent(in) :: it

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of steady motions of large mechanisms: found by the sparse form where the start is none, against closed forms and against
-!> the dense search, which takes full matrices and other steps; and driven at constant rates. Functions of the time that are no
-!> constant rates are refused by name.
+!> Tests of steady motions of large mechanisms: found by the sparse form from other starts, against closed forms and against the
+!> dense search, which uses full matrices and other steps; and driven at constant rates. Functions of time without constant rates
+!> are refused.
 module test_sparse_steady
     use asserts, only: check_below, check_failure, check_no_failure, check_true
     use linearised, only: linearise_text
@@ -16,7 +16,7 @@ module test_sparse_steady
     public :: collect_sparse_steady
 
     character(len=1), parameter :: nothing(0) = [character(len=1) ::], nl = new_line('a')
-    !> Bodies of 1 kg on springs one behind the other that turn about the origin, drawn as they would be without turning.
+    !> Bodies of 1 kg on springs in a row that rotate about the origin; the definition is that of rest.
     character(len=*), parameter :: elastic = '[scene]'//nl//'model = "mechanism"'//nl//'planar = true'//nl//'[parameters]'//nl// &
         'w = 2'//nl//'n = 6'//nl//'[body.b1]'//nl//'mass = 1'//nl//'inertia = 0.1'//nl//'position = [1, 0]'//nl// &
         'velocity = [0, "w"]'//nl//'omega = "w"'//nl//'[force.s1]'//nl//'type = "spring"'//nl// &
@@ -25,7 +25,7 @@ module test_sparse_steady
         '[repeat.more.body."b{i}"]'//nl//'mass = 1'//nl//'inertia = 0.1'//nl//'position = ["i", 0]'//nl// &
         'velocity = [0, "w*i"]'//nl//'omega = "w"'//nl//'[repeat.more.force."s{i}"]'//nl//'type = "spring"'//nl// &
         'between = ["b{i - 1}", "b{i}"]'//nl//'stiffness = 400'//nl//'[time]'//nl//'end = 1'//nl
-    !> Rods that hang from each other on ball joints and turn about the vertical, drawn on a straight line aside.
+    !> Rods that hang from each other on ball joints and rotate about the vertical, defined on a straight line aside.
     character(len=*), parameter :: cone = '[scene]'//nl//'model = "mechanism"'//nl//'[parameters]'//nl//'w = 2.5'//nl// &
         'n = 4'//nl//'a = 0.9'//nl//'[gravity]'//nl//'vector = [0, 0, -9.81]'//nl//'[repeat.link]'//nl//'count = "n"'//nl// &
         '[repeat.link.body."rod{i}"]'//nl//'mass = 1'//nl//'inertia = ["1/12", "1/12", 0.01]'//nl// &
@@ -34,7 +34,7 @@ module test_sparse_steady
         'bodies = ["ground", "rod1"]'//nl//'at = [0, 0, 0]'//nl//'[repeat.pin]'//nl//'count = "n - 1"'//nl//'first = 2'//nl// &
         '[repeat.pin.joint."pin{i}"]'//nl//'type = "spherical"'//nl//'bodies = ["rod{i - 1}", "rod{i}"]'//nl// &
         'at = ["(i - 1)*sin(a)", 0, "-(i - 1)*cos(a)"]'//nl//'[time]'//nl//'end = 1'//nl
-    !> A tractor whose engine holds its speed, and trailers, in a turn that its steering wheel gives; drawn straight ahead.
+    !> A tractor whose engine keeps its speed constant, and trailers, in a turn given by its steering wheel; defined straight ahead.
     character(len=*), parameter :: engine = '[scene]'//nl//'model = "mechanism"'//nl//'planar = true'//nl//'[parameters]'//nl// &
         'steer = 0.2'//nl//'v = 2'//nl//'turn = "v*tan(steer)/2"'//nl//'[body.car0]'//nl//'mass = 1000'//nl//'inertia = 400'//nl// &
         'position = [0, "v/turn"]'//nl//'velocity = ["-v", 0]'//nl//'omega = "turn"'//nl//'[body.car1]'//nl//'mass = 500'//nl// &
@@ -94,14 +94,14 @@ contains
         call check_true(error, n_seen > 0, what//': some that are no zeros')
     end subroutine check_agreement
 
-    !> The steady motion of a scene by both searches, and eigenvalues about them.
+    !> The steady motion of a scene by both searches, and eigenvalues about it.
     subroutine check_both(text, settings, word, shift, k, what, error, scene, q, qd)
         character(len=*), intent(in) :: text, settings(:), word, what
         complex(wp), intent(in) :: shift
         integer, intent(in) :: k
         type(error_type), allocatable, intent(inout) :: error
         type(scene_type), intent(inout), target :: scene
-        !> That of the sparse search.
+        !> Result of the sparse search.
         real(wp), allocatable, intent(out) :: q(:), qd(:)
         type(settling_type) :: settling
         type(linearisation_type) :: it
@@ -170,7 +170,7 @@ contains
         end do
     end subroutine test_elastic
 
-    !> As scenes ask for it, of more coordinates than full matrices take.
+    !> As requested by scenes, with more coordinates than full matrices take.
     subroutine test_large(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 350
@@ -197,11 +197,11 @@ contains
 
         call check_both(cone, nothing, 'world.turn_z', (0.1_wp, 5.0_wp), 4, 'a cone', error, scene, q, qd)
         if (allocated(error)) return
-        ! The outermost rod has left the line on which it was drawn.
+        ! The outermost rod has left its initial line.
         call check_true(error, norm2(q(:3) - scene%q(:3)) > 1.0e-3_wp, 'it has moved')
     end subroutine test_cone
 
-    !> One rod alone in a cone whose angle its coordinates tell: cos(a) = 3 g/(2 l (1 - 3 I/(m l^2)...) w^2) of a thin rod.
+    !> One rod in a cone with the angle of its coordinates: cos(a) = 3 g/(2 l (1 - 3 I/(m l^2)...) w^2) of a thin rod.
     subroutine test_rates(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
@@ -227,7 +227,7 @@ contains
         call check_below(error, abs(-2*q(3) - cosine), 1.0e-10_wp, 'cosine of its angle')
     end subroutine test_rates
 
-    !> The trailer's axle follows on a circle whose tangent it is, the tractor's velocity is that of the engine.
+    !> The trailer's axle follows on a circle to which it is tangent; the tractor's velocity is that of the engine.
     subroutine test_trailers(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
@@ -241,7 +241,7 @@ contains
         call check_below(error, abs(dot_product(axle, [cos(q(6)), sin(q(6))])), 1.0e-8_wp, 'the axle looks at the middle')
     end subroutine test_trailers
 
-    !> Rods that turn one behind the other, the first of them driven.
+    !> Rotating rods in a row, the first of them driven.
     subroutine test_driven(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
@@ -265,7 +265,7 @@ contains
             'three = { type = "revolute", bodies = ["rod2", "rod3"], at = [2, 0] }'//nl//'[time]'//nl//'end = 1'//nl
     end function driven
 
-    !> On a table that turns with W a ball goes round its middle with w where a spring pulls it, k = 7/5 m w^2 - 2/5 m W w.
+    !> On a table that rotates with W a ball circles around its middle with w under a spring, k = 7/5 m w^2 - 2/5 m W w.
     subroutine test_turntable(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
@@ -310,7 +310,7 @@ contains
             call read_scene('test.toml', settings, scene, failure, text=text)
             call check_no_failure(error, failure)
             if (allocated(error)) return
-            ! The start of one is no steady motion, and is brought to what would be one.
+            ! The start is not a steady motion, and is moved to one.
             iterations = 0
             if (size(settings) > 0) then
                 call find_steady_sparsely(scene%model, 0.0_wp, scene%q, scene%qd, iterations, failure, ['world.turn'])

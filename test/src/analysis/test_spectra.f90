@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of linearised systems where motions are driven, frames turn or couplings are locked, and of the errors that are stated.
+!> Tests of linearised systems with driven motions, rotating frames or locked couplings, and of the stated errors.
 module test_spectra
     use asserts, only: check_below, check_count, check_no_failure, check_true
     use linearised, only: check_eigenvalues, linearise_text
@@ -18,7 +18,7 @@ module test_spectra
     character(len=*), parameter :: nl = new_line('a')
     character(len=1), parameter :: nothing(0) = [character(len=1) ::]
     complex(wp), parameter :: i = (0.0_wp, 1.0_wp)
-    !> A shaft that a motor turns about the vertical, and an arm that hangs from it.
+    !> A motor-driven shaft that rotates about the vertical, and an arm that hangs from it.
     character(len=*), parameter :: hoop = '[scene]'//nl//'model = "mechanism"'//nl//'[parameters]'//nl//'w = 3.0'//nl// &
         '[gravity]'//nl//'vector = [0, 0, -9.81]'//nl//'[body.shaft]'//nl//'mass = 1'//nl//'inertia = [1, 1, 1]'//nl// &
         'position = [0, 0, 0]'//nl//'omega = [0, 0, "w"]'//nl//'[body.arm]'//nl//'mass = 1'//nl//'inertia = [0.1, 0.1, 0.1]'// &
@@ -26,7 +26,7 @@ module test_spectra
         'bodies = ["ground", "shaft"]'//nl//'at = [0, 0, 0]'//nl//'axis = [0, 0, 1]'//nl//'motion = "w*t"'//nl// &
         '[joint.hinge]'//nl//'type = "revolute"'//nl//'bodies = ["shaft", "arm"]'//nl//'at = [0, 0, 0]'//nl// &
         'axis = [0, 1, 0]'//nl//'[time]'//nl//'end = 1'//nl
-    !> A disk in a rubber ring on a shaft that a motor turns.
+    !> A disk in a rubber ring on a motor-driven shaft.
     character(len=*), parameter :: ring = '[scene]'//nl//'model = "mechanism"'//nl//'[parameters]'//nl//'w = 3.0'//nl// &
         '[body.shaft]'//nl//'mass = 1'//nl//'inertia = [1, 1, 1]'//nl//'position = [0, 0, 0]'//nl//'omega = [0, 0, "w"]'//nl// &
         '[body.disk]'//nl//'mass = 2'//nl//'inertia = [0.1, 0.1, 0.15]'//nl//'position = [0, 0, 0]'//nl//'omega = [0, 0, "w"]'// &
@@ -36,7 +36,7 @@ module test_spectra
         '[force.rubber]'//nl//'type = "bushing"'//nl//'between = ["shaft", "disk"]'//nl//'at = [0, 0, 0]'//nl// &
         'axis = [0, 0, 1]'//nl//'stiffness = [800, 800, 0, 0, 0, 0]'//nl//'damping = [3, 3, 0, 0, 0, 0]'//nl//'[time]'//nl// &
         'end = 1'//nl
-    !> Two links, of which a coupling may lock the second to the first.
+    !> Two links; a coupling may lock the second to the first.
     character(len=*), parameter :: links = '[scene]'//nl//'model = "mechanism"'//nl//'planar = true'//nl//'[gravity]'//nl// &
         'vector = [0, -9.81]'//nl//'[body.a]'//nl//'mass = 1'//nl//'inertia = 0.1'//nl//'position = [0, -1]'//nl//'[body.b]'//nl// &
         'mass = 1'//nl//'inertia = 0.1'//nl//'position = [0, -2]'//nl//'[joint.p]'//nl//'type = "revolute"'//nl// &
@@ -44,7 +44,7 @@ module test_spectra
         'at = [0, -1.5]'//nl//'[force.d]'//nl//'type = "torsion"'//nl//'joint = "p"'//nl//'damping = 0.3'//nl// &
         '[constraint.latch]'//nl//'type = "coupling"'//nl//'joints = ["q"]'//nl//'factors = [1]'//nl//'locked = true'//nl// &
         '[time]'//nl//'end = 1'//nl
-    !> A plate without mass but with inertia between two joints, of which one has a damper; all else is free.
+    !> A plate without mass but with inertia between two joints, one of which has a damper; all else is free.
     character(len=*), parameter :: plate = '[scene]'//nl//'model = "mechanism"'//nl//'[body.plate]'//nl//'mass = 0'//nl// &
         'position = [0, 0, 0]'//nl//'inertia = [0.03, 0.02, 0.01]'//nl//'[body.block]'//nl//'mass = 1'//nl// &
         'position = [0, 0, 0]'//nl//'inertia = [0.01, 0.02, 0.03]'//nl//'[joint.flat]'//nl//'type = "planar"'//nl// &
@@ -99,7 +99,7 @@ contains
         end do
     end subroutine test_hoop
 
-    !> m (z'' + 2 i w z' - w^2 z) + c z' + k z = 0 in axes that turn along.
+    !> m (z'' + 2 i w z' - w^2 z) + c z' + k z = 0 in co-rotating axes.
     subroutine test_ring(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: speeds(4) = [3.0_wp, 20.5_wp, 150.0_wp, 1000.0_wp]
@@ -124,8 +124,8 @@ contains
         end do
     end subroutine test_ring
 
-    !> An unbalanced force that turns with the shaft holds the disk aside, (k - m w^2) x = F: the frame has to turn at its rate, and
-    !> small motions are those without it.
+    !> An unbalanced force that rotates with the shaft holds the disk aside, (k - m w^2) x = F: the frame has to rotate at its rate,
+    !> and small motions are those without the force.
     subroutine test_load(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: load = '[force.unbalance]'//nl//'type = "load"'//nl//'on = "disk"'//nl// &
@@ -147,7 +147,7 @@ contains
         call check_below(error, abs(it%q(8) - 6/(k - m*w**2)) + abs(it%q(9)), 1.0e-12_wp, 'place of the disk')
     end subroutine test_load
 
-    !> w t + t^3/10 has a constant rate at t = 0 to second order, and no other one.
+    !> w t + t^3/10 has a constant rate to second order at t = 0 only.
     subroutine test_rate(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
@@ -161,9 +161,8 @@ contains
         call check_count(error, it%kind, at_an_instant, 'kind of motion')
     end subroutine test_rate
 
-    !> A body turns beside the shaft without any force: seen from the frame its drift circles, in Jordan blocks of i w, and so does
-    !> its path about another axis. One motion is left, its nutation, sqrt((C - A) (C - B)/(A B)) w, seen from the frame as from
-    !> its own axes.
+    !> A body rotates beside the shaft without any force: in the frame its drift circles, in Jordan blocks of i w, as does its
+    !> motion about another axis. One motion remains, its nutation, sqrt((C - A) (C - B)/(A B)) w, in the frame as in its own axes.
     subroutine test_drift(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: free = '[body.free]'//nl//'mass = 2'//nl//'inertia = [0.1, 0.12, 0.15]'//nl// &
@@ -278,7 +277,7 @@ contains
         values(2) = k/(m*values(1))
     end function zeros_of
 
-    !> The largest error over the stated one of both analyses.
+    !> Largest ratio of the error to the stated one, for both analyses.
     subroutine check_errors(m, c, k, shift, what, error)
         real(wp), intent(in) :: m(:), c(:), k(:)
         complex(wp), intent(in) :: shift
@@ -328,7 +327,7 @@ contains
         end do
     end subroutine test_chains
 
-    !> c^2 = 4 m k: a Jordan block, once, twice, and two of them nearly.
+    !> c^2 = 4 m k: a Jordan block, once, twice, and two almost equal ones.
     subroutine test_double(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: one(1) = 1.0_wp
