@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the chart policies: how many charts, for which reason, and that the solution does not depend on them; the long runs
-!> of the vehicle, the disk and the motorcycles.
+!> Tests of the chart policies: number of charts, reasons, and independence of the solution; the long runs of the vehicle, the disk
+!> and the motorcycles.
 module test_charts
     use asserts, only: check_below, check_between, check_close, check_count, check_no_failure, check_true
     use model_knife_edge, only: knife_edge_type
@@ -18,7 +18,7 @@ module test_charts
 
     !> Follows the energy, the constraint errors, and the dips of the disk: minima of rz below 0.6.
     type, extends(energy_watch_type) :: long_watch_type
-        !> Measures the errors of all steps, where wanted.
+        !> Measures the errors of all steps, if requested.
         logical :: measures_errors = .false.
         type(error_watch_type) :: error_watch
         !> Time and depth of each dip.
@@ -77,7 +77,7 @@ contains
         if (.not. self%follows_dips) return
         associate (rz => simulation%state%q(3), h => simulation%last_step)
             if (self%height(2) < min(0.6_wp, self%height(1)) .and. self%height(2) <= rz .and. self%dips < 20) then
-                ! The vertex of the parabola through three heights.
+                ! Vertex of the parabola through three heights.
                 curvature = self%height(1) - 2*self%height(2) + rz
                 offset = (self%height(1) - rz)/(2*curvature)
                 self%dips = self%dips + 1
@@ -88,7 +88,7 @@ contains
         end associate
     end subroutine observe
 
-    !> The paper's run of the vehicle: 22 charts, the initial one counted, and 337 500 J.
+    !> The paper's run of the vehicle: 22 charts including the initial one, and 337 500 J.
     subroutine check_vehicle(stepper, refresh, error)
         character(len=*), intent(in) :: stepper, refresh
         type(error_type), allocatable, intent(out) :: error
@@ -102,7 +102,7 @@ contains
         call check_count(error, statistics%charts_by(by_v), 20, 'charts by |v|')
         call check_count(error, statistics%charts_by(by_breakpoint), 1, 'charts at the breakpoint')
         call check_below(error, abs(watch%energy/337500.0_wp - 1), 1.0e-15_wp, 'deviation of the energy at the start')
-        ! What is promised; the constraints do no work, and order four leaves less than rounding.
+        ! The required accuracy; the constraints do no work, and the error of order four is below rounding.
         call check_below(error, watch%deviation, 1.0e-8_wp, 'deviation of the energy')
     end subroutine check_vehicle
 
@@ -125,7 +125,7 @@ contains
         if (.not. allocated(error)) call check_vehicle('sdirk54', 'refine', error)
     end subroutine test_vehicle_22_sdirk54
 
-    !> The paper's run of the disk: 127 charts in 40 s, the initial one counted.
+    !> The paper's run of the disk: 127 charts in 40 s including the initial one.
     subroutine check_disk(stepper, refresh, t_end, charts, error)
         character(len=*), intent(in) :: stepper, refresh
         real(wp), intent(in) :: t_end
@@ -138,7 +138,7 @@ contains
             statistics, error)
         call check_count(error, statistics%charts, charts, 'charts')
         call check_count(error, statistics%charts_by(by_v), charts - 1, 'charts by |v|')
-        ! Large charts: truncation of 1e-4 in the dips, of which the energy sees less than the paper's seven digits.
+        ! Large charts: truncation of 1e-4 in the dips, with an energy error below the paper's seven digits.
         call check_below(error, watch%deviation, 1.0e-6_wp, 'deviation of the energy')
     end subroutine check_disk
 
@@ -162,7 +162,7 @@ contains
         if (.not. allocated(error)) call check_disk('sdirk54', 'refine', 10.0_wp, 34, error)
     end subroutine test_disk_127_sdirk54
 
-    !> The paper's runs of both motorcycles: 8 charts, the initial one and the one at the breakpoint counted.
+    !> The paper's runs of both motorcycles: 8 charts including the initial one and that at the breakpoint.
     subroutine test_motorcycle_8(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=10), parameter :: scenes(2) = [character(len=10) :: 'motorcycle', 'chopper']
@@ -204,7 +204,7 @@ contains
         call check_count(error, watch%dips, 7, 'dips')
         if (allocated(error)) return
         do k = 0, 6
-            ! The figures are known to these digits.
+            ! The figures have these digits.
             call check_below(error, abs(watch%dip_time(k + 1) - 2.875_wp - 5.75_wp*k), 0.006_wp, 'time of a dip')
             call check_below(error, abs(watch%dip_depth(k + 1) - 0.4953_wp), 5.0e-5_wp, 'depth of a dip')
         end do
@@ -237,7 +237,7 @@ contains
         call check_count(error, statistics%charts, int(sum(statistics%charts_by)), 'charts against their reasons')
     end subroutine run_scene
 
-    !> The vehicle hardly turns: one chart, and one more for the breakpoint. The disk needs some eighty in 40 s, twenty in 10 s.
+    !> The vehicle hardly turns: one chart, and one more after the breakpoint. The disk needs some eighty in 40 s, twenty in 10 s.
     subroutine test_adaptive_few(error)
         type(error_type), allocatable, intent(out) :: error
         type(long_watch_type) :: watch
@@ -411,8 +411,8 @@ contains
         call check_count(error, statistics%charts, charts + 1, 'charts by that reason and the start')
     end subroutine count_charts
 
-    !> Every step takes more than one correction at some stage, a higher limit acts less often, and a high one never. Not so of
-    !> trapezoid and radau5, which restore few points, each near the one before.
+    !> Every step takes more than one correction at some stage, a higher limit acts less often, and a high one never. This excludes
+    !> trapezoid and radau5, which restore few points, each near the previous one.
     subroutine test_iteration_limit(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
@@ -517,7 +517,7 @@ contains
             options%w_limit = 0.2_wp
             call spin(options, 1.0_wp, 16, by_w, error)
             call spin(choose(step=0.01_wp, chart='adaptive', stepper=steppers(i)), 1.0_wp, 12, by_d, error)
-            ! The condition is that of the Newton matrix; the pendulum's is a number, so the disk's is looked at.
+            ! The condition is that of the Newton matrix; for the pendulum it is a number, so the disk's is used.
             options = choose(step=2.0e-3_wp, chart='paper', stepper=steppers(i))
             options%condition_limit = 1.01_wp
             call count_charts(options, by_condition, charts, error)
@@ -528,9 +528,9 @@ contains
         end do
     end subroutine test_implicit_limits
 
-    !> Both implicit steppers, three policies, both refresh modes and both bases, one run each against the default. A chart every
-    !> step differs by rounding; the others by their truncation, measured, with a margin of two, and of ten where what Newton's
-    !> iteration leaves is seen (sdirk54).
+    !> Both implicit steppers, three policies, both refresh modes and both bases, one run each against the default. Runs with a
+    !> chart per step differ by rounding; the others by their truncation, as measured, with a margin of two, and of ten if the
+    !> remainder of Newton's iteration is visible (sdirk54).
     subroutine test_implicit_same_solution(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=10), parameter :: scenes(3) = [character(len=10) :: 'vehicle', 'disk', 'motorcycle']
@@ -539,8 +539,8 @@ contains
         character(len=9), parameter :: steppers(2) = ['trapezoid', 'sdirk54  ']
         real(wp), allocatable :: state(:, :), first(:, :)
         real(wp), parameter :: bound(3, 2) = reshape([2.2e-6_wp, 2.5e-6_wp, 1.0e-6_wp, 1.4e-9_wp, 3.0e-10_wp, 1.5e-9_wp], [3, 2])
-        !> The least that Newton's iteration may be asked to leave. It stops one correction earlier or later by chance, and what it
-        !> leaves grows: with 1e-13 runs of the disk by the trapezoidal rule differ by 2e-11, with this by 2e-12.
+        !> Smallest tolerance of Newton's iteration. It stops one correction earlier or later by chance, and its remainder grows:
+        !> with 1e-13 runs of the disk by the trapezoidal rule differ by 2e-11, with this by 2e-12.
         real(wp), parameter :: of_newton = 1.0e-15_wp
         type(failure_type), allocatable :: failure
         type(options_type) :: options
@@ -572,8 +572,8 @@ contains
         end do
     end subroutine test_implicit_same_solution
 
-    !> The knife edge turns by 1.5 rad/s: ten thousand steps of the same size, each on a chart of its own, would round the angle by
-    !> the same part of its last digit, 5e-16, every time (seen: 6e-13 with RK4, 2e-12 with SDIRK54, if nothing is done).
+    !> The knife edge turns by 1.5 rad/s: ten thousand equal steps, each with a new chart, would round the angle by the same part of
+    !> its last digit, 5e-16, every time (measured without countermeasures: 6e-13 with RK4, 2e-12 with SDIRK54).
     subroutine test_rounding(error)
         type(error_type), allocatable, intent(out) :: error
         type(knife_edge_type), target :: model
@@ -589,7 +589,7 @@ contains
             call run(simulation, model, choose(step=1.0e-3_wp, stepper=merge('rk4    ', 'sdirk54', i == 1)), 0.0_wp, q0, qd0, &
                 10.0_wp, failure)
             call check_no_failure(error, failure)
-            ! A few units in the last digit of 15, what Newton's iteration leaves included.
+            ! A few units in the last digit of 15, including the remainder of Newton's iteration.
             call check_below(error, abs(simulation%state%q(3) - q(3)), 5.0e-14_wp, 'angle')
         end do
     end subroutine test_rounding

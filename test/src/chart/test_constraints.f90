@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the three constraint levels over all steps: by the simulation's own statistics, and measured by the test from the
+!> Tests of the three constraint levels over all steps: by the simulation's own statistics, and measured by the test with the
 !> model's procedures; and of the tolerances.
 module test_constraints
     use asserts, only: check_below, check_between, check_count, check_no_failure, check_true
@@ -16,7 +16,7 @@ module test_constraints
 
     public :: collect_constraints
 
-    !> What is promised at every step with default options.
+    !> Guaranteed at every step with default options.
     real(wp), parameter :: promised = 1.0e-11_wp
     character(len=9), parameter :: implicit_steppers(2) = ['trapezoid', 'sdirk54  ']
 
@@ -189,7 +189,7 @@ contains
         end do
     end subroutine test_implicit_options
 
-    !> Say which options a failure belongs to.
+    !> Add the options to a failure.
     subroutine name_options(error, options)
         type(error_type), allocatable, intent(inout) :: error
         type(options_type), intent(in) :: options
@@ -211,8 +211,8 @@ contains
         call check_model(model, choose(step=2.0e-3_wp), q, qd, 4.0_wp, promised, error)
     end subroutine test_rheonomic
 
-    !> Six combinations, on the disk through its first dip and on a shaken pendulum that turns over. (Where the pivot moves as
-    !> fast as the mass, |v| says nothing of the angle, and the paper's policy loses its chart.)
+    !> Six combinations, on the disk through its first dip and on a shaken pendulum that turns over. (If the pivot moves as fast as
+    !> the mass, |v| is unrelated to the angle, and the paper's policy loses its chart.)
     subroutine test_policies(error)
         type(error_type), allocatable, intent(out) :: error
         type(moving_pivot_type), target :: model
@@ -248,7 +248,7 @@ contains
         call check_model(model, choose(step=1.0e-2_wp), q, qd, 2.0_wp, promised, error)
     end subroutine test_jump
 
-    !> Millimetres with a scale to match.
+    !> Millimetres with a matching scale.
     subroutine test_scaled(error)
         type(error_type), allocatable, intent(out) :: error
         type(rod_type), target :: model
@@ -261,7 +261,7 @@ contains
         call check_model(model, choose(step=2.0e-3_wp), q, qd, 2.0_wp, promised, error)
     end subroutine test_scaled
 
-    !> The two measures share no code and must find the same largest error; a tolerance of 1e-2 makes errors to be found.
+    !> The two measures share no code and must find the same largest error; a tolerance of 1e-2 makes errors measurable.
     subroutine test_statistics(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model
@@ -285,7 +285,7 @@ contains
             'ratio of the acceleration errors')
     end subroutine test_statistics
 
-    !> A loose constraint tolerance saves corrections, and is held.
+    !> A loose constraint tolerance saves corrections, and is satisfied.
     subroutine test_loose(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model
@@ -333,10 +333,10 @@ contains
                 errors(:, i) = [statistics%position_error, statistics%velocity_error, statistics%acceleration_error]
                 call check_below(error, maxval(errors(:, i)), tolerances(i), trim(scenes(k))//': largest error')
             end do
-            ! From the first to the last tolerance every level falls, unless it was at rounding already.
+            ! From the first to the last tolerance every level decreases, unless it was at rounding level.
             call check_true(error, all(errors(:, 3) < max(errors(:, 1), 1.0e-14_wp)), trim(scenes(k))//': every error falls')
         end do
-        ! At 1e-6 the disk's are not: what falls is seen.
+        ! At 1e-6 the errors of the disk are above rounding: the decrease is visible.
         call check_true(error, errors(1, 3) < 1.0e-3_wp*errors(1, 1) .and. errors(3, 3) < 0.1_wp*errors(3, 1), &
             'the errors of the disk fall by decades')
     end subroutine test_refine_falls
@@ -369,10 +369,10 @@ contains
                 statistics = simulation%statistics()
                 errors = [statistics%position_error, statistics%velocity_error, statistics%acceleration_error]
                 acceleration_error(i) = errors(3)
-                ! H is off by Htol where C H = 1; on the natural scale of C qdd + gamma that is hardly more.
+                ! H has an error of Htol where C H = 1; on the natural scale of C qdd + gamma that is hardly more.
                 call check_below(error, maxval(errors), 3*tolerances(i), trim(scenes(k))//': largest error')
             end do
-            ! (The motorcycle's is small already with 1e-6: corrections are of second order and leave less than they must.)
+            ! (The error of the motorcycle is small already with 1e-6: corrections are of second order and better than required.)
             call check_below(error, acceleration_error(3), 1.0e-3_wp*max(acceleration_error(1), 1.0e-9_wp), &
                 trim(scenes(k))//': acceleration error with 1e-12')
         end do

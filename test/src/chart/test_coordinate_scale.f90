@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests that results do not depend on the unit of length where the model states its scales.
+!> Tests that results do not depend on the unit of length if the model states its scales.
 module test_coordinate_scale
     use asserts, only: check_below, check_no_failure, check_true
     use model_knife_edge, only: knife_edge_type
@@ -76,7 +76,7 @@ contains
         call millimetres%start(1.0_wp, 2.0_wp, q, qd)
         call run(second, millimetres, choose(step=1.0e-2_wp), 0.0_wp, q, qd, 2.0_wp, failure)
         call check_no_failure(error, failure)
-        ! Truncation is 1e-6 here, and the same in both: what differs is rounding, and where an iteration stops.
+        ! Truncation is 1e-6 in both: differences are due to rounding, and to the end of iterations.
         call check_below(error, maxval(abs(second%state%q/1000 - first%state%q)), 1.0e-12_wp, 'difference of q')
         call check_below(error, maxval(abs(second%state%qd/1000 - first%state%qd)), 1.0e-11_wp, 'difference of qd')
     end subroutine test_pendulum
@@ -122,7 +122,7 @@ contains
         end do
     end subroutine test_policies
 
-    !> Newton's iteration stops by scaled coordinates too: the runs differ by what it leaves, 1e-14 a stage.
+    !> Newton's iteration stops by scaled coordinates too: the runs differ by its remainder, 1e-14 per stage.
     subroutine test_implicit(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
@@ -136,8 +136,8 @@ contains
         end do
     end subroutine test_implicit
 
-    !> Steps by an error estimate in a unit that is a power of two, so that only what has lost its scale, or the order in which
-    !> numbers are added, can differ from metres.
+    !> Steps by an error estimate in a unit that is a power of two, so that differences from metres can only be due to a missing
+    !> scale, or to the order of summation.
     subroutine test_scenes(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=9), parameter :: steppers(3) = [character(len=9) :: 'dopri5', 'dop853', 'sdirk54']
@@ -156,15 +156,15 @@ contains
                     call check_true(error, in_units%steps == in_metres%steps .and. in_units%rejected == in_metres%rejected &
                         .and. in_units%failed == in_metres%failed, 'the steps of the '//trim(scenes(i))//' with '// &
                         trim(steppers(j))//' are the same')
-                    ! Seen: 2e-11. Rounding, a hundred times amplified by the disk, and by the step sizes: they follow errors of
-                    ! 1e-6.
+                    ! Measured: 2e-11. Rounding, amplified a hundred times by the disk, and by the step sizes, which follow errors
+                    ! of 1e-6.
                     call check_below(error, maxval(abs(y - expected)), 1.0e-9_wp, 'difference on the '//trim(scenes(i)))
                 end do
             end do
         end do
     end subroutine test_scenes
 
-    !> Run a scene for 5 s in a unit; the end of it in metres, and what it took.
+    !> Run a scene for 5 s in a unit; its end in metres, and its cost.
     subroutine run_scene(scene, units, stepper, y, statistics, error)
         character(len=*), intent(in) :: scene, stepper
         !> Units of length in a metre.
@@ -225,7 +225,7 @@ contains
         statistics = simulation%statistics()
     end subroutine run_scene
 
-    !> The guard of the tests above: a basis that is orthonormal in mixed units gives another truncation error.
+    !> The control of the tests above: a basis that is orthonormal in mixed units gives another truncation error.
     subroutine test_without(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: q(3), expected(3)
@@ -236,8 +236,8 @@ contains
         call check_true(error, maxval(abs(q - expected)) > 1.0e-10_wp, 'without scales the results differ')
     end subroutine test_without
 
-    !> A knife edge turns through the heading across the slope on a chart whose scales are uneven, 1 to 30: there a chart can turn
-    !> singular within a step, and then the estimates of the error see nothing.
+    !> A knife edge turns through the heading across the slope on a chart with uneven scales, 1 to 30: there a chart can become
+    !> singular within a step, and then the error estimates fail.
     subroutine test_uneven(error)
         type(error_type), allocatable, intent(out) :: error
         type(knife_edge_type), target :: model
@@ -269,9 +269,9 @@ contains
         end do
     end subroutine test_uneven
 
-    !> The same by implicit steps, whose Newton matrices are carried from chart to chart: one from the edge of a chart, or from one
-    !> that lies across, makes corrections small, and an iteration that stands still looks like one that has converged. Where charts
-    !> last longer than a step, a result may miss the tolerance, but not without a warning.
+    !> The same with implicit steps, whose Newton matrices are moved from chart to chart: a matrix from the edge of a chart, or from
+    !> a transverse one, makes corrections small, and a stagnating iteration looks like a converged one. If charts last longer than
+    !> a step, a result may miss the tolerance, but not without a warning.
     subroutine test_uneven_implicit(error)
         type(error_type), allocatable, intent(out) :: error
         type(knife_edge_type), target :: model
@@ -280,7 +280,7 @@ contains
         type(failure_type), allocatable :: failure
         type(warning_type), allocatable :: doubts(:)
         character(len=9), parameter :: steppers(2) = [character(len=9) :: 'sdirk54', 'trapezoid']
-        !> Of the tolerance: the trapezoidal rule takes hundreds of steps that each leave a part of it.
+        !> In units of the tolerance: the trapezoidal rule takes hundreds of steps, each with an error of a part of it.
         real(wp), parameter :: allowed(2) = [300.0_wp, 500.0_wp]
         real(wp) :: q(3), qd(3), qdd(3), lambda(1), rtol, off
         integer :: stepper, policy, i

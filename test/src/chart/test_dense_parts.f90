@@ -87,7 +87,7 @@ contains
         integer :: row
 
         c(1, :) = [3.0_wp, -4.0_wp]
-        ! At rest the coordinates' magnitudes 2 and 0.5 stand for them: 6 + 2.
+        ! At rest the coordinates' magnitudes 2 and 0.5 replace them: 6 + 2.
         call position_errors([1.0_wp], c, [0.0_wp, 0.0_wp], [2.0_wp, 0.5_wp], worst, row)
         call check_below(error, abs(worst - 0.125_wp), 1.0e-17_wp, 'deviation from 1/8')
         call velocity_errors([0.0_wp], c, [0.0_wp, 0.0_wp], [2.0_wp, 0.5_wp], worst, row)
@@ -116,7 +116,7 @@ contains
         call position_errors(phi, c, [1.0_wp, 1.0_wp], [1.0_wp, 1.0_wp], worst, row)
         call check_true(error, worst >= huge(1.0_wp), 'the error of a NaN')
         call check_count(error, row, 2, 'row')
-        ! Of several the first.
+        ! Of several equal ones the first.
         call constraint_errors(phi, [phi(2), phi(2)], phi, c, c(:, 1), c(:, 1), c(:, 1), c(:, 1), 1.0_wp, errors, rows)
         call check_true(error, all(errors >= huge(1.0_wp)), 'the errors of NaNs')
         call check_true(error, all(rows == [2, 1, 2]), 'rows')
@@ -125,14 +125,14 @@ contains
             errors, rows)
         call check_true(error, all(errors(2:) >= huge(1.0_wp)), 'the errors of a NaN in C')
         call check_true(error, all(rows(2:) == 2), 'rows')
-        ! Behind a row with an error, and infinite like its own scale.
+        ! After a row with an error, and infinite like its own scale.
         c(2, 1) = ieee_value(1.0_wp, ieee_positive_inf)
         call velocity_errors([0.0_wp, 0.0_wp], c, [1.0_wp, 1.0_wp], [1.0_wp, 1.0_wp], worst, row)
         call check_true(error, worst >= huge(1.0_wp), 'the error of an infinite entry of C')
         call check_count(error, row, 2, 'row')
     end subroutine test_nan
 
-    !> Every level against a plain formula, with as many rows and columns as fill, and do not fill, the blocks of the loops.
+    !> Every level against a plain formula, with numbers of rows and columns that fill, and do not fill, the blocks of the loops.
     subroutine test_errors(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), allocatable :: c(:, :), phi(:), nu(:), gamma(:), q(:), qd(:), qdd(:), scale(:)
@@ -151,7 +151,7 @@ contains
                 qd = random_column(seed, n)
                 qdd = random_column(seed, n)
                 scale = 0.5_wp + abs(random_column(seed, n))
-                ! A row of zeros is its own scale, and without a right side no error.
+                ! A row of zeros is its own scale, and without a right-hand side it has no error.
                 c(1 + m/3, :) = 0.0_wp
                 call constraint_errors(phi, nu, gamma, c, q, qd, qdd, scale, 1.0_wp, errors, rows)
                 expected = [level(c(:nh, :), phi, 0*c(:nh, 1), q, scale), level(c, matmul(c, qd) - nu, nu, qd, scale), &

@@ -95,7 +95,7 @@ contains
         call self%free_motion%load(self%elimination)
     end subroutine set_up
 
-    !> Velocities of all small mechanisms, and of some that are large by their constraints, by their degrees of freedom, or by both.
+    !> Velocities of all small mechanisms, and of some with many constraints, many degrees of freedom, or both.
     subroutine test_velocity(error)
         type(error_type), allocatable, intent(out) :: error
         integer :: i, m, n, seed
@@ -192,7 +192,7 @@ contains
         end do
     end subroutine check_acceleration
 
-    !> The mass along one free direction is made zero, or negative.
+    !> The mass along one free direction is set to zero, or to a negative value.
     subroutine test_singular(error)
         type(error_type), allocatable, intent(out) :: error
         type(case_type) :: case
@@ -242,7 +242,7 @@ contains
         end do
     end subroutine test_not_finite
 
-    !> Where the free direction has turned by a right angle, no velocity along it is the one wanted.
+    !> If the free direction has turned by a right angle, no velocity along it fits the wanted one.
     subroutine test_across(error)
         type(error_type), allocatable, intent(out) :: error
         type(elimination_type) :: elimination

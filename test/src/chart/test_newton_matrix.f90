@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the Newton matrix of implicit stages: the Jacobian (76), (77) of the residual against differences, how it contracts, and
-!> that it serves further steps.
+!> Tests of the Newton matrix of implicit stages: the Jacobian (76), (77) of the residual against differences, its contraction, and
+!> its reuse in further steps.
 module test_newton_matrix
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
     use differences, only: h, random_vector, weight
@@ -18,7 +18,7 @@ module test_newton_matrix
 
     public :: collect_newton_matrix
 
-    !> A chart, its bases, and the point whose unknowns are differentiated.
+    !> A chart, its bases, and the point of differentiation.
     type :: stage_point_type
         type(dense_chart_type) :: chart
         real(wp) :: t = 0.0_wp
@@ -64,7 +64,7 @@ contains
         if (stat(5) /= 0) error stop 'residual: the point is off the chart'
     end subroutine residual
 
-    !> Carry a subject to a time, make a chart there, and go to a random point of it with random velocities.
+    !> Move a subject to a time, make a chart there, and go to a random point of it with random velocities.
     subroutine enter_stage(model, q0, qd0, t, seed, point, error)
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: q0(:), qd0(:), t
@@ -90,7 +90,7 @@ contains
         point%chart%damps = .true.
         call point%chart%initialize(model, options, .true., failure)
         call point%chart%renew(t, simulation%state%q, simulation%state%qd, stat(1))
-        ! The chart's bases are its own; the same factorisation gives the same ones.
+        ! The bases of the chart are private; the same factorisation gives the same ones.
         call get_terms(model, t, simulation%state%q, simulation%state%qd, terms, stat(2))
         call basis%allocate(n, nh, m)
         call basis%factor_qr(terms%jacobian, spread(1.0_wp, 1, n), n)
@@ -140,7 +140,8 @@ contains
         class(model_type), intent(inout) :: model
         character(len=*), intent(in) :: name
         type(error_type), allocatable, intent(inout) :: error
-        !> Truncation h**6/140 is below 1e-14; the constraints, solved to 1e-12, leave 1e-12/h = 1e-10 of the residual's size.
+        !> Truncation h**6/140 is below 1e-14; the constraints, solved to 1e-12, cause errors of 1e-12/h = 1e-10 of the residual's
+        !> size.
         real(wp), parameter :: tolerance = 1.0e-8_wp
         real(wp) :: r1(size(point%v), 2), r2(model%n, 2)
         real(wp) :: e1(size(point%v)), e2(size(point%w))
@@ -171,7 +172,7 @@ contains
     end subroutine check_blocks
 
     !> Newton's matrix made at the stage itself: the right one contracts quadratically, that of (69) by a factor that a second
-    !> correction shows. The disk after a second, h = 0.02, from rates that are off by 1e-2.
+    !> correction shows. The disk after a second, h = 0.02, from rates with errors of 1e-2.
     subroutine test_contraction(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: right, inner
@@ -184,7 +185,7 @@ contains
         printed%as_printed = .true.
         call measure_contraction(right, right, left_right, error)
         call measure_contraction(printed, right, left_printed, error)
-        ! Seen: 5e-5, 2e-9, 5e-15 with the right one, 5e-5, 6e-8, 5e-13 as printed.
+        ! Measured: 5e-5, 2e-9, 5e-15 with the right one, 5e-5, 6e-8, 5e-13 as printed.
         call check_below(error, left_right(3), 1.0e-13_wp, 'the third correction with the right gamma_qd')
         call check_below(error, 10*left_right(2), left_printed(2), 'ten times the second correction')
         call check_below(error, 10*left_right(3), left_printed(3), 'ten times the third correction')
@@ -286,7 +287,7 @@ contains
             disk%segment = 1
         end associate
         call check_true(error, .not. can, 'a matrix of another segment')
-        ! Seen: 1.3e-3 and 1.6e-4.
+        ! Measured: 1.3e-3 and 1.6e-4.
         call check_below(error, maxval(change(2:4, 1)/change(1:3, 1)), 3.0e-3_wp, 'contraction of the old matrix')
         call check_below(error, maxval(change(2:3, 2)/change(1:2, 2)), 5.0e-4_wp, 'contraction of a new one')
         call check_close(error, found_q(:, 1), found_q(:, 2), 1.0e-14_wp, 'q')

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Explicit steps that are projected at their ends alone: their order, what they leave of the constraints, and what they save.
+!> Tests of explicit steps that are projected at their ends only: their order, remaining constraint errors, and savings.
 !>
-!> (That checkpoints resume them is tested in `checkpoint`, that stiffness is noticed in `estimates`.)
+!> (The suite `checkpoint` tests checkpoints of them, `estimates` the detection of stiffness.)
 module test_projection
     use asserts, only: check_below, check_between, check_close, check_count, check_failure, check_no_failure, check_true
     use model_knife_edge, only: knife_edge_type
@@ -74,8 +74,8 @@ contains
         end do
     end subroutine check_order
 
-    !> With large steps the vehicle shows more than the order of dopri5 and dop853, with stages projected too: its errors of that
-    !> order are small. Bounds are twice what was measured.
+    !> With large steps the vehicle shows more than the order of dopri5 and dop853, with projected stages too: its errors of that
+    !> order are small. Bounds are twice the measured values.
     subroutine test_order(error)
         type(error_type), allocatable, intent(out) :: error
 
@@ -87,11 +87,11 @@ contains
         call check_order('disk', 'dop853', 2.0_wp, [0.2_wp, 0.1_wp], 7.2_wp, 8.2_wp, 3.2e-10_wp, error)
     end subroutine test_order
 
-    !> The disk's place after 10 s and two dips, which amplify errors by 1e4: at most five times the error of steps whose stages
-    !> are projected, in the geometric mean of five tolerances (measured: 1.5 and 3.8; 1.07 and 1.49 before these kept the momentum,
-    !> with errors of 2.1e-4 and 1.4e-5 for now 1.4e-4 and 4.5e-6). One run says little: its error is an amplified
-    !> sum of errors of either sign, and ratios of single runs are between 0.03 and 11. With looser tolerances both errors are as
-    !> large as the motion.
+    !> Position of the disk after 10 s and two dips, which amplify errors by 1e4: at most five times the error of steps with
+    !> projected stages, in the geometric mean of five tolerances (measured: 1.5 and 3.8; 1.07 and 1.49 before these preserved the
+    !> momentum, with errors of 2.1e-4 and 1.4e-5 for now 1.4e-4 and 4.5e-6). A single run is not significant: its error is an
+    !> amplified sum of errors of either sign, and ratios of single runs are between 0.03 and 11. With looser tolerances both errors
+    !> are as large as the motion.
     subroutine test_errors(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
@@ -124,7 +124,7 @@ contains
         end do
     end subroutine test_errors
 
-    !> Else the option would do nothing.
+    !> Otherwise the option would have no effect.
     subroutine test_other(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
@@ -145,8 +145,8 @@ contains
         end do
     end subroutine test_other
 
-    !> All three levels, with large steps too, by every policy and way to the inverses: a hundredth of the tolerance of 1e-12,
-    !> as with stages projected; the paper's refinement leaves what its tolerances allow.
+    !> All three levels, also with large steps, for every policy and computation of the inverses: a hundredth of the tolerance of
+    !> 1e-12, as with projected stages; with the paper's refinement as given by its tolerances.
     subroutine test_ends(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model
@@ -183,7 +183,7 @@ contains
         end do
     end subroutine test_ends
 
-    !> Rows between steps, those that dop853's further stages serve too; the run with looks ends bitwise where it ends without.
+    !> Rows between steps, also from dop853's additional stages; the run with dense output ends bitwise like the run without it.
     subroutine test_dense(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model
@@ -217,7 +217,7 @@ contains
         end do
     end subroutine test_dense
 
-    !> The knife edge, whose motion has a closed form: the state when its angle reaches 0.9, and what is left of the constraint.
+    !> The knife edge, whose motion has a closed form: the state when its angle reaches 0.9, and its constraint error.
     subroutine test_events(error)
         type(error_type), allocatable, intent(out) :: error
         type(knife_edge_type), target :: model
@@ -254,8 +254,8 @@ contains
         end do
     end subroutine test_events
 
-    !> As many evaluations of the equations of motion, and at most half as many of Phi: only the end of a step asks for it, three
-    !> times at most where no chart is far from its origin.
+    !> As many evaluations of the equations of motion, and at most half as many of Phi: only the end of a step evaluates it, at most
+    !> three times if no chart is far from its origin.
     subroutine test_counts(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model
@@ -285,10 +285,10 @@ contains
         end do
     end subroutine test_counts
 
-    !> Ends alone under error control, every stage with fixed steps and on charts that are kept or refined.
+    !> Only ends under error control, every stage with fixed steps and on charts that are kept or refined.
     subroutine test_default(error)
         type(error_type), allocatable, intent(out) :: error
-        !> The choice that each should equal: number in `projections`.
+        !> Expected choice of each: number in `projections`.
         integer, parameter :: expected(4) = [3, 2, 2, 2]
         type(options_type) :: options(4)
         type(failure_type), allocatable :: failure

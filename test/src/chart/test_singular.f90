@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of mechanisms that lose a rank, by the solver: the planar four-bar stops in its flat position, where its rank changes,
-!> Bricard's mechanism, which lacks a rank everywhere, runs, and a disk that falls flat on its plane stops there.
+!> Tests of rank loss in simulations: the planar four-bar stops in its flat position, where its rank changes, Bricard's mechanism,
+!> which lacks a rank everywhere, runs, and a disk that falls flat on its plane stops there.
 module test_singular
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_stopped, check_text, &
         check_true
@@ -45,7 +45,7 @@ contains
             new_unittest('a-row-that-turns-too-far-in-a-step-is-no-loss', test_turned_row)]
     end subroutine collect_singular
 
-    !> All rods on one line: the four rows in x depend on each other there.
+    !> All rods on one line: the four rows in x are dependent there.
     subroutine test_flat_start(error)
         type(error_type), allocatable, intent(out) :: error
         type(four_bar_type), target :: model
@@ -67,8 +67,8 @@ contains
         end do
     end subroutine test_flat_start
 
-    !> Cranks that swing down through the flat position, with error control: whatever the steps are, none passes it, which the
-    !> orientation of the pivot columns alone would let some do, and none ends a run far above it.
+    !> Cranks that swing down through the flat position, with error control: no step size passes it, which the orientation of the
+    !> pivot columns alone would allow for some, and no run ends far above it.
     subroutine test_crank_pairs(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=7), parameter :: controlled(3) = [character(len=7) :: 'dop853', 'dopri5', 'sdirk54']
@@ -97,9 +97,9 @@ contains
         end do
     end subroutine test_crank_pairs
 
-    !> A bead runs on the circle towards the line that crosses it. Short steps near the crossing find the line as well as the
-    !> circle: a run may find neither, but never go on along the line and say that all went well. Stages on the manifold meet the
-    !> line in long steps, and name the loss of rank in most runs; ends alone come so near that corrections diverge.
+    !> A bead moves on the circle towards the line that crosses it. Short steps near the crossing find the line as well as the
+    !> circle: a run may find neither, but must never continue along the line and report success. Stages on the manifold reach the
+    !> line in long steps, and report the loss of rank in most runs; ends alone come so near that corrections diverge.
     subroutine test_crossing(error)
         type(error_type), allocatable, intent(out) :: error
         type(crossing_type), target :: model
@@ -135,7 +135,8 @@ contains
         call check_true(error, n_named(1) > 60, 'most runs with stages on the manifold say why they end')
     end subroutine test_crossing
 
-    !> Run a parallelogram without gravity, at 1 rad/s, until it should stop: in the flat position, which is `ahead` of its start.
+    !> Run a parallelogram without gravity, at 1 rad/s, until its expected stop: in the flat position, which is `ahead` of its
+    !> start.
     subroutine check_through_flat(options, ahead, t_end, error)
         type(options_type), intent(in) :: options
         real(wp), intent(in) :: ahead, t_end
@@ -154,7 +155,7 @@ contains
         call check_count(error, n_warnings(simulation), 0, 'warnings')
         step = merge(options%max_step, options%step, options%is_adaptive())
         ! A step that would end a hundredth of a step before it, with multipliers that grow like the inverse of the distance, may be
-        ! impossible too: then it is that much more than one step.
+        ! impossible too: the distance is then slightly more than one step.
         call check_below(error, abs(simulation%state%t - ahead), 1.02_wp*step, trim(options%stepper)// &
             ': distance of the stop from the flat position')
         call check_below(error, maxval(simulation%errors), 1.0e-12_wp, trim(options%stepper)//': constraint errors there')
@@ -163,7 +164,7 @@ contains
         call check_close(error, simulation%state%q, q, 1.0e-6_wp, trim(options%stepper)//': q at the stop')
     end subroutine check_through_flat
 
-    !> Steps of 1e-2 end in the flat position, half a step from it, and a hundredth of a step before and behind it.
+    !> Steps of 1e-2 end in the flat position, half a step from it, and a hundredth of a step before and after it.
     subroutine test_through_flat(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: ahead(4) = [0.5_wp, 0.505_wp, 0.5001_wp, 0.4999_wp]
@@ -182,7 +183,7 @@ contains
         end do
     end subroutine test_through_flat
 
-    !> The same where no new chart is made on the way.
+    !> The same with a single chart.
     subroutine test_through_flat_in_one_chart(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: ahead(2) = [0.2_wp, 0.205_wp]
@@ -197,7 +198,7 @@ contains
         end do
     end subroutine test_through_flat_in_one_chart
 
-    !> A run that ends in the flat position, whatever the steps.
+    !> A run that ends in the flat position, for any step size.
     subroutine test_end_flat(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
@@ -238,8 +239,8 @@ contains
         end do
     end subroutine test_crank_rocker
 
-    !> From rest in the cube for 2 s: one of 35 rows is redundant all the time. Not always the same ones can be spared: after
-    !> 1.25 s, at angle = -pi/2, most rows are needed that could be dropped before.
+    !> From rest in the cube for 2 s: one of 35 rows is redundant all the time, but not always the same ones: after 1.25 s, at angle
+    !> = -pi/2, most rows are needed that could be dropped before.
     subroutine test_bricard(error)
         type(error_type), allocatable, intent(out) :: error
         type(bricard_type), target :: model, fewer
@@ -253,7 +254,7 @@ contains
 
         call model%define()
         call model%start(0.0_wp, 0.0_wp, q, qd)
-        ! `P6 axis 2` can be spared everywhere.
+        ! `P6 axis 2` can be dropped everywhere.
         fewer%left_out = 30
         call fewer%define()
         do l = 2, 3
@@ -272,7 +273,7 @@ contains
             end do
             call check_true(error, named > 0, 'the warning names a row: '//all_warnings(simulation))
             call check_below(error, maxval(errors%errors), 1.0e-12_wp, trim(steppers(l))//': constraint errors of all rows')
-            ! Which row is missing changes nothing but rounding, and with error control when a step is tried again: the tolerance.
+            ! The choice of the missing row changes only rounding, and with error control repeated steps: the tolerance.
             bound = merge(1.0e-8_wp, 1.0e-11_wp, steppers(l) == 'dop853')
             call check_same_motion(error, simulation, without, bound)
             call check_multipliers(error, simulation, without, 100*bound)
@@ -313,8 +314,8 @@ contains
         end do
     end subroutine test_missing_row
 
-    !> A disk falls flat on its plane, where every point of its rim is one of contact: the contact point, which has no mass, may go
-    !> anywhere. No stepper passes that, whatever its steps are.
+    !> A disk falls flat on its plane, where every point of its rim is a contact point: the massless contact point may go anywhere.
+    !> No stepper passes this, for any step size.
     subroutine test_flat_disk(error)
         type(error_type), allocatable, intent(out) :: error
         !> Fixed steps, or the tolerances; the disk takes 0.74 s from a tilt of 0.5.
@@ -335,7 +336,7 @@ contains
             end do
             if (stepper_names(l) == 'rk4') cycle
             do i = 1, size(tolerances)
-                ! It would take so many steps that nobody waits for them.
+                ! It would take too many steps.
                 if (stepper_names(l) == 'trapezoid' .and. tolerances(i) < 1.0e-7_wp) cycle
                 options = choose(stepper=trim(stepper_names(l)))
                 call change_stepper(options, options%stepper, rtol=tolerances(i))
@@ -365,7 +366,7 @@ contains
             call check_failure(error, failure, 'singular_mass', 'nothing ties')
             if (allocated(error)) return
             ! It falls with 3.6 m/s: less than two steps above the plane, and never below; less than three with radau5, whose stages
-            ! are solved together, of start values two steps ahead. Controlled steps come nearer.
+            ! are solved together, with start values two steps ahead. Controlled steps come nearer.
             associate (rz => simulation%state%q(3))
                 call check_true(error, rz > 0.0_wp, trim(options%stepper)//': it is above the plane')
                 call check_below(error, rz, merge(1.0e-3_wp, 3.6_wp*options%step* &
@@ -376,7 +377,7 @@ contains
         end do
     end subroutine check_flat_disk
 
-    !> The control: with a spin that steps can follow, the disk comes near the plane, and its contact point runs round the rim
+    !> The control: with a spin that steps can follow, the disk comes near the plane, and its contact point moves round the rim
     !> until it rises again. Its height is that of two steppers.
     subroutine test_rising_disk(error)
         type(error_type), allocatable, intent(out) :: error
@@ -401,8 +402,8 @@ contains
         call check_close(error, height(:1), height(2:), 1.0e-6_wp, 'height')
     end subroutine test_rising_disk
 
-    !> A sleigh turns by 2 rad in a step: its only row has the length that it had, and says the opposite. That is no loss of rank,
-    !> and the row cannot be spared; it is the step that is too large.
+    !> A sleigh turns by 2 rad in a step: its only row has its previous length and the opposite direction. This is not a loss of
+    !> rank, and the row cannot be dropped; the step is too large.
     subroutine test_turned_row(error)
         type(error_type), allocatable, intent(out) :: error
         type(sleigh_type), target :: sleigh
@@ -418,7 +419,7 @@ contains
                 spin = 2.0e3_wp + 2.0e2_wp*i
                 call sleigh%motion(0.0_wp, [0.0_wp, 0.0_wp, 0.3_wp, 1.0_wp, spin], q, qd)
                 call run(simulation, sleigh, choose(stepper=trim(steppers(l)), step=1.0e-3_wp), 0.0_wp, q, qd, 0.1_wp, failure)
-                ! Where the first steps go through, the velocity that they leave may be too large for the next ones.
+                ! If the first steps succeed, their velocity may be too large for the next ones.
                 call check_stopped(error, failure, [character(len=10) :: 'chart_left', 'not_finite'], 'smaller step', &
                     trim(steppers(l)))
                 if (allocated(error)) return

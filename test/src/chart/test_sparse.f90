@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of the sparse chart: the motions of large mechanisms against those of the dense chart, against closed forms and against
-!> their own energy; what steps cost; loss of rank.
+!> their own energy; cost of steps; loss of rank.
 module test_sparse
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure
     use event_kinds, only: shove_type
@@ -41,7 +41,7 @@ contains
             new_unittest('change-of-the-rows', test_change)]
     end subroutine collect_sparse
 
-    !> The charts are others, and so are the errors of steps: local ones of 1e-12 add up and grow a little.
+    !> The charts differ, and so do the errors of steps: local ones of 1e-12 add up and grow a little.
     subroutine test_alike(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: one, two
@@ -62,7 +62,7 @@ contains
         end do
     end subroutine test_alike
 
-    !> Halving the step divides the error of rk4 by sixteen; the chart costs no order.
+    !> Halving the step divides the error of rk4 by sixteen: the chart preserves the order.
     subroutine test_order(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -144,7 +144,7 @@ contains
 
     contains
 
-        !> From the drawing with velocities that fit the drive.
+        !> From the reference configuration with velocities that fit the drive.
         subroutine start_assembled(mechanism, kind, simulation)
             type(mechanism_type), intent(inout), target :: mechanism
             character(len=*), intent(in) :: kind
@@ -153,14 +153,14 @@ contains
 
             if (allocated(error)) return
             call mechanism%start(q, qd)
-            ! The drive turns b0 at 0.5 rad/s about a point 0.5 m beside its centre; the chain follows as one body, by which the
-            ! gear is at rest.
+            ! The drive turns b0 at 0.5 rad/s about a point 0.5 m beside its centre; the chain follows as one body, so that the gear
+            ! is at rest.
             call set_rigid(mechanism%n, qd)
             call simulation%initialize(mechanism, controlled(1.0e-12_wp, kind), 0.0_wp, q, qd, failure)
             call check_no_failure(error, failure)
         end subroutine start_assembled
 
-        !> Everything turns as one about (-0.5, 0) at 0.5 rad/s.
+        !> Everything rotates as one body about (-0.5, 0) at 0.5 rad/s.
         subroutine set_rigid(n, qd)
             integer, intent(in) :: n
             real(wp), intent(out) :: qd(n)
@@ -190,7 +190,7 @@ contains
                 call begin(scenes(i), n(k), controlled(1.0e-8_wp, 'sparse'), one, sparse, error)
                 call begin(scenes(i), n(k), controlled(1.0e-8_wp, 'dense'), two, dense, error)
                 if (allocated(error)) return
-                ! What is lost is the condition of the matrices, up to 1e4.
+                ! The loss of digits is due to the condition of the matrices, up to 1e4.
                 call check_close(error, sparse%state%qdd/(1 + maxval(abs(dense%state%qdd))), &
                     dense%state%qdd/(1 + maxval(abs(dense%state%qdd))), 1.0e-11_wp, trim(scenes(i))//' qdd')
             end do
@@ -204,14 +204,14 @@ contains
         call run_four_bars(40, error)
     end subroutine test_forty
 
-    !> N = 400: 801 bodies. The place of the first upright is also known from elsewhere.
+    !> N = 400: 801 bodies. The position of the first upright is also known from another source.
     subroutine test_four_hundred(error)
         type(error_type), allocatable, intent(out) :: error
 
         call run_four_bars(400, error)
     end subroutine test_four_hundred
 
-    !> The tolerance of 1e-11 a step leaves 1e-9.
+    !> The tolerance of 1e-11 per step gives 1e-9.
     subroutine run_four_bars(n, error)
         integer, intent(in) :: n
         type(error_type), allocatable, intent(inout) :: error
@@ -223,14 +223,14 @@ contains
         call go_on(simulation, 0.6_wp, error)
         if (allocated(error)) return
         angle = exact_angle(n, 0.6_wp)
-        ! The tip of the first upright, B0, is twice as far as its centre.
+        ! The tip of the first upright, B0, is at twice the distance of its centre.
         x = 2*simulation%state%q(1)
         y = 2*simulation%state%q(2)
         call check_close(error, [x, y], [sin(angle), cos(angle)], 1.0e-9_wp, 'B0')
         if (n == 400) call check_close(error, [x, y], [0.874791235722069_wp, 0.484500045308415_wp], 1.0e-9_wp, 'B0 as given')
     end subroutine run_four_bars
 
-    !> theta'' = c sin(theta), theta(0) = 0, theta'(0) = 1, by rk4 with steps that leave 1e-13.
+    !> theta'' = c sin(theta), theta(0) = 0, theta'(0) = 1, by rk4 with an error of 1e-13.
     real(wp) function exact_angle(n, t) result(angle)
         integer, intent(in) :: n
         real(wp), intent(in) :: t
@@ -260,8 +260,8 @@ contains
         end function rate
     end function exact_angle
 
-    !> At t = 0.71 to 0.72 uprights and couplers align, and the motion is not determined: the run ends there by name, with fixed
-    !> steps and with controlled ones, however many loops go flat at once.
+    !> At t = 0.71 to 0.72 uprights and couplers align, and the motion is not unique: the run ends there with `rank_deficient`, with
+    !> fixed and with controlled steps, for any number of loops that become flat at once.
     subroutine test_singular(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n(3) = [2, 5, 40]
@@ -286,24 +286,23 @@ contains
         end do
     end subroutine test_singular
 
-    !> Among a thousand loops rounding grows so close to the flat position that the constraints can no longer be held before steps
-    !> shrink: what is told is the loss of rank that is the reason, and not that a tolerance is missed. Accelerations are 23 m/s^2
-    !> on the way there, and 300 where rounding has taken over.
+    !> Among a thousand loops rounding grows so near the flat position that the constraints cannot be satisfied before steps shrink:
+    !> the reported reason is the loss of rank, not a missed tolerance. Accelerations are 23 m/s^2 before it, and 300 when rounding
+    !> dominates.
     subroutine test_close_to_flat(error)
         type(error_type), allocatable, intent(out) :: error
 
         call run_close_to_flat(1000, 1.0e-8_wp, error)
     end subroutine test_close_to_flat
 
-    !> With a tolerance near rounding it is the estimates of errors that grow: with forty loops 56000 steps were taken for the last
-    !> 2e-6 s.
+    !> With a tolerance near rounding the estimates of errors grow: with forty loops 56000 steps were taken for the last 2e-6 s.
     subroutine test_creep_to_flat(error)
         type(error_type), allocatable, intent(out) :: error
 
         call run_close_to_flat(40, 1.0e-12_wp, error)
     end subroutine test_creep_to_flat
 
-    !> From where the flat position is 0.02 s away, but for 1e-5 s.
+    !> From a state 0.02 s before the flat position, to 1e-5 s before it.
     subroutine run_close_to_flat(n, rtol, error)
         integer, intent(in) :: n
         real(wp), intent(in) :: rtol
@@ -341,9 +340,8 @@ contains
         call check_below(error, real(statistics%steps, wp), real(most_steps, wp), 'steps')
     end subroutine run_close_to_flat
 
-    !> Of a hundred parallelograms side by side, on none of which a force acts, one is flat after half a second, while the others
-    !> hardly turn: a joint of its own is named, with fixed steps in the step that would pass the position, with controlled ones
-    !> right before it.
+    !> Of a hundred parallelograms side by side, without forces, one is flat after half a second, while the others hardly turn: one
+    !> of its joints is named, with fixed steps in the step that would pass the position, with controlled ones directly before it.
     subroutine test_one_flat(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 100, fast = 37
@@ -385,7 +383,7 @@ contains
 
     contains
 
-        !> Whether the message names a row of a pin of a linkage.
+        !> True if the message names a row of a pin of a linkage.
         logical function names_pin_of(i)
             integer, intent(in) :: i
             integer :: k
@@ -401,7 +399,7 @@ contains
     subroutine draw_parallelogram(mechanism, i, angle, rate, error)
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(in) :: i
-        !> Of the rods on the ground against the upright (rad), and its rate (rad/s).
+        !> Angle of the rods on the ground from the upright (rad), and its rate (rad/s).
         real(wp), intent(in) :: angle, rate
         type(failure_type), allocatable, intent(out) :: error
         real(wp) :: along(2), beside(2), foot(2), moves(2)
@@ -450,7 +448,7 @@ contains
         write (text, '(a, i0)') name, i
     end function numbered
 
-    !> A free-swinging chain in space from the horizontal at rest: what potential energy is lost is kinetic. Within 1e-6 of m g l
+    !> A free-swinging chain in space from the horizontal at rest: lost potential energy becomes kinetic. Within 1e-6 of m g l
     !> summed over the bodies, with fixed steps of 1 ms.
     subroutine test_energy(error)
         type(error_type), allocatable, intent(out) :: error
@@ -488,8 +486,8 @@ contains
             1.0e-12_wp, 'largest error')
     end subroutine test_constraint_errors
 
-    !> A step of rk4 in calm motion takes four factorizations, one of each stage, and one correction of the position a stage; the
-    !> end may need one more.
+    !> A step of rk4 in calm motion takes four factorizations, one per stage, and one correction of the position per stage; the end
+    !> may need one more.
     subroutine test_work(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -500,13 +498,13 @@ contains
         call go_on(simulation, 0.1_wp, error)
         if (allocated(error)) return
         statistics = simulation%statistics()
-        ! The start takes some of its own.
+        ! The start has some of its own.
         call check_below(error, real(statistics%constraint_factorizations, wp), 4.1_wp*real(statistics%steps, wp), &
             'factorizations')
         call check_below(error, real(statistics%position_corrections, wp), 4.1_wp*real(statistics%steps, wp), 'corrections')
     end subroutine test_work
 
-    !> The multipliers of all rows, those of Euler parameters too, are those of the dense chart.
+    !> The multipliers of all rows, including those of Euler parameters, are those of the dense chart.
     subroutine test_multipliers(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: one, two
@@ -526,14 +524,14 @@ contains
             of_dense = of_sparse
             call sparse%multipliers(of_sparse)
             call dense%multipliers(of_dense)
-            ! rk4 leaves 1e-9 of the motion.
+            ! The error of rk4 is 1e-9 of the motion.
             call check_close(error, of_sparse/(1 + maxval(abs(of_dense))), of_dense/(1 + maxval(abs(of_dense))), 1.0e-8_wp, &
                 trim(scenes(i))//' multipliers')
         end do
     end subroutine test_multipliers
 
-    !> A kick that misses the constraints: the velocity behind it, and the impulses of the rods, are those of the dense chart and of
-    !> M (qd - before) = -C' impulse.
+    !> A kick that violates the constraints: the velocity after it, and the impulses of the rods, are those of the dense chart and
+    !> of M (qd - before) = -C' impulse.
     subroutine test_impulses(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=6), parameter :: kinds(2) = ['dense ', 'sparse']
@@ -593,7 +591,7 @@ contains
         end function rod
     end subroutine test_impulses
 
-    !> How far C turns in a step is told as by the dense chart, of rows of unit length: a heavy row hides no other.
+    !> The change of C in a step is reported as by the dense chart, for rows of unit length: a heavy row hides no other.
     subroutine test_change(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism

@@ -99,8 +99,8 @@ contains
         call check_no_failure(error, failure)
     end subroutine draw_forces
 
-    !> Without multipliers the blocks are all of the gradients of the forces, and in the plane with those of hinges too: the
-    !> same numbers as in the matrices, added in another order, and nothing outside of the blocks.
+    !> Without multipliers the blocks are the complete gradients of the forces, and in the plane with those of hinges too: the same
+    !> numbers as in the matrices, added in another order, and nothing outside of the blocks.
     subroutine test_blocks(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism
@@ -155,8 +155,8 @@ contains
         call check_below(error, maxval(abs(derivatives%dynamics_qd)), 1.0e-14_wp*largest, 'D')
     end subroutine compare_blocks
 
-    !> Both charts leave errors of steps of their own: they and an explicit stepper at a thousandth of the tolerance agree within
-    !> what local errors of the tolerance add up to.
+    !> Both charts have their own errors of steps: they and an explicit stepper at a thousandth of the tolerance agree within the
+    !> sum of local errors of the tolerance.
     subroutine test_alike(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: one, two, three
@@ -213,7 +213,8 @@ contains
         end do
     end subroutine test_orders
 
-    !> Four hundred bodies: the constraints hold at every step, a matrix serves steps, and Newton needs few corrections.
+    !> Four hundred bodies: the constraints are satisfied at every step, a matrix is reused for several steps, and Newton needs few
+    !> corrections.
     subroutine test_many(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -288,7 +289,7 @@ contains
         call check_below(error, real(maxval(steps), wp), 2.0_wp*steps(1) + 20.0_wp, 'steps of the stiffest')
     end subroutine test_stiff
 
-    !> Where a matrix is made amid the stages, the next stage starts from the correction of a stage, and from no point of another
+    !> If a matrix is made in the middle of the stages, the next stage starts from the correction of a stage, and not from another
     !> branch: no step fails, nor is any shorter than on the dense chart.
     subroutine test_matrices(error)
         type(error_type), allocatable, intent(out) :: error
@@ -322,7 +323,7 @@ contains
         end do
     end subroutine test_matrices
 
-    !> The stepper `auto` takes radau5 where springs are stiff, and a run that is taken up across the exchange goes on bitwise.
+    !> The stepper `auto` takes radau5 for stiff springs, and a run that is continued across the exchange is bitwise equal.
     subroutine test_auto(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: one, two
@@ -355,8 +356,8 @@ contains
             all(abs(first%state%qd - again%state%qd) <= 0.0_wp), 'it goes on otherwise')
     end subroutine test_auto
 
-    !> The stages of `radau` become more on the sparse chart too, for fewer corrections than those of radau5 and the motion of the
-    !> dense chart; a run that is taken up across that goes on bitwise.
+    !> The stages of `radau` increase on the sparse chart too, with fewer corrections than radau5 and the motion of the dense chart;
+    !> a run that is continued across the change is bitwise equal.
     subroutine test_radau(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: one, two, three, four
@@ -400,8 +401,8 @@ contains
             all(abs(first%state%qd - again%state%qd) <= 0.0_wp), 'it goes on otherwise')
     end subroutine test_radau
 
-    !> A door on two hinges, with a weight on a spring: five rows say what others say, and the motion is that of a door on one. With
-    !> a stiff spring `auto` exchanges its charts, and the rows are left out again.
+    !> A door on two hinges, with a weight on a spring: five rows are redundant, and the motion is that of a door on one hinge. With
+    !> a stiff spring `auto` exchanges its charts, and the rows are dropped again.
     subroutine test_redundant(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: one, two
@@ -456,8 +457,8 @@ contains
         end do
     end subroutine test_more_rows
 
-    !> A hub on two slides, with an arm on four hinges along one axis and a tray on three parallel slides: among the rows that the
-    !> sparse chart leaves out is the norm of the hub's Euler parameters. The motion is that of the dense chart.
+    !> A hub on two slides, with an arm on four hinges along one axis and a tray on three parallel slides: the rows dropped by the
+    !> sparse chart include the norm of the hub's Euler parameters. The motion is that of the dense chart.
     subroutine test_norm(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=9), parameter :: steppers(3) = [character(len=9) :: 'radau5', 'radau', 'sdirk54']
@@ -538,7 +539,7 @@ contains
         call check_no_failure(error, failure)
     end subroutine draw_door
 
-    !> Many bodies get the sparse chart without being asked for, few the dense one.
+    !> Many bodies get the sparse chart by default, few the dense one.
     subroutine test_choice(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -561,7 +562,7 @@ contains
             chart_kind='sparse'), error)
     end subroutine test_profile
 
-    !> What cannot be had is refused by name.
+    !> Unavailable combinations are refused with their names.
     subroutine test_refusals(error)
         type(error_type), allocatable, intent(out) :: error
         type(failure_type), allocatable :: failure

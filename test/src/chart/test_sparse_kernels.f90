@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of what the sparse chart's steps consist of against plain formulas: inverses and products of small blocks of every size,
-!> and the rows of hinges that are evaluated together.
+!> Tests of the parts of the sparse chart's steps against plain formulas: inverses and products of small blocks of every size, and
+!> rows of hinges that are evaluated together.
 module test_sparse_kernels
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     use asserts, only: check_close, check_count, check_no_failure
@@ -88,8 +88,8 @@ contains
         end do
     end subroutine test_inverses
 
-    !> Several inverses at once: A A^-1 = 1 and the pivots of one at a time, of either sign; what is singular in one of them, or no
-    !> number, is named there and leaves the others alone.
+    !> Several inverses at once: A A^-1 = 1 and the pivots of one at a time, of either sign; a singular one, or one with NaN, is
+    !> reported and does not affect the others.
     subroutine test_side_by_side(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: a(5, 5, side_by_side), x(side_by_side, 5, 5), alone(side_by_side, 5), inverse(25), single(5), sign
@@ -111,7 +111,7 @@ contains
                 do j = 1, 5
                     alone(l, j) = a(j, j, l)
                     x(l, 1:j, j) = a(1:j, j, l)
-                    ! Nobody reads what is below.
+                    ! Entries below are not read.
                     x(l, j + 1:, j) = huge(1.0_wp)
                 end do
             end do
@@ -136,8 +136,8 @@ contains
         end do
     end subroutine test_side_by_side
 
-    !> W M + R c' = 1 and W c = 0 for bodies with Euler parameters, whose M has no inertia along c, and without a row that they own;
-    !> the first coordinate without mass is named.
+    !> W M + R c' = 1 and W c = 0 for bodies with Euler parameters, whose M has no inertia along c, and without an owned row; the
+    !> first massless coordinate is reported.
     subroutine test_masses(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 7*side_by_side
@@ -185,7 +185,7 @@ contains
                 end associate
             end do
         end do
-        ! A coordinate with no mass, and three of the Euler parameters, as a c c' stands for one.
+        ! A massless coordinate, and three of the Euler parameters, for which a c c' gives inertia to one.
         mass(9, 1) = 0.0_wp
         mass(18:21, :) = 0.0_wp
         call invert_rigid(side_by_side, first, has_row, n, mass, own, 4, w, r, worst)
@@ -194,7 +194,7 @@ contains
         call check_count(error, worst(3), 5, 'the second Euler parameter')
     end subroutine test_masses
 
-    !> Of rows that depend on those before them, the first one is named, and so is a NaN.
+    !> Of rows that depend on previous ones, the first one is reported, and so is a NaN.
     subroutine test_dependent(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: a(most_coordinates, most_coordinates), x(most_coordinates**2), alone(most_coordinates)
@@ -273,7 +273,7 @@ contains
         end do
     end subroutine test_newton_products
 
-    !> Rows of a chain of hinges at any coordinates, beside the constraints too: Phi by rotations, C and gamma by differences.
+    !> Rows of a chain of hinges at any coordinates, also off the constraints: Phi by rotations, C and gamma by differences.
     subroutine test_hinges(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism
@@ -303,11 +303,11 @@ contains
             do i = 1, 3
                 r = q(7*i - 6:7*i - 4)
                 a = rotation(q(7*i - 3:7*i))
-                ! Rods of 1 m along x: ends that meet, an axis of the drawing that both have.
+                ! Rods of 1 m along x: coinciding ends, a common axis of the reference configuration.
                 call check_close(error, here%phi(5*i - 4:5*i - 2), r - matmul(a, [0.5_wp, 0.0_wp, 0.0_wp]) - at, 1.0e-14_wp, &
                     'Phi of points that meet')
                 axis = merge([0.0_wp, 1.0_wp, 0.0_wp], [0.0_wp, 0.8_wp, 0.6_wp], mod(i, 2) == 1)
-                ! What is left of the axis across the other body's, where directions across it are of unit length.
+                ! Components of the axis across the other body's, with directions across it of unit length.
                 x = matmul(transpose(last), matmul(a, axis))
                 x = x - dot_product(x, axis)*axis
                 call check_close(error, [norm2(here%phi(5*i - 1:5*i))], [norm2(x)], 1.0e-14_wp, 'Phi of axes')
@@ -321,8 +321,8 @@ contains
         end associate
     end subroutine test_hinges
 
-    !> Products and solutions of bodies that are held by hinges, or by pins, alone, and of some that are held by others too, beside
-    !> the constraints: against C and M as full matrices. What is left of M x + C' lambda = f is along rows that bodies own.
+    !> Products and solutions of bodies held by hinges, or by pins, only, and of some held by others too, off the constraints:
+    !> against C and M as full matrices. The remainder of M x + C' lambda = f is along rows owned by bodies.
     subroutine test_meetings(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: names(4) = [character(len=14) :: 'spatial_chain', 'star', 'planar_chain', 'four_bars']
@@ -334,10 +334,10 @@ contains
         end do
     end subroutine test_meetings
 
-    !> Those of one mechanism.
+    !> For one mechanism.
     subroutine check_meetings(name, joint, error)
         character(len=*), intent(in) :: name
-        !> What its bodies are held by.
+        !> Kind of joint between its bodies.
         integer, intent(in) :: joint
         type(error_type), allocatable, intent(inout) :: error
         type(mechanism_type), target :: mechanism
@@ -391,7 +391,7 @@ contains
         end associate
     end subroutine check_meetings
 
-    !> Rows whose columns of places are not kept, beside full matrices: forces, lengths, errors, and the difference of two C.
+    !> Rows without stored columns of positions, against full matrices: forces, lengths, errors, and the difference of two C.
     subroutine test_rows(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: names(6) = [character(len=14) :: 'spatial_chain', 'star', 'planar_chain', 'four_bars', &
@@ -403,7 +403,7 @@ contains
         end do
     end subroutine test_rows
 
-    !> Those of one mechanism.
+    !> For one mechanism.
     subroutine check_rows(name, error)
         character(len=*), intent(in) :: name
         type(error_type), allocatable, intent(inout) :: error
@@ -450,7 +450,7 @@ contains
             squares = 0.0_wp
             call one%add_squares(a, scale, squares, two)
             call check_close(error, squares, matmul(change**2, scale**2), 1.0e-13_wp, 'squared changes of rows, '//name)
-            ! What natural scales add up to.
+            ! Sums in natural scales.
             x = spread(scale, 2, 3)
             x(:, 1) = max(abs(q), scale)
             x(:, 2) = max(abs(qd), rate*scale)
@@ -472,7 +472,7 @@ contains
             call judge_velocity(a, one, terms(1)%nu, qd, scale, rate, left, weight)
             call check_close(error, left, terms(1)%nu - matmul(c, qd), 1.0e-13_wp, 'what a velocity leaves, '//name)
             call check_close(error, 1.0_wp/weight, x(:, 2), 1.0e-13_wp, 'its weights, '//name)
-            ! C as what two of them differ by.
+            ! C as the difference of two.
             turn%is_difference = .true.
             turn%c = one%c - two%c
             turn%own = one%own - two%own

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of accelerations that fixed explicit steps find with the factor of a point beside: against full matrices, and in runs.
+!> Tests of accelerations that fixed explicit steps find with the factor of a nearby point: against full matrices, and in runs.
 module test_sparse_nearby
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     use asserts, only: check_close, check_count, check_no_failure, check_true
@@ -31,7 +31,7 @@ contains
             new_unittest('steps-take-two-factors', test_factors)]
     end subroutine collect_sparse_nearby
 
-    !> f - M x - C' lambda by full matrices, lambda in the order of the nodes, without what owned rows hold.
+    !> f - M x - C' lambda by full matrices, lambda in the order of the nodes, without the components of owned rows.
     function left_of(system, terms, f, x, z) result(left)
         type(system_type), intent(in) :: system
         type(terms_type), intent(in) :: terms
@@ -54,7 +54,7 @@ contains
         end associate
     end function left_of
 
-    !> Of every kind of body and joint: hinges, pins, a hub, ball joints, distances, knife edges.
+    !> All kinds of bodies and joints: hinges, pins, a hub, ball joints, distances, knife edges.
     subroutine test_unbalanced(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -89,9 +89,8 @@ contains
         end do
     end subroutine test_unbalanced
 
-    !> At a point 1e-6 away, at the same again, and further off, the equations of motion and C qdd = -gamma hold by full matrices.
-    !> At another time, where the point is no neighbour, and for what is no number the factor does not
-    !> serve.
+    !> At a point 1e-6 away, at the same again, and further off, the equations of motion and C qdd = -gamma are satisfied by full
+    !> matrices. At another time, where the point is no neighbour, and for NaN the factor is not reused.
     subroutine test_accelerations(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -166,7 +165,7 @@ contains
             call system%solve_nearby(scale, .false., 1.0e-13_wp, qdd, is_solved)
         end subroutine try
 
-        !> Once more at the point solved for last, after a look elsewhere: what is known of its factor is back, the guesses stay.
+        !> Again at the last solved point, after an evaluation elsewhere: the data of its factor is restored, the guesses are kept.
         subroutine check_again()
             type(counts_type) :: of_looks
             real(wp) :: least, change(size(q), 2), found(size(q))
@@ -210,7 +209,7 @@ contains
         end subroutine check_beside
     end subroutine test_accelerations
 
-    !> Looks between steps with their multipliers, and multipliers at their ends, leave the steps as they are, and these multipliers
+    !> Dense output with multipliers between steps, and multipliers at their ends, do not change the steps, and these multipliers
     !> solve the equations of motion.
     subroutine test_looks(error)
         type(error_type), allocatable, intent(out) :: error
@@ -256,7 +255,7 @@ contains
         end do
     end subroutine test_looks
 
-    !> Of the four points of a step of `rk4` two are factored, and the motion is that of the dense chart.
+    !> Two of the four points of a step of `rk4` are factored, and the motion is that of the dense chart.
     subroutine test_factors(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: one, two

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of what a run asks of the sparse chart besides the motion: dense output, checkpoints, a profile, rows left out; when a run
-!> gets one, and what it refuses.
+!> Tests of the sparse chart in a run besides the motion: dense output, checkpoints, a profile, dropped rows; its choice, and its
+!> refusals.
 module test_sparse_runs
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use large_mechanisms, only: make_large
@@ -34,7 +34,8 @@ contains
             new_unittest('refusals', test_refusals)]
     end subroutine collect_sparse_runs
 
-    !> Between steps the constraints hold as at their ends, the motion is that of the dense chart, and the look leaves no trace.
+    !> Between steps the constraints are satisfied as at their ends, the motion is that of the dense chart, and dense output does
+    !> not change the run.
     subroutine test_dense_output(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: one, two, three
@@ -76,7 +77,7 @@ contains
         end do
     end subroutine test_checkpoint
 
-    !> A factor that is restored knows what of rows that were left out there was left, as a loss of rank is judged by that.
+    !> A restored factor contains the remainders of dropped rows, by which a loss of rank is judged.
     subroutine test_factor_of_checkpoint(error)
         type(error_type), allocatable, intent(out) :: error
         type(factor_type) :: factor, again
@@ -96,8 +97,8 @@ contains
         call check_count(error, again%loosest, factor%loosest, 'loosest')
     end subroutine test_factor_of_checkpoint
 
-    !> Few bodies get the dense chart, many the sparse one, and those that cannot have it the dense one: a run with charts that cost
-    !> the square of the bodies in memory would not begin with two thousand.
+    !> Few bodies get the dense chart, many the sparse one, and unsupported ones the dense one: with two thousand bodies charts
+    !> whose memory grows with the square of the bodies could not start.
     subroutine test_choice(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -152,8 +153,8 @@ contains
         call check_timed('spatial_chain', options_type(step=1.0e-3_wp), error)
     end subroutine test_profile
 
-    !> Parallelograms in space on three hinges and a ball joint, one of whose rows is redundant each: as many rows are left out and
-    !> named, the motion is that of the dense chart, and a run that is taken up goes on bitwise.
+    !> Parallelograms in space on three hinges and a ball joint, with one redundant row each: as many rows are dropped and named,
+    !> the motion is that of the dense chart, and a continued run is bitwise equal.
     subroutine test_redundant(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 5
@@ -231,8 +232,8 @@ contains
         call check_no_failure(error, failure)
     end subroutine draw_parallelograms
 
-    !> Each row that is left out is a combination of those that it is said to repeat, and of no fewer, by C itself: of
-    !> parallelograms that stand apart, and of equal cranks on one coupler, whose combinations all touch that.
+    !> Each dropped row is a combination of exactly the rows it is reported to repeat, by C itself: for separate parallelograms, and
+    !> for equal cranks on one coupler, whose combinations all include it.
     subroutine test_partners(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism, cranks
@@ -243,7 +244,7 @@ contains
         if (.not. allocated(error)) call check_partners(cranks, 10, error)
     end subroutine test_partners
 
-    !> All rows that are left out at the start.
+    !> All rows dropped at the start.
     subroutine check_partners(mechanism, expected, error)
         type(mechanism_type), intent(inout), target :: mechanism
         integer, intent(in) :: expected
@@ -266,7 +267,7 @@ contains
         if (allocated(error)) return
         call chart%find_partners(chart%left_out, start, partners)
         call get_terms(mechanism, 0.0_wp, q, qd, terms, stat)
-        ! Euler parameters stay normed whatever the rows of joints say.
+        ! Euler parameters remain normed whichever rows of joints are dropped.
         norms = pack([(i, i=1, size(terms%phi))], [(index(mechanism%row_name(i), ' norm') > 0, i=1, size(terms%phi))])
         do i = 1, expected
             associate (its => partners(start(i):start(i + 1) - 1), row => chart%left_out(i))
@@ -280,7 +281,7 @@ contains
         end do
     end subroutine check_partners
 
-    !> The length of what some rows leave of another.
+    !> Length of the remainder of a row.
     real(wp) function rest_of(c, rows, row)
         real(wp), intent(in) :: c(:, :)
         integer, intent(in) :: rows(:), row
@@ -328,7 +329,7 @@ contains
         call check_no_failure(error, failure)
     end subroutine draw_cranks
 
-    !> What this chart cannot do is refused at the set-up, with what to do.
+    !> Unsupported features of this chart are refused at the set-up, with the remedy.
     subroutine test_refusals(error)
         type(error_type), allocatable, intent(out) :: error
         type(failure_type), allocatable :: failure

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the sparse chart where bodies turn far within a step: a rotor with its closed form, a bicycle against the dense chart.
+!> Tests of the sparse chart with large rotations within a step: a rotor with its closed form, a bicycle against the dense chart.
 module test_sparse_turns
     use asserts, only: check_close, check_no_failure
     use tandem, only: failure_type => error_type, mechanism_type, options_type, simulation_type, wp
@@ -23,14 +23,14 @@ contains
             new_unittest('wheels-under-error-control', test_wheels)]
     end subroutine collect_sparse_turns
 
-    !> A rotor that turns at 100 rad/s by up to 1.8 rad a step. The natural scale of the rate of its norm row is 50 where its Euler
-    !> parameters point between two axes, and 1 where they point along one: the ends of steps are judged by the latter, too.
+    !> A rotor that rotates at 100 rad/s by up to 1.8 rad per step. The natural scale of the rate of its norm row is 50 if its Euler
+    !> parameters point between two axes, and 1 if they point along one: the ends of steps are judged by the latter, too.
     subroutine test_rotor(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: speed = 100.0_wp
         integer, parameter :: steps = 40
-        ! What dop853 leaves of 40 turns by these angles, some 7e-8 at 0.8 rad times the ninth power of the angle; in the first case
-        ! what stages may leave of the rows, 1e-11 of scales of up to 50, is more.
+        ! Errors of dop853 after 40 turns with these angles, some 7e-8 at 0.8 rad times the ninth power of the angle; in the first
+        ! case the tolerance of the rows at stages, 1e-11 of scales of up to 50, is larger.
         real(wp), parameter :: turn(4) = [0.3_wp, 0.8_wp, 1.3_wp, 1.8_wp], left(4) = [1.0e-10_wp, 2.0e-7_wp, 5.0e-5_wp, 5.0e-3_wp]
         character(len=9), parameter :: name(4) = ['0.3 rad  ', '0.8 rad  ', '1.3 rad  ', '1.8 rad  ']
         type(mechanism_type), target :: mechanism
@@ -68,7 +68,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         character(len=7), parameter :: stepper(6) = [character(len=7) :: 'dop853', 'dop853', 'dop853', 'dop853', 'radau5', 'radau5']
         character(len=4), parameter :: rtol(6) = ['1e-4', '1e-5', '1e-6', '1e-7', '1e-4', '1e-5']
-        ! What local errors of rtol become over 5 s, in which the bicycle goes 25 m.
+        ! Errors after 5 s, in which the bicycle goes 25 m, from local errors of rtol.
         real(wp), parameter :: left(6) = [1.0e-2_wp, 1.0e-3_wp, 1.0e-4_wp, 1.0e-5_wp, 1.0e-2_wp, 1.0e-3_wp]
         real(wp), allocatable :: exact(:), q(:)
         integer :: i

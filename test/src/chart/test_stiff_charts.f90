@@ -1,6 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of charts that follow what is stiff: a pendulum on a damped spring that moves as slowly as a rigid one, whatever the
-!> spring.
+!> Tests of charts that follow stiffness: a pendulum on a damped spring that moves as slowly as a rigid one, for any stiffness.
 module test_stiff_charts
     use asserts, only: check_below, check_between, check_no_failure, check_true
     use model_stiff_pendulum, only: stiff_pendulum_type
@@ -34,7 +33,7 @@ contains
     subroutine move_slowly(options, ratio, has_stretch, has_derivatives, simulation, statistics, error)
         type(options_type), intent(in) :: options
         real(wp), intent(in) :: ratio
-        !> Whether the stretch is the coordinate, not the length, and whether the model gives its derivatives.
+        !> True if the stretch is the coordinate, not the length; true if the model provides its derivatives.
         logical, intent(in) :: has_stretch, has_derivatives
         type(simulation_type), intent(inout) :: simulation
         type(statistics_type), intent(out) :: statistics
@@ -83,7 +82,7 @@ contains
                 call move_slowly(options_type(stepper='sdirk54', rtol=rtol), ratios(i), j == 1, .true., simulation, &
                     statistics, error)
                 if (allocated(error)) return
-                ! Seen: 0.3 to 0.5 tolerances; 141 steps at 1e2, else 74 and 75.
+                ! Measured: 0.3 to 0.5 tolerances; 141 steps at 1e2, else 74 and 75.
                 call check_below(error, maxval(abs(simulation%state%q(:2) - slow_motion(ratios(i)))), 10*rtol, 'position')
                 call check_below(error, real(statistics%steps, wp), 300.0_wp, 'steps')
                 if (allocated(error)) return
@@ -91,8 +90,8 @@ contains
         end do
     end subroutine test_followed_spring
 
-    !> However tight the tolerance, the steps follow the slow motion. With M + beta D + beta^2 K as the metric it took 450 000 at
-    !> 1e4 and 1e-10, since small steps kept the chart that makes them small.
+    !> For any tolerance the steps follow the slow motion. With M + beta D + beta^2 K as the metric 450 000 steps were taken at 1e4
+    !> and 1e-10, because small steps kept the chart that makes them small.
     subroutine test_followed_tightly(error)
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
@@ -105,7 +104,7 @@ contains
                 call move_slowly(options_type(stepper='sdirk54', rtol=rtols(j)), ratios(i), .true., .true., simulation, &
                     statistics, error)
                 if (allocated(error)) return
-                ! Seen: at most 0.47 tolerances; 24, 235 and 1230 steps, as rtol**-(1/4) has it from 74 at 1e-6.
+                ! Measured: at most 0.47 tolerances; 24, 235 and 1230 steps, proportional to rtol**-(1/4) from 74 at 1e-6.
                 call check_below(error, maxval(abs(simulation%state%q(:2) - slow_motion(ratios(i)))), 10*rtols(j), 'position')
                 call check_below(error, real(statistics%steps, wp), 2*74*(1.0e-6_wp/rtols(j))**0.25_wp, 'steps')
                 if (allocated(error)) return
@@ -114,8 +113,8 @@ contains
     end subroutine test_followed_tightly
 
     !> At a ratio of 1e2 the spring is neither stiff in a step nor resolved. The method takes as many steps in polar coordinates,
-    !> which are made for the problem: 169, 776 and 2579, by the same formulas and control in Python. What it needs more than at 1e4
-    !> is its stage order of 1. While small steps kept the plain complement, which makes them small, it took 4793 and 15 189.
+    !> which fit the problem: 169, 776 and 2579, by the same formulas and control in Python. The additional steps compared with 1e4
+    !> are due to its stage order of 1. With small steps in the plain complement it took 4793 and 15 189.
     subroutine test_followed_hardly(error)
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
@@ -127,14 +126,14 @@ contains
             call move_slowly(options_type(stepper='sdirk54', rtol=rtols(i)), 1.0e2_wp, .true., .true., simulation, &
                 statistics, error)
             if (allocated(error)) return
-            ! Seen: at most 0.6 tolerances; 141, 698 and 2328 steps.
+            ! Measured: at most 0.6 tolerances; 141, 698 and 2328 steps.
             call check_below(error, maxval(abs(simulation%state%q(:2) - slow_motion(1.0e2_wp))), 10*rtols(i), 'position')
             call check_below(error, real(statistics%steps, wp), 1.1_wp*polar(i), 'steps')
             if (allocated(error)) return
         end do
     end subroutine test_followed_hardly
 
-    !> Tolerances, errors and steps of radau5; at 1e8 with the stretch alone.
+    !> Tolerances, errors and steps of radau5; at 1e8 with the stretch only.
     subroutine test_radau5(error)
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
@@ -150,7 +149,7 @@ contains
                 options%rtol = rtols(j)
                 call move_slowly(options, ratios(i), .true., .true., simulation, statistics, error)
                 if (allocated(error)) return
-                ! Seen: at most 0.02 tolerances; 27, 80 and 250 steps at every ratio.
+                ! Measured: at most 0.02 tolerances; 27, 80 and 250 steps at every ratio.
                 call check_below(error, maxval(abs(simulation%state%q(:2) - slow_motion(ratios(i)))), 10*rtols(j), 'position')
                 if (j == 2) call check_below(error, real(statistics%steps, wp), 150.0_wp, 'steps')
                 if (allocated(error)) return
@@ -192,14 +191,14 @@ contains
             call move_slowly(options_type(stepper='sdirk54', rtol=rtol), ratios(i), .true., .false., simulation, without, error)
             if (allocated(error)) return
             call check_below(error, maxval(abs(simulation%state%q(:2) - slow_motion(ratios(i)))), 10*rtol, 'position')
-            ! The same steps but for what Newton's iteration leaves.
+            ! The same steps up to the remainder of Newton's iteration.
             call check_between(error, real(without%steps, wp)/real(with%steps, wp), 0.8_wp, 1.2_wp, 'steps without over with')
             if (allocated(error)) return
         end do
     end subroutine test_followed_by_differences
 
-    !> Fixed steps from 1e-3 to 5e-2 complete, whatever rounding leaves of the spring's force: with the length as the coordinate
-    !> Newton's iteration creeps at 1e-14.
+    !> Fixed steps from 1e-3 to 5e-2 complete, regardless of the rounding of the spring's force: with the length as the coordinate
+    !> Newton's iteration stagnates at 1e-14.
     subroutine test_followed_fixed(error)
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
@@ -215,7 +214,7 @@ contains
                 do k = 1, 2
                     call move_slowly(options, ratios(i), k == 1, .true., simulation, statistics, error)
                     if (allocated(error)) return
-                    ! Seen: 3e-6 for the largest step, order 4 from there, down to 2e-9 of the method's stage order of 1.
+                    ! Measured: 3e-6 for the largest step, order 4 from there, down to 2e-9 due to the method's stage order of 1.
                     call check_below(error, maxval(abs(simulation%state%q(:2) - slow_motion(ratios(i)))), 3.0e-8_wp + &
                         2.0e-5_wp*(steps(j)/5.0e-2_wp)**4, 'position')
                 end do
@@ -223,7 +222,7 @@ contains
         end do
     end subroutine test_followed_fixed
 
-    !> Explicit steppers on pendulums of frequency ratios from 10 to 1000: what is advised is faster, measured.
+    !> Explicit steppers on pendulums of frequency ratios from 10 to 1000: the recommended stepper is faster, measured.
     subroutine test_advice(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=6), parameter :: explicit(2) = ['dopri5', 'dop853']

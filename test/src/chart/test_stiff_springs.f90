@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of springs that become stiff in the middle of a run, of stiff models without derivatives, and of what is said of the
-!> velocities of a stiff spring that swings.
+!> Tests of springs that become stiff in the middle of a run, of stiff models without derivatives, and of warnings about the
+!> velocities of a swinging stiff spring.
 module test_stiff_springs
     use asserts, only: check_below, check_between, check_no_failure, check_true
     use model_stiff_pendulum, only: stiff_pendulum_type
@@ -57,7 +57,7 @@ contains
         simulation%model => null()
     end subroutine swing
 
-    !> The spring stiffens a thousandfold within 10 ms at t = 1: against DOP853 with 1e-12 where that can follow, else radau5 with
+    !> The spring stiffens a thousandfold within 10 ms at t = 1: against DOP853 with 1e-12 if that can follow, else radau5 with
     !> 1e-10.
     subroutine test_stiffening(error)
         type(error_type), allocatable, intent(out) :: error
@@ -92,9 +92,9 @@ contains
         end do
     end subroutine test_stiffening
 
-    !> Fixed steps too, shorter and longer than the 10 ms that the spring takes to stiffen: within 1e-3 of the run with 1e-10, since
-    !> a step does not resolve that. The stages of radau5 share one matrix, which none does that changes a hundredfold between
-    !> them: there it solves them one by one.
+    !> Fixed steps too, shorter and longer than the 10 ms in which the spring stiffens: within 1e-3 of the run with 1e-10, because a
+    !> step does not resolve that. The stages of radau5 have one matrix, which cannot fit a hundredfold change between them: the
+    !> stages are then solved one by one.
     subroutine test_fixed_stiffening(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: sizes(4) = [5.0e-4_wp, 2.0e-3_wp, 1.0e-2_wp, 2.0e-2_wp], ratios(2) = [1.0e3_wp, 1.0e5_wp]
@@ -119,7 +119,7 @@ contains
         end do
     end subroutine test_fixed_stiffening
 
-    !> Fixed steps of every size complete, whatever the stiffness.
+    !> Fixed steps of every size complete, for any stiffness.
     subroutine test_fixed(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: sizes(5) = [1.0e-4_wp, 5.0e-4_wp, 2.0e-3_wp, 1.0e-2_wp, 5.0e-2_wp]
@@ -187,7 +187,7 @@ contains
         end do
     end subroutine test_no_derivatives
 
-    !> The same of radau5 on pendulums.
+    !> The same with radau5 on pendulums.
     subroutine test_no_derivatives_radau5(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: ratios(3) = [1.0e2_wp, 1.0e4_wp, 1.0e6_wp], rtols(2) = [1.0e-4_wp, 1.0e-7_wp]
@@ -214,8 +214,8 @@ contains
         end do
     end subroutine test_no_derivatives_radau5
 
-    !> A spring that swings with 3132 rad/s: where velocities miss the reference, on the scale 1 + |qd|, at its times, by more than
-    !> the warning begins with, the estimate of the error says so, and it is right to a factor of two or more than that.
+    !> A spring that swings with 3132 rad/s: if velocities miss the reference, on the scale 1 + |qd|, at its times, by more than the
+    !> threshold of the warning, the error estimate reports it, and is right to a factor of two or more.
     subroutine test_fast_velocities(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: rtol = 1.0e-6_wp, t_end = 0.3_wp
@@ -251,7 +251,7 @@ contains
             call global_error%estimate(another, options, table%q(:, 1), table%qd(:, 1), failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return
-            ! Seen: 77 tolerances of 79 with SDIRK54, 2.1 of 2.9 with radau5.
+            ! Measured: 77 tolerances of 79 with SDIRK54, 2.1 of 2.9 with radau5.
             call check_below(error, true, 2*global_error%largest, 'what the estimate makes of the velocities')
             call find_error_warnings(options, simulation%statistics(), doubts, global_error, none)
             if (true > 30*rtol) call check_true(error, size(doubts) > 0, 'a warning')
