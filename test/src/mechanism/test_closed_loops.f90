@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of closed loops in space whose joints bring more rows than there are coordinates, as most linkages of hinges do: four-bars
-!> in a row, Bennett's linkage, a driven Cardan shaft, each against what is known in closed form.
+!> Tests of closed loops in space whose joints have more rows than there are coordinates, as most linkages of hinges: four-bars in a
+!> row, Bennett's linkage, a driven Cardan shaft, each against closed forms.
 module test_closed_loops
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
     use mechanism_checks, only: go
@@ -26,7 +26,7 @@ contains
             new_unittest('cardan-shaft', test_cardan)]
     end subroutine collect_closed_loops
 
-    !> A02 of the IFToMM library with hinges in space, three rows too many a bay: dense and sparse charts, implicit steps too.
+    !> A02 of the IFToMM library with hinges in space, three redundant rows per bay: dense and sparse charts, implicit steps too.
     subroutine test_four_bars(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: bays(4) = [1, 2, 2, 40]
@@ -66,7 +66,7 @@ contains
         call check_close(error, top([1, 3]), place_of_b0(1), 1.0e-7_wp, 'B0 by implicit steps')
     end subroutine test_four_bars
 
-    !> B0 at 0.6 s. As long as the uprights stay parallel the whole is a pendulum that falls over: theta'' = k sin(theta), here by
+    !> B0 at 0.6 s. As long as the uprights stay parallel the system is a pendulum that falls over: theta'' = k sin(theta), here by
     !> many steps of Kutta's method.
     pure function place_of_b0(n) result(place)
         integer, intent(in) :: n
@@ -124,9 +124,9 @@ contains
         end do
     end subroutine draw_four_bars
 
-    !> Bennett's linkage (1903): four hinges whose axes neither meet nor are parallel, and which moves all the same where the
-    !> lengths of opposite links are equal, and their twists, with sines in the ratio of the lengths. Then tan(theta/2) tan(phi/2)
-    !> of neighbouring hinges is constant. Its rows are two more than coordinates; it has one degree of freedom.
+    !> Bennett's linkage (1903): four hinges whose axes neither intersect nor are parallel, but which is movable if opposite links
+    !> have equal lengths and twists, with sines of the twists in the ratio of the lengths. Then tan(theta/2) tan(phi/2) of
+    !> neighbouring hinges is constant. It has two redundant rows and one degree of freedom.
     subroutine test_bennett(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: inertia(3) = [0.1_wp, 0.08_wp, 0.05_wp]
@@ -173,7 +173,7 @@ contains
 
     contains
 
-        !> Of the hinges on the ground, with the angles between the links that meet there; what moves is where the other two are.
+        !> For the hinges on the ground, with the angles between their links; the moving parts are the other two.
         real(wp) function product_of_tangents(second, third)
             real(wp), intent(in) :: second(3), third(3)
 
@@ -189,8 +189,8 @@ contains
         end function angle
     end subroutine test_bennett
 
-    !> Places and axes of the four hinges: lengths 1 and sin(beta)/sin(alpha), twists alpha and beta in turn, closed by rotating
-    !> about each axis (Denavit and Hartenberg's convention), with the angles that the linkage's own relation gives.
+    !> Positions and axes of the four hinges: lengths 1 and sin(beta)/sin(alpha), alternating twists alpha and beta, closed by
+    !> rotations about each axis (Denavit and Hartenberg's convention), with the angles of the linkage's own relation.
     subroutine place_bennett(joint, axis)
         real(wp), intent(out) :: joint(3, 4), axis(3, 4)
         real(wp), parameter :: alpha = 0.7_wp, beta = 1.2_wp, theta = 0.9_wp
@@ -219,8 +219,8 @@ contains
         if (norm2(place) > 1.0e-12_wp) error stop 'the linkage is not closed'
     end subroutine place_bennett
 
-    !> A shaft that a motor turns drives another at an angle of 0.5 by a universal joint: tan(out) = tan(in) cos(0.5), where the
-    !> cross's axis on the driving shaft is across the plane of both at first. Two rows too many, and no degree of freedom.
+    !> A motor-driven shaft drives another one at an angle of 0.5 by a universal joint: tan(out) = tan(in) cos(0.5), where the
+    !> cross's axis on the driving shaft is initially across the plane of both. Two redundant rows, and no degree of freedom.
     subroutine test_cardan(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: bend = 0.5_wp, rate = 3.0_wp, t = 0.8_wp

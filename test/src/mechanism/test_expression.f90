@@ -59,7 +59,7 @@ contains
         call parse_expression(expression, text, variables, failure, ['k ', 'l0'], [7.0_wp, 1.5_wp], column=column)
     end subroutine parse
 
-    !> Values that depend on how operators bind.
+    !> Values that depend on the precedence of operators.
     subroutine test_precedence(error)
         type(error_type), allocatable, intent(out) :: error
         type(value_case_type), parameter :: cases(*) = [ &
@@ -94,8 +94,8 @@ contains
         end do
     end subroutine test_precedence
 
-    !> Value, gradient, derivatives along a direction, and the gradient of the latter, against derivatives by a textbook's rules.
-    !> The bound is 1e-12 of the sum of the magnitudes that rounding propagates, which is about 5000 roundings of each operation.
+    !> Value, gradient, derivatives along a direction, and the gradient of the latter, against symbolic derivatives. The bound is
+    !> 1e-12 of the sum of the magnitudes that rounding propagates, which is about 5000 roundings of each operation.
     subroutine test_random(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: bound = 1.0e-12_wp
@@ -128,7 +128,7 @@ contains
             do j = 1, n_points
                 x = 2*random_vector(seed, 3)
                 call trees%evaluate(x)
-                ! Two ways may round to two sides of a kink.
+                ! The two may round to different sides of a kink.
                 call expression%evaluate_kinks(x, v, arguments, rates)
                 if (any(abs(arguments(:expression%n_kinks())) < 1.0e-9_wp)) cycle
                 n_compared = n_compared + 1
@@ -167,7 +167,7 @@ contains
         end subroutine compare
     end subroutine test_random
 
-    !> Each function of one variable against closed forms, where numbers are exact or rounding is small.
+    !> Each function of one variable against closed forms, with exact numbers or small rounding.
     subroutine test_functions(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: e = exp(1.0_wp), r3 = sqrt(3.0_wp), r2 = sqrt(2.0_wp)
@@ -262,7 +262,7 @@ contains
         end subroutine look
     end subroutine test_powers
 
-    !> What needs no variable costs nothing later.
+    !> Constant parts cost nothing later.
     subroutine test_folding(error)
         type(error_type), allocatable, intent(out) :: error
 
@@ -291,18 +291,18 @@ contains
         end subroutine check
     end subroutine test_folding
 
-    !> At a kink, the positive side counts; sides that are held go on beyond it.
+    !> At a kink, the positive side counts; fixed sides extend beyond it.
     subroutine test_kinks(error)
         type(error_type), allocatable, intent(out) :: error
 
-        ! Value, first and second derivative at the kink: as it is, from above, from below.
+        ! Value, first and second derivative at the kink: by default, from above, from below.
         call check('abs(t)', 0.0_wp, [0.0_wp, 1.0_wp, 0.0_wp], [0.0_wp, 1.0_wp, 0.0_wp], [0.0_wp, -1.0_wp, 0.0_wp])
         call check('sign(t)', 0.0_wp, [1.0_wp, 0.0_wp, 0.0_wp], [1.0_wp, 0.0_wp, 0.0_wp], [-1.0_wp, 0.0_wp, 0.0_wp])
         call check('step(t - 1)', 1.0_wp, [1.0_wp, 0.0_wp, 0.0_wp], [1.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 0.0_wp])
         call check('ramp(t)', 0.0_wp, [0.0_wp, 1.0_wp, 0.0_wp], [0.0_wp, 1.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 0.0_wp])
         call check('max(t^2, t)', 1.0_wp, [1.0_wp, 2.0_wp, 2.0_wp], [1.0_wp, 2.0_wp, 2.0_wp], [1.0_wp, 1.0_wp, 0.0_wp])
         call check('min(t^2, t)', 1.0_wp, [1.0_wp, 1.0_wp, 0.0_wp], [1.0_wp, 1.0_wp, 0.0_wp], [1.0_wp, 2.0_wp, 2.0_wp])
-        ! Beyond the kink, a side goes on smoothly.
+        ! Beyond the kink, a side extends smoothly.
         call check('abs(t)', -2.0_wp, [2.0_wp, -1.0_wp, 0.0_wp], [-2.0_wp, 1.0_wp, 0.0_wp], [2.0_wp, -1.0_wp, 0.0_wp])
         call check('ramp(t)', -2.0_wp, [0.0_wp, 0.0_wp, 0.0_wp], [-2.0_wp, 1.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 0.0_wp])
         call check('max(t^2, t)', 0.5_wp, [0.5_wp, 1.0_wp, 0.0_wp], [0.25_wp, 1.0_wp, 2.0_wp], [0.5_wp, 1.0_wp, 0.0_wp])
@@ -364,7 +364,7 @@ contains
         call check_true(error, all(sides == [1, 1, -1, 1, -1, -1]), 'the sides of a motion')
         call expression%find_sides([1.0_wp, 0.5_wp, -3.0_wp, 0.0_wp], -v, sides)
         call check_true(error, all(sides == [-1, 1, 1, 1, -1, -1]), 'the sides of the reverse motion')
-        ! Sides that agree with the point change nothing.
+        ! Sides that agree with the point have no effect.
         x = [0.3_wp, 0.7_wp, -3.0_wp, 0.0_wp]
         call expression%find_sides(x, v, sides)
         call check_close(error, [expression%value(x, sides)], [expression%value(x)], 0.0_wp, 'the value with its own sides')
@@ -379,7 +379,7 @@ contains
         end do
     end subroutine test_kink_queries
 
-    !> Nothing hides that a part has no value.
+    !> A part without a value makes the result not finite.
     subroutine test_not_finite(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=24), parameter :: texts(*) = [character(len=24) :: 'log(t)', 'sqrt(t)', 'asin(2*t)', 'ramp(log(t))', &
@@ -462,12 +462,12 @@ contains
                 return
             end if
         end do
-        ! Bytes that are no ASCII and control characters are not repeated to a terminal.
+        ! Bytes beyond ASCII and control characters are not written to a terminal.
         call parse(expression, 't + '//char(195)//char(169)//achar(27), failure, column)
         call check_failure(error, failure, 'invalid_model', 'column 5 of "t + ???": ')
     end subroutine test_errors
 
-    !> Callers may say where the expression stands.
+    !> Callers may state the place of the expression.
     subroutine test_messages(error)
         type(error_type), allocatable, intent(out) :: error
         type(expression_type) :: expression
@@ -520,7 +520,7 @@ contains
         call check_close(error, [expression%value([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp])], [45150.0_wp], 0.0_wp, 'a long sum')
     end subroutine test_bounds
 
-    !> No text hangs, crashes or gives anything but an expression or a message with a column within the text.
+    !> Every text gives an expression or a message with a column within the text, without hangs or crashes.
     subroutine test_fuzz(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=12), parameter :: pieces(*) = [character(len=12) :: &

@@ -29,12 +29,12 @@ contains
             new_unittest('words-name-what-is-wrong', test_words)]
     end subroutine collect_friction
 
-    !> Two bodies and a slider one behind the other, each joint with friction on its reaction.
+    !> Two bodies and a slider in a row, each joint with friction on its reaction.
     subroutine draw(mechanism, planar, error, dynamic)
         type(mechanism_type), intent(out) :: mechanism
         logical, intent(in) :: planar
         type(error_type), allocatable, intent(inout) :: error
-        !> The coefficient of sliding, 0.3 where it is absent.
+        !> Coefficient of sliding friction, 0.3 by default.
         real(wp), intent(in), optional :: dynamic
         type(failure_type), allocatable :: failure
         real(wp), parameter :: slide(3) = [1.0_wp, 0.2_wp, 0.1_wp], axis(3) = [0.1_wp, 0.3_wp, 1.0_wp], &
@@ -72,7 +72,7 @@ contains
         call check_no_failure(error, failure)
     end subroutine draw
 
-    !> M qdd + C' lambda = S + B p(lambda) and C qdd = -gamma at states of the manifold, by explicit and by implicit charts.
+    !> M qdd + C' lambda = S + B p(lambda) and C qdd = -gamma at states on the manifold, by explicit and by implicit charts.
     subroutine test_equations(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -125,7 +125,7 @@ contains
                 scale = maxval(abs(terms%force)) + maxval(abs(lambda))
                 left = matmul(terms%mass, qdd) + matmul(lambda, terms%jacobian) - terms%force - matmul(directions, normals)
                 worst = max(worst, maxval(abs(left))/scale, maxval(abs(matmul(terms%jacobian, qdd) + terms%gamma))/scale)
-                ! It is no small part of all.
+                ! It is not a small part of the total.
                 if (i == 1) call check_below(error, 1.0e-3_wp*scale, maxval(abs(matmul(directions, normals))), 'a thousandth')
             end do
             ! Rounding of C with rows of about 1 and a condition of about 100.
@@ -172,10 +172,10 @@ contains
     end subroutine test_derivatives
 
     !> Corrections of a stage with the Newton matrix of the stage itself: without the derivatives of normal forces they would
-    !> contract by a factor, of a tenth here.
+    !> contract by a factor of a tenth here.
     subroutine test_contraction(error)
         type(error_type), allocatable, intent(out) :: error
-        !> Step times coefficient.
+        !> Step size times coefficient.
         real(wp), parameter :: ha = 0.01_wp
         type(mechanism_type), target :: mechanism
         type(dense_chart_type), allocatable :: chart
@@ -215,7 +215,7 @@ contains
         rate_qd = rate_qd + 1.0e-4_wp*noise
         call solve(3)
         if (stat /= 0) call test_failed(error, 'the stage cannot be solved')
-        ! Seen: 1e-6, 1e-12, 1e-17.
+        ! Measured: 1e-6, 1e-12, 1e-17.
         call check_below(error, change(2), 1.0e-4_wp*change(1), 'the second correction')
 
     contains

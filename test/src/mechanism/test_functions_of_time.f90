@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of kinks of functions of time, however many there are, and of pulses that are narrower than steps: against closed forms and
-!> against signs at many times.
+!> Tests of kinks of functions of time, in any number, and of pulses narrower than steps: against closed forms and against signs at
+!> many times.
 module test_functions_of_time
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use mechanism_checks, only: go
@@ -50,7 +50,7 @@ contains
         if (.not. allocated(error)) call pieces%initialize(expression, 1)
     end subroutine parse
 
-    !> All kinks between two times, in as many searches as it takes, in their order.
+    !> All kinks between two times in their order, by as many searches as necessary.
     subroutine find_all(pieces, from, to, places, n_searches, failure)
         type(piecewise_type), intent(in) :: pieces
         real(wp), intent(in) :: from, to
@@ -111,7 +111,7 @@ contains
         end if
     end subroutine make_text
 
-    !> Every change of sign of an argument between times that lie close is found, and there is nothing else.
+    !> Every change of sign of an argument between close times is found, and nothing else.
     subroutine test_random_kinks(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n_cases = 60, n_times = 20000
@@ -180,7 +180,7 @@ contains
         call check_true(error, n_searches > 3, 'several searches')
     end subroutine test_windows
 
-    !> Zero that is touched, that is kept, and that rounding alone keeps away.
+    !> A zero that is touched, one that is kept, and one avoided by rounding only.
     subroutine test_touching(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=36), parameter :: texts(5) = [character(len=36) :: 'abs(1 + sin(3*t))', &
@@ -207,7 +207,7 @@ contains
             1.0e-9_wp, 'kinks')
     end subroutine test_touching
 
-    !> Switching that becomes faster without bound.
+    !> Switching whose frequency increases without bound.
     subroutine test_endless(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism
@@ -219,7 +219,7 @@ contains
         call check_failure(error, failure, 'invalid_model', 'too close to each other')
     end subroutine test_endless
 
-    !> A mass that a force pushes, of 1 N times a function of time.
+    !> A mass driven by a force of 1 N times a function of time.
     subroutine push(mechanism, text, error)
         type(mechanism_type), intent(inout) :: mechanism
         character(len=*), intent(in) :: text
@@ -251,7 +251,7 @@ contains
         call check_close(error, simulation%state%q(:1), [t**2/4 + t/8000], 1.0e-12_wp, 'place')
     end subroutine test_switching
 
-    !> Second derivatives of every operation lie within their bounds, which in short intervals are close.
+    !> Second derivatives of every operation are within their bounds, which are tight in short intervals.
     subroutine test_curvatures(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=26), parameter :: texts(*) = [character(len=26) :: 'sin(t)*cos(2*t)', 'exp(t)/(1 + t^2)', '(1 + t)^t', &
@@ -285,7 +285,7 @@ contains
         end do
     end subroutine test_curvatures
 
-    !> Steps of many sizes through functions with pulses get the same answers from one object that looks ahead and from a new one
+    !> Steps of many sizes through functions with pulses give the same results with one object that looks ahead and with a new one
     !> for each step.
     subroutine test_look_ahead(error)
         type(error_type), allocatable, intent(out) :: error
@@ -320,8 +320,8 @@ contains
         call check_true(error, n_hidden > 2, 'pulses are hidden from some of the steps: '//to_text(n_hidden))
     end subroutine test_look_ahead
 
-    !> The momentum of a Gaussian pulse, with every stepper that has an error estimate; beside it another, which steps would meet at
-    !> a time that is half of theirs.
+    !> The momentum of a Gaussian pulse, with every stepper that has an error estimate; and of another pulse, which steps would
+    !> sample at a time that is half of theirs.
     subroutine test_pulse(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=9), parameter :: steppers(6) = [character(len=9) :: 'dop853', 'dopri5', 'radau5', 'sdirk54', 'trapezoid', &
@@ -347,7 +347,7 @@ contains
         end subroutine check
     end subroutine test_pulse
 
-    !> A slider whose imposed motion has a bump of a micrometre that takes a millisecond: steps see its rate.
+    !> A slider whose imposed motion has a bump of a micrometre and a millisecond: steps detect its rate.
     subroutine test_bump(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -380,7 +380,7 @@ contains
         call check_true(error, statistics%smallest_step < 1.0e-3_wp .and. statistics%steps > 20, 'steps see the bump')
     end subroutine test_bump
 
-    !> Once, and not where steps are short enough.
+    !> One warning, and none for sufficiently short steps.
     subroutine test_fixed_steps(error)
         type(error_type), allocatable, intent(out) :: error
 

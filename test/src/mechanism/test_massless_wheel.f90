@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of wheels without mass: every procedure against differences, the motorcycles that were derived by hand, the same wheels as
-!> bodies without mass, what sensors and springs see of the strut, and the words.
+!> Tests of massless wheels: every procedure against differences, the motorcycles derived by hand, the same wheels as bodies without
+!> mass, sensors and springs of the strut, and error messages.
 module test_massless_wheel
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
     use kkt, only: kkt_type
@@ -33,7 +33,7 @@ contains
             new_unittest('words-name-what-is-wrong', test_words)]
     end subroutine collect_massless_wheel
 
-    !> On a body alone, steered, on a strut, with a round rim, on a plane that rises; forces, couplings and loads along the strut.
+    !> On a body only, steered, on a strut, with a round rim, on a rising plane; forces, couplings and loads along the strut.
     subroutine test_procedures(error)
         type(error_type), allocatable, intent(out) :: error
         type(sine_type), parameter :: swing = sine_type(offset=0.1_wp, amplitude=0.3_wp, rate=2.0_wp, phase=0.5_wp)
@@ -80,8 +80,8 @@ contains
         call check_count(error, mechanism%n, 17, 'coordinates on struts')
     end subroutine test_procedures
 
-    !> Accelerations, forces at the wheels, and the generalised force of all rows on the chassis at 1000 random states that satisfy
-    !> the constraints, of each fork. The multiplier of the Euler parameters is among these forces.
+    !> Accelerations, forces at the wheels, and the generalised force of all rows on the chassis at 1000 random consistent states,
+    !> for each fork. The multiplier of the Euler parameters is among these forces.
     subroutine test_motorcycles(error)
         type(error_type), allocatable, intent(out) :: error
         !> Of the scale of each: both systems are solved to rounding.
@@ -96,7 +96,7 @@ contains
 
         do k = 1, 2
             hand%fork_angle = merge(0.2_wp, pi/4, k == 1)
-            ! Far more than on the road.
+            ! Much larger than on the road.
             hand%amplitude = 0.4_wp
             call hand%define()
             call draw_motorcycle(mechanism, hand, error)
@@ -142,7 +142,7 @@ contains
             q(1:2) = x(3:4)
             q(3) = hand%wheel_radius + hand%rear_length*sin(pitch)
             a = rotation(q(4:7))
-            ! The fork as long as its wheel needs it to be to stand on the ground; where the wheel touches.
+            ! The length of the fork with which its wheel touches the ground; the contact of the wheel.
             angle = -hand%amplitude*sin(t)
             es = [0.0_wp, -sin(hand%fork_angle), cos(hand%fork_angle)]
             y1 = [-sin(angle), cos(hand%fork_angle)*cos(angle), sin(hand%fork_angle)*cos(angle)]
@@ -156,7 +156,7 @@ contains
             q(8) = q10(10) - 1.0_wp
             qd = 2*random_vector(seed, 8)
             call of_mechanism%project(t, q, qd)
-            ! The contact moves so that its rows 4 and 6 hold, which are linear in that.
+            ! The contact moves so that its rows 4 and 6, which are linear in this motion, are satisfied.
             qd10 = [qd(1:7), 0.0_wp, 0.0_wp, qd(8)]
             call get_terms(hand, t, q10, qd10, terms, stat)
             b = terms%nu([4, 6]) - matmul(terms%jacobian([4, 6], :), qd10)
@@ -201,11 +201,11 @@ contains
         call check_no_failure(error, failure)
     end subroutine draw_motorcycle
 
-    !> A body on three wheels runs down a slope that rises, with a strut, a round rim and steering, and the same with a fork and
-    !> a rim that are bodies without mass. Forces at the wheel and the strut's way, too.
+    !> A body on three wheels runs down a rising slope, with a strut, a round rim and steering, compared with a fork and a rim that
+    !> are bodies without mass. Includes the force of the wheel and the displacement of the strut.
     subroutine test_bodies(error)
         type(error_type), allocatable, intent(out) :: error
-        !> What runs with a tolerance of 1e-10 a step differ by.
+        !> Difference of runs with a tolerance of 1e-10 per step.
         real(wp), parameter :: bound = 1.0e-8_wp
         type(mechanism_type), target :: light, heavy
         type(simulation_type) :: of_light, of_heavy
@@ -219,7 +219,7 @@ contains
         call check_count(error, heavy%n - light%n, 13, 'coordinates saved')
         call check_close(error, of_light%state%q(1:7), of_heavy%state%q(1:7), bound, 'place')
         call check_close(error, of_light%state%qd(1:7), of_heavy%state%qd(1:7), bound, 'velocity')
-        ! It has gone a way, turned, and worked its strut.
+        ! It has moved, turned, and compressed its strut.
         call check_true(error, norm2(of_light%state%q(1:2)) > 0.5_wp .and. abs(of_light%state%q(7)) > 0.01_wp .and. &
             abs(of_light%state%q(8)) > 0.01_wp, 'the cart hardly moves')
     end subroutine test_bodies
@@ -277,7 +277,7 @@ contains
         call check_no_failure(error, failure)
     end subroutine draw_cart
 
-    !> Every error names the element and says what to do.
+    !> Every error states the element and the remedy.
     subroutine test_words(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism

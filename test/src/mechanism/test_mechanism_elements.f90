@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of each element of a mechanism alone: every procedure against differences at random states, which need not satisfy the
-!> constraints; and of the words, which name what is wrong.
+!> Tests of each element of a mechanism in isolation: every procedure against differences at random states, which need not satisfy
+!> the constraints; and of the error messages of the builder.
 module test_mechanism_elements
     use asserts, only: check_count, check_no_failure, check_true
     use mechanism_checks, only: check_drawing, draw, verify
@@ -47,7 +47,7 @@ contains
         call check_count(error, mechanism%n_holonomic, 0, 'rows in the plane')
     end subroutine test_bodies
 
-    !> Between two bodies and between a body and the ground, either way; rows, and that they hold in the drawing.
+    !> Between two bodies and between a body and the ground, either way; rows, which the reference configuration satisfies.
     subroutine test_joints_in_space(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: kind(9) = [character(len=14) :: 'fixed', 'revolute', 'prismatic', 'cylindrical', &
@@ -202,7 +202,7 @@ contains
         call verify(mechanism, 'spheres', error)
     end subroutine test_rolling
 
-    !> Every error names the element and says what to do, and leaves the mechanism as it was.
+    !> Every error states the element and the remedy, and leaves the mechanism unchanged.
     subroutine test_words(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism
@@ -211,7 +211,7 @@ contains
 
         call mechanism%define(failure)
         call expect('has no body')
-        ! A point is none, and after that refusal a body can still be added.
+        ! A point is no body, and after this refusal a body can still be added.
         call mechanism%add_point('ground', 'hook', [0.0_wp, 0.0_wp, 0.0_wp], failure)
         if (.not. allocated(failure)) call mechanism%define(failure)
         call expect('has no body')

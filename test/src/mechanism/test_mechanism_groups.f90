@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of what mechanisms evaluate for several joints or bodies at once, with more of them than that: the rows of hinges and pins,
-!> the masses and the inertia forces of bodies that turn.
+!> Tests of the grouped evaluation of joints and bodies in mechanisms with more than one group: the rows of hinges and pins, the
+!> masses and the inertia forces of rotating bodies.
 module test_mechanism_groups
     use asserts, only: check_close, check_count, check_no_failure
     use large_mechanisms, only: make_large
@@ -39,8 +39,8 @@ contains
         end do
     end function definite
 
-    !> Rows of a chain of hinges, more than are evaluated at once, at any coordinates, beside the constraints too: Phi by rotations,
-    !> C and gamma by differences.
+    !> Rows of a chain of hinges, more than one group, at any coordinates, also off the constraints: Phi by rotations, C and gamma
+    !> by differences.
     subroutine test_hinges(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism
@@ -59,11 +59,11 @@ contains
         do i = 1, n_hinges
             r = q(7*i - 6:7*i - 4)
             a = rotation(q(7*i - 3:7*i))
-            ! Rods of 1 m along x: ends that meet, an axis of the drawing that both have.
+            ! Rods of 1 m along x: coinciding ends, a common axis of the reference configuration.
             call check_close(error, phi(5*i - 4:5*i - 2), r - matmul(a, [0.5_wp, 0.0_wp, 0.0_wp]) - at, 1.0e-14_wp, &
                 'Phi of points that meet')
             axis = merge([0.0_wp, 1.0_wp, 0.0_wp], [0.0_wp, 0.8_wp, 0.6_wp], mod(i, 2) == 1)
-            ! What is left of the axis across the other body's, where directions across it are of unit length.
+            ! Components of the axis across the other body's, with directions across it of unit length.
             x = matmul(transpose(last), matmul(a, axis))
             x = x - dot_product(x, axis)*axis
             call check_close(error, [norm2(phi(5*i - 1:5*i))], [norm2(x)], 1.0e-14_wp, 'Phi of axes')
@@ -94,7 +94,7 @@ contains
         end do
     end subroutine test_pins
 
-    !> C and gamma of all rows against differences of Phi and C, at a point beside the constraints, which is given back with Phi.
+    !> C and gamma of all rows against differences of Phi and C, at a point off the constraints, which is returned with Phi.
     subroutine check_rows(mechanism, q, phi, error)
         type(mechanism_type), intent(inout) :: mechanism
         real(wp), allocatable, intent(out) :: q(:), phi(:)
@@ -121,7 +121,7 @@ contains
         phi = here%phi
     end subroutine check_rows
 
-    !> M and the inertia forces of bodies that turn, among them ones with products of inertia and point masses, by the matrices of
+    !> M and the inertia forces of rotating bodies, including some with products of inertia and point masses, by the matrices of
     !> Euler parameters: M = 4 G'J G, S = 8 G(pd)'J G(pd) p.
     subroutine test_turning(error)
         type(error_type), allocatable, intent(out) :: error
@@ -176,7 +176,7 @@ contains
 
     contains
 
-        !> A number on the diagonal more.
+        !> Add a number to the diagonal.
         pure subroutine add_trace(trace, j)
             real(wp), intent(in) :: trace
             real(wp), intent(inout) :: j(3, 3)

@@ -43,7 +43,7 @@ contains
         call check_no_failure(error, failure)
     end function parsed
 
-    !> Imposed angles and ways, a distance.
+    !> Imposed angles and displacements, a distance.
     subroutine test_motions(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism
@@ -105,7 +105,7 @@ contains
         end do
     end subroutine test_laws
 
-    !> Forces and torques by everything that an expression may name.
+    !> Forces and torques by all variables of expressions.
     subroutine test_loads(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism
@@ -188,7 +188,7 @@ contains
         end do
     end subroutine test_bushings
 
-    !> Where they are: straight arguments meet them exactly, curved ones to rounding, and a pair within one part is found.
+    !> Their times: exact for linear arguments, up to rounding for curved ones; a pair within one part is found.
     subroutine test_kinks(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism
@@ -214,7 +214,7 @@ contains
         call verify_again(mechanism, error)
     end subroutine test_kinks
 
-    !> With sides held, all derivatives are those of the piece.
+    !> With fixed sides, all derivatives are those of the piece.
     subroutine verify_again(mechanism, error)
         use tandem, only: finding_type, verify_model
         type(mechanism_type), intent(inout), target :: mechanism
@@ -235,8 +235,8 @@ contains
         end do
     end subroutine verify_again
 
-    !> A slider that is driven to stand, go, and stand: its velocity jumps exactly there, and a pendulum on it swings as one whose
-    !> pivot is pushed: between the jumps it is free, and each adds a known angular velocity.
+    !> A slider that is driven to stand, go, and stand: its velocity jumps exactly there, and a pendulum on it swings like one with
+    !> a pushed pivot: between the jumps it is free, and each jump adds a known angular velocity.
     subroutine test_kinked_motion(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -258,12 +258,12 @@ contains
         if (allocated(error)) return
         call check_close(error, mechanism%breakpoints, [0.5_wp, 1.25_wp], 1.0e-15_wp, 'breakpoints')
         call check_true(error, all(mechanism%nu_jumps), 'velocities jump')
-        ! No gravity: the cart starts under a bob at rest, which it drags by the string of 1 m that turns at -1 rad/s from then on;
-        ! after 0.75 s the cart stops, which takes the part of the bob's velocity along the string.
+        ! No gravity: the cart starts under a bob at rest, which it drags by the string of 1 m that rotates at -1 rad/s from then
+        ! on; after 0.75 s the cart stops, which removes the part of the bob's velocity along the string.
         associate (q => simulation%state%q, qd => simulation%state%qd)
             call check_close(error, q(1:2), [0.75_wp, 0.0_wp], 1.0e-12_wp, 'cart')
-            ! As seen from the cart the bob goes round at 1 rad/s: angle 0.75 from below, to the left; then the pivot stands, and
-            ! the angular velocity is 1 - cos(0.75), of the impulse across the string.
+            ! Relative to the cart the bob rotates at 1 rad/s: angle 0.75 from below, to the left; then the pivot stands, and the
+            ! angular velocity is 1 - cos(0.75), due to the impulse across the string.
             associate (angle => -0.75_wp - 0.75_wp*(1 - cos(0.75_wp)))
                 call check_close(error, q(4:5) - q(1:2), [sin(angle), -cos(angle)], 1.0e-10_wp, 'bob')
             end associate
@@ -271,7 +271,8 @@ contains
         end associate
     end subroutine test_kinked_motion
 
-    !> A force that jumps twice on a free mass: the way is a polynomial on each side, which a Runge-Kutta step makes exactly.
+    !> A force that jumps twice on a free mass: the displacement is a polynomial on each side, which a Runge-Kutta step integrates
+    !> exactly.
     subroutine test_jumping_force(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism

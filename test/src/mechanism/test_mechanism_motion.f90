@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of whole mechanisms: the IFToMM library's pendulum, four-bars and Bricard mechanism, Andrews' squeezer, each against a
-!> reference that was computed without this project's solver or is known in closed form; and the rolling disk as a mechanism against
-!> the disk that was derived by hand.
+!> reference that is independent of this project's solver or a closed form; and the rolling disk as a mechanism against the disk
+!> that was derived by hand.
 module test_mechanism_motion
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_text
     use kkt, only: kkt_type
@@ -35,8 +35,8 @@ contains
             new_unittest('disk-as-derived-by-hand', test_disk)]
     end subroutine collect_mechanism_motion
 
-    !> From the horizontal at rest; theta = 2 asin(k cd(sqrt(g) t | k^2)), k = sin(pi/4), gives the place at t = 10. The tolerance
-    !> of 1e-11 a step, and an error that grows with the square of the time as the period is a little off, leave 1e-9.
+    !> From the horizontal at rest; theta = 2 asin(k cd(sqrt(g) t | k^2)), k = sin(pi/4), gives the position at t = 10. The
+    !> tolerance of 1e-11 per step, and an error that grows with the square of the time due to the error of the period, give 1e-9.
     subroutine test_point_pendulum(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -54,7 +54,7 @@ contains
         call check_close(error, simulation%state%q, [-0.27508746257611686_wp, -0.96141920509912506_wp], 1.0e-9_wp, 'mass')
     end subroutine test_point_pendulum
 
-    !> The same as a rod without mass of its own: M is singular, but not on the null space of the rows.
+    !> The same as a rod without mass: M is singular, but not on the null space of the rows.
     subroutine test_body_pendulum(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -182,7 +182,7 @@ contains
         call check_count(error, mechanism%n_holonomic, 20, 'rows')
         angle = simulation%state%q(3:21:3)
         angle = [angle(1), angle(2) - angle(1), angle(3), angle(4) - angle(5), angle(5), angle(6) - angle(7), angle(7)]
-        ! Angles of 16 rad, by a motion that makes an error of a step fifty times larger.
+        ! Angles of 16 rad, in a motion that amplifies an error of a step fifty times.
         call check_close(error, angle, finish, 1.0e-9_wp, 'angles')
 
     contains
@@ -287,7 +287,7 @@ contains
         call check_close(error, omega, [0.642245648620_wp, 1.068456168290_wp, -0.326474171625_wp], 1.0e-9_wp, 'angular velocity')
     end subroutine test_ball
 
-    !> The axis at 70 degrees to the vertical precesses at a constant rate; the centre goes round a circle of radius |w/rate|.
+    !> The axis at 70 degrees to the vertical precesses at a constant rate; the centre moves on a circle of radius |w/rate|.
     subroutine test_circle(error)
         type(error_type), allocatable, intent(out) :: error
         !> Angle of the axis, rate of the precession, total spin about the axis.
@@ -318,7 +318,7 @@ contains
     !> Accelerations, contact forces and the multiplier of the Euler parameters at 1000 random states on the manifold.
     subroutine test_disk(error)
         type(error_type), allocatable, intent(out) :: error
-        !> Of the scale of each: both systems are solved to rounding, and their conditions are below 1e3.
+        !> Of the scale of each: both systems are solved up to rounding, and their conditions are below 1e3.
         real(wp), parameter :: bound = 1.0e-12_wp
         type(mechanism_type), target :: mechanism
         type(rolling_disk_type), target :: disk
@@ -363,7 +363,8 @@ contains
             qd9 = [qd, rate(3)/y(3)*beta(2:3)]
             call of_mechanism%accelerate(0.0_wp, q, qd, qdd, lambda)
             call of_disk%accelerate(0.0_wp, q9, qd9, qdd9, lambda6)
-            ! Euler parameters off the unit sphere are another continuation of the same motion: its part of their multiplier.
+            ! Euler parameters off the unit sphere are another continuation of the same motion: its contribution to their
+            ! multiplier.
             norm = lambda(2) + lambda(1)*2*(disk%radius*a(3)**2/g - y(3)) - 2*(lambda(3)*y(1) + lambda(4)*y(2))
             worst(1) = max(worst(1), maxval(abs(qdd - qdd9(1:7)))/maxval(abs(qdd9(1:7))))
             worst(2) = max(worst(2), maxval(abs(lambda([1, 3, 4]) - lambda6([1, 5, 6])))/maxval(abs(lambda6)))

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of mechanisms against references that were computed without this project's solver, or are known in closed form: the
-!> rattleback, a ball on a turntable, many four-bars, the stiff governor of the IFToMM library, gears and screws over many turns,
-!> Whipple's bicycle, and the paper's vehicle.
+!> Tests of mechanisms against references that are independent of this project's solver, or closed forms: the rattleback, a ball on
+!> a turntable, many four-bars, the stiff governor of the IFToMM library, gears and screws over many turns, Whipple's bicycle, and
+!> the paper's vehicle.
 module test_mechanism_references
     use asserts, only: check_below, check_close, check_count, check_no_failure
     use kkt, only: kkt_type
@@ -39,9 +39,9 @@ contains
             new_unittest('vehicle-as-derived-by-hand', test_vehicle)]
     end subroutine collect_mechanism_references
 
-    !> An ellipsoid whose principal axes of inertia do not go with those of its shape turns back. The unit vector downwards and the
-    !> angular velocity in the body's frame, from an integration of their equations alone. The bound is that of the digits given,
-    !> times what a tolerance of 1e-12 a step grows to by an instability of e^7 a second.
+    !> An ellipsoid whose principal axes of inertia differ from those of its shape reverses its spin. The unit vector downwards and
+    !> the angular velocity in the body's frame, from an integration of their equations alone. The bound is that of the digits
+    !> given, times the growth of a tolerance of 1e-12 per step by an instability of e^7 per second.
     subroutine test_rattleback(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: half = pi/360, squares(3) = [0.04_wp, 0.0009_wp, 0.0004_wp], centre(3) = [0.0_wp, 0.0_wp, -0.01_wp]
@@ -101,9 +101,10 @@ contains
         call check_close(error, simulation%state%q(1:3), place + [real(turned), aimag(turned), 0.0_wp], 1.0e-8_wp, 'centre')
     end subroutine test_turntable
 
-    !> A ball that rolls inside an upright cylinder, its centre at the distance R from the axis on an arm that turns about the
-    !> axis and slides along it. With v + omega x (a e_r) = 0 the arm turns at a constant rate W, the spin about the radius obeys
-    !> omega_r' = W z'/a, and (m + m_arm + I/a^2) z'' = -(m + m_arm) g - I W/a omega_r: the ball goes up and down harmonically.
+    !> A ball that rolls inside an upright cylinder, its centre at the distance R from the axis on an arm that rotates about the
+    !> axis and slides along it. With v + omega x (a e_r) = 0 the arm rotates at a constant rate W, the spin about the radius
+    !> satisfies omega_r' = W z'/a, and (m + m_arm + I/a^2) z'' = -(m + m_arm) g - I W/a omega_r: the ball moves up and down
+    !> harmonically.
     subroutine test_cylinder(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: a = 0.2_wp, r = 0.7_wp, w = 4.0_wp, mass = 2.0_wp, m_arm = 0.5_wp, g = 9.81_wp, spin = 3.0_wp, &
@@ -260,7 +261,7 @@ contains
                 stiffness=8.0e5_wp, damping=4.0e4_wp, length=0.5_wp)
             call check_no_failure(error, failure)
         end do
-        ! A tolerance a step of 1e-6 leaves less than that in a motion that is damped.
+        ! A tolerance per step of 1e-6 gives a smaller error in a damped motion.
         call go(mechanism, 1.0e-6_wp, 1.0_wp, simulation, error, 'sdirk54')
         if (allocated(error)) return
         call check_below(error, abs(simulation%state%q(10) - 0.5014209223796_wp), 1.0e-6_wp, 'slider at 1 s')
@@ -273,8 +274,8 @@ contains
         call check_below(error, real(statistics%steps, wp), 2000.0_wp, 'steps of a stiff stepper')
     end subroutine test_governor
 
-    !> Two wheels on parallel axes, one driven for 30 turns, and a third whose angle is held by the sum of both: in space, where
-    !> angles are counted.
+    !> Two wheels on parallel axes, one driven for 30 turns, and a third whose angle is the sum of both: in space, where turns are
+    !> counted.
     subroutine test_gears(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -312,8 +313,7 @@ contains
         end do
     end subroutine test_gears
 
-    !> A rotor off its centre of mass in the plane goes on at its rate from whatever angle it has come to, with
-    !> implicit steps too.
+    !> A rotor off its centre of mass in the plane continues at its rate from any angle, with implicit steps too.
     subroutine test_rotor(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=6), parameter :: stepper(2) = ['dop853', 'radau5']
@@ -336,7 +336,7 @@ contains
                 call check_no_failure(error, failure)
                 call go(mechanism, 1.0e-9_wp, t_end, simulation, error, trim(stepper(k)))
                 if (allocated(error)) return
-                ! Radau5 leaves up to 6e-7 in its 1000 steps, and the start knows its angle to rounding of that.
+                ! The error of radau5 is up to 6e-7 in its 1000 steps, and the start has the angle up to rounding of that.
                 call check_below(error, abs(simulation%state%q(3) - start(i) - rate*t_end), 1.0e-6_wp, trim(stepper(k)))
                 e = [cos(simulation%state%q(3)), sin(simulation%state%q(3))]
                 ! The iteration for the position stops at 1e-14 of the sizes of its terms, of which there are up to three.
@@ -372,8 +372,8 @@ contains
         end associate
     end subroutine test_screw
 
-    !> A blade on a plate that is driven round, in the plane: as seen from the plate, without forces but with those of the frame, it
-    !> is the same as a blade on the ground whose velocity across is that of the plate below it.
+    !> A blade on a plate that is rotated, in the plane: relative to the plate, without forces except those of the frame, it is
+    !> equivalent to a blade on the ground whose lateral velocity is that of the plate below it.
     subroutine test_sleigh(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: rate = 0.6_wp, place(2) = [1.0_wp, 0.5_wp]
@@ -389,7 +389,7 @@ contains
         call check_no_failure(error, failure)
         call mechanism%add_joint('motor', 'revolute', 'ground', 'plate', failure, at=[0.0_wp, 0.0_wp], motion=ramp(0.0_wp, rate))
         call check_no_failure(error, failure)
-        ! Along its heading, x at the start, it may go; across it goes with the plate: rate times x.
+        ! It may move along its heading, x at the start; across it moves with the plate: rate times x.
         call mechanism%add_body('blade', 1.0_wp, place, failure, inertia=[0.3_wp], velocity=[0.7_wp, rate*place(1)], &
             omega=[1.1_wp])
         call check_no_failure(error, failure)
@@ -411,12 +411,12 @@ contains
         do i = 1, 3
             call check_below(error, abs(simulation%state%q(3 + i) - its%state%q(i)), 1.0e-9_wp, 'coordinate')
         end do
-        ! It turns freely.
+        ! It rotates freely.
         call check_below(error, abs(its%state%q(3) - 3.3_wp), 1.0e-10_wp, 'heading')
     end subroutine test_sleigh
 
-    !> The benchmark of Meijaard and others (2007), its z axis turned up: upright at a speed, with a small lean rate. At 5 m/s it is
-    !> stable: lean and steer follow the linear equations, and the energy stays.
+    !> The benchmark of Meijaard and others (2007), with its z axis upwards: upright at a speed, with a small lean rate. At 5 m/s it
+    !> is stable: lean and steer follow the linear equations, and the energy is constant.
     subroutine test_bicycle(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: speed = 5.0_wp, tilt = pi/10, small = 1.0e-6_wp, t_end = 2.0_wp, g = 9.81_wp

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of rows of mechanisms beyond those of simple joints, each alone against differences at random states: freedoms of the
-!> primitive at either level, couplings, rows by expression, what rolls on planes that move; and runs against closed forms.
+!> Tests of rows of mechanisms beyond those of simple joints, each in isolation against differences at random states: freedoms of
+!> the primitive at either level, couplings, rows by expression, rolling on moving planes; and runs against closed forms.
 module test_mechanism_rows
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
     use mechanism_checks, only: check_drawing, draw, verify
@@ -36,8 +36,8 @@ contains
             new_unittest('what-cannot-be', test_words)]
     end subroutine collect_mechanism_rows
 
-    !> Two gears of 7 to 3 after so many turns that an angle has no digit below 1e-11 rad left: beside their meshing position they
-    !> miss it as exactly as at the start.
+    !> Two gears of 7 to 3 after so many turns that an angle has no digit below 1e-11 rad: next to their meshing position their
+    !> error is as exact as at the start.
     subroutine test_many_turns(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism
@@ -83,7 +83,7 @@ contains
         end function parameters
     end subroutine test_many_turns
 
-    !> Every freedom alone, with and without a motion, and all pairs; revolute joints as primitives have the same rows.
+    !> Every freedom in isolation, with and without a motion, and all pairs; revolute joints as primitives have the same rows.
     subroutine test_primitive(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism
@@ -128,7 +128,7 @@ contains
         end do
     end subroutine test_primitive
 
-    !> At velocity level: each freedom alone, between two bodies and against the ground, with and without a motion.
+    !> At velocity level: each freedom in isolation, between two bodies and against the ground, with and without a motion.
     subroutine test_glides(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism
@@ -163,7 +163,8 @@ contains
         end do
     end subroutine test_glides
 
-    !> The random states of a check are far apart: what a coupling counts of turns must be that of the drawing afterwards.
+    !> The random states of a check are far apart: the turn count of a coupling must be that of the reference configuration
+    !> afterwards.
     subroutine test_turns_after_check(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -200,7 +201,7 @@ contains
 
     contains
 
-        !> Euler parameters of a vector of rotation.
+        !> Euler parameters of a rotation vector.
         pure function turned_by(vector) result(p)
             real(wp), intent(in) :: vector(3)
             real(wp) :: p(4)
@@ -209,8 +210,8 @@ contains
         end function turned_by
     end subroutine test_turns_after_check
 
-    !> In a program: a body at an arm is turned by 2 pi t from t = 0.3 s on, by pi, and by 20 rad, from a drawing at 0; orientation
-    !> and the turns of a spring along the angle are those of the motion, and a second run starts there again.
+    !> In a program: a body on an arm is rotated by 2 pi t from t = 0.3 s on, by pi, and by 20 rad, from a reference configuration
+    !> at 0; the orientation and the turns of a spring along the angle are those of the motion, and a second run starts there again.
     subroutine test_imposed_angles(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: motions(3) = [character(len=16) :: '2*pi*t', 'pi + t - 0.3', '20 - 3*(t - 0.3)']
@@ -266,7 +267,8 @@ contains
     end subroutine test_imposed_angles
 
     !> A body spins fast about a hinge with a weak torsion spring: steps of sdirk54 at a coarse tolerance try points far ahead,
-    !> which must not count as turns; and a second start counts from the drawing again. The angle obeys J x'' = -k x.
+    !> which must not count as turns; and a second start counts from the reference configuration again. The angle satisfies J x'' =
+    !> -k x.
     subroutine test_turns_of_steps(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -299,7 +301,7 @@ contains
             if (allocated(error)) return
             do while (simulation%state%t < 3.3_wp .and. .not. allocated(failure))
                 call simulation%step(3.3_wp, failure)
-                ! The torque says how many turns were counted.
+                ! The torque shows the number of counted turns.
                 associate (state => simulation%state, rate => sqrt(spring/inertia))
                     angle = spin/rate*sin(rate*state%t)
                     pull = inertia*2*(state%q(4)*state%qdd(7) - state%qdd(4)*state%q(7))
@@ -487,7 +489,7 @@ contains
         call verify(mechanism, 'sphere on a turntable', error)
     end subroutine test_rolling
 
-    !> Every error names the element and says what to do.
+    !> Every error states the element and the remedy.
     subroutine test_words(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism

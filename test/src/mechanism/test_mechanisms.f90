@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of two mechanisms whose constraints lose a rank: the planar four-bar in its flat position, Bricard's everywhere. None of it
-!> needs a solver that knows about ranks.
+!> Tests of two mechanisms with rank loss: the planar four-bar in its flat position, Bricard's everywhere. None of these tests needs
+!> a solver with rank detection.
 module test_mechanisms
     use asserts, only: check_below, check_between, check_close, check_count, check_no_failure, check_true
     use model_bricard, only: bricard_type
@@ -50,7 +50,7 @@ contains
             call check_count(error, rank, merge(7, 8, mod(i, 8) == 0), 'rank of the parallelogram')
             call check_below(error, noise, 1.0e-15_wp, 'singular value where it is flat')
         end do
-        ! The distance from the flat position shows in proportion: the rank is lost at a point, and not all of a sudden.
+        ! The smallest singular value is proportional to the distance from the flat position: the rank is lost gradually.
         call model%start(pi - 1.0e-4_wp, 0.0_wp, q, qd)
         call judge(model, 0.0_wp, q, rank, smallest, noise)
         call check_between(error, smallest/1.0e-4_wp, 0.05_wp, 0.5_wp, 'smallest singular value over the angle')
@@ -181,7 +181,8 @@ contains
         end do
     end subroutine test_bricard_motion
 
-    !> Near the cube the redundancy involves every row, so that any of them may go, the normalisation of Euler parameters included.
+    !> Near the cube the redundancy involves every row, so that any of them may be dropped, including the normalisation of Euler
+    !> parameters.
     subroutine test_bricard_rows(error)
         type(error_type), allocatable, intent(out) :: error
         type(bricard_type), target :: model

@@ -22,7 +22,7 @@ contains
             new_unittest('wrong-parameters-are-named', test_wrong_parameters)]
     end subroutine collect_parameters
 
-    !> In any order, however long the chain.
+    !> In any order, for chains of any length.
     subroutine test_values(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 300
@@ -36,7 +36,7 @@ contains
             [character(len=24) :: '2*pi*n', '0.3', 'l^2 + (-1)^n', '3'], values(:4), failure)
         call check_no_failure(error, failure)
         call check_close(error, values(:4), [6*pi, 0.3_wp, -0.91_wp, 3.0_wp], 1.0e-14_wp, 'values')
-        ! Each by the next one: the order that is the worst.
+        ! Each depends on the next one, the worst order.
         do i = 1, n
             names(i) = 'p'//to_text(i)
             texts(i) = 'p'//to_text(i + 1)//' + 1'
@@ -49,7 +49,7 @@ contains
         call check_no_failure(error, failure)
     end subroutine test_values
 
-    !> Each mistake has a name.
+    !> Each error has its own message.
     subroutine test_wrong_parameters(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=8) :: names(30)

@@ -58,7 +58,7 @@ contains
         call check_at(error, table, 9.0_wp, [-2.0_wp, 0.0_wp, 0.0_wp], 'behind the table')
     end subroutine test_linear
 
-    !> What is beyond the ends.
+    !> Extrapolation beyond the ends.
     subroutine test_ends(error)
         type(error_type), allocatable, intent(out) :: error
         type(table_type) :: table
@@ -78,7 +78,7 @@ contains
         call check_at(error, table, -2.0_wp, [0.0_wp, 1.0_wp, 0.0_wp], 'at the beginning of that')
         ! Far beyond all numbers of pieces, too.
         call check_at(error, table, 2.0e12_wp + 0.5_wp, [0.5_wp, 1.0_wp, 0.0_wp], 'in a late copy')
-        ! A spline that holds its ends has no slope there, one that goes on along them no curvature. The numbers are of order one.
+        ! A spline with constant ends has no slope there, a linearly extrapolated one no curvature. The numbers are of order one.
         call table%initialize([0.0_wp, 1.0_wp, 3.0_wp], [1.0_wp, 2.0_wp, -2.0_wp], 'cubic', failure, ends='hold')
         call check_no_failure(error, failure)
         call table%evaluate(0.0_wp, value, first, second)
@@ -92,7 +92,7 @@ contains
         call check_close(error, [value, second], [-2.0_wp, 0.0_wp], 1.0e-14_wp, 'the end of a natural spline')
     end subroutine test_ends
 
-    !> Splines whose pieces can be written down.
+    !> Splines with simple closed forms.
     subroutine test_cubic(error)
         type(error_type), allocatable, intent(out) :: error
         type(table_type) :: table
@@ -153,7 +153,7 @@ contains
         end do
     end subroutine test_convergence
 
-    !> Pieces meet with the same value, slope and curvature, whatever the ends, and pass through the points. Rounding alone differs.
+    !> Pieces agree in value, slope and curvature at the points, for any ends, and pass through the points, up to rounding.
     subroutine test_smoothness(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: x(6) = [-1.0_wp, -0.3_wp, 0.1_wp, 0.9_wp, 2.0_wp, 2.2_wp]
@@ -189,7 +189,7 @@ contains
         call check_close(error, before, [0.5_wp, 1.5_wp, 0.0_wp], 1.0e-14_wp, 'a wave of two pieces')
     end subroutine test_smoothness
 
-    !> A piece that is held is the same function on both sides of its ends.
+    !> A selected piece is the same function on both sides of its ends.
     subroutine test_pieces(error)
         type(error_type), allocatable, intent(out) :: error
         type(table_type) :: table
@@ -261,7 +261,7 @@ contains
         end subroutine expect
     end subroutine test_kinks
 
-    !> Each mistake has a name.
+    !> Each error has its own message.
     subroutine test_errors(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: x(3) = [0.0_wp, 1.0_wp, 2.0_wp], y(3) = [0.0_wp, 1.0_wp, 3.0_wp]
