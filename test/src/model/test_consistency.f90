@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Procedures of a model that contradict each other are named in a run, by every stepper and in bounded work; no other model is.
+!> Contradictory procedures of a model are reported in a run, by every stepper and with bounded work; correct models are not.
 module test_consistency
     use asserts, only: check_count, check_no_failure, check_text, check_true
     use consistency_checks, only: check_clean, check_named, looker_type
@@ -51,7 +51,7 @@ contains
             new_unittest('models-with-a-pattern-and-single-procedures-are-not-named', test_pattern)]
     end subroutine collect_consistency
 
-    !> Half of it, all of it twice, with its sign changed, or none: fixed steps and error control, each stepper.
+    !> Half of it, twice, with its sign changed, or zero: fixed steps and error control, each stepper.
     subroutine test_gamma(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: pendulum
@@ -85,7 +85,7 @@ contains
         end do
     end subroutine test_gamma
 
-    !> A pendulum with dopri5 would take years, a crank-rocker ten thousand times as many steps as it should.
+    !> A pendulum with dopri5 would take years, a crank-rocker ten thousand times as many steps as necessary.
     subroutine test_endless(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: pendulum
@@ -119,7 +119,8 @@ contains
         call check_named(error, simulation, failure, 'gamma of the constraint "joint C x" is ')
     end subroutine test_endless
 
-    !> Each row of Andrews' squeezer, halved and with its sign changed. The run needs 48 steps, and would go on for half a million.
+    !> Each row of Andrews' squeezer, halved and with its sign changed. The run needs 48 steps, and would continue for half a
+    !> million.
     subroutine test_squeezer(error)
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
@@ -193,7 +194,7 @@ contains
             model%of_jacobian = 1.2_wp
             options = options_type(stepper='dop853', step=1.0e-3_wp, start_tolerance=1.0e-2_wp)
             if (i == 2) call change_stepper(options, options%stepper, rtol=1.0e-6_wp)
-            ! The start satisfies the rows that there are.
+            ! The start satisfies the existing rows.
             qd = 0.0_wp
             call run(simulation, model, options, 0.0_wp, q, qd, 0.1_wp, failure)
             call check_named(error, simulation, failure, 'the Jacobian of the constraint "joint B x" gives ')
@@ -201,7 +202,7 @@ contains
         end do
     end subroutine test_jacobian
 
-    !> A row of the Jacobian with a sign turned: the iteration for the position cannot converge.
+    !> A row of the Jacobian with a changed sign: the iteration for the position cannot converge.
     subroutine test_no_step(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: pendulum
@@ -214,7 +215,7 @@ contains
 
         call pendulum%define()
         call pendulum%start(1.0_wp, 0.0_wp, q, qd)
-        ! Along the rod as the wrong row has it.
+        ! Along the rod according to the wrong row.
         qd = 2.0_wp*[q(2), q(1)]
         do i = 1, 2
             call model%wrap(pendulum)
@@ -239,13 +240,13 @@ contains
         call pivot%motion(0.0_wp, 1.0_wp, 2.0_wp, q, qd)
         call model%wrap(pivot)
         model%of_nu = 0.5_wp
-        ! The velocity that the wrong row asks for.
+        ! The velocity required by the wrong row.
         qd(1) = qd(1) - 0.5_wp*pivot%speed
         call run(simulation, model, options_type(step=1.0e-3_wp), 0.0_wp, q, qd, 0.1_wp, failure)
         call check_named(error, simulation, failure, 'nu of the constraint "holonomic 1" gives ')
     end subroutine test_nu
 
-    !> And no warning that the motion amplifies errors, or that a breakpoint would help.
+    !> And no warning about amplified errors or a useful breakpoint.
     subroutine test_first(error)
         type(error_type), allocatable, intent(out) :: error
         type(statistics_type) :: statistics
@@ -282,7 +283,7 @@ contains
         end do
     end subroutine test_first
 
-    !> Run with every stepper and chart, looked at after every step, ahead and behind.
+    !> Run with every stepper and chart, with a check after every step, ahead and behind.
     subroutine check_model(error, model, q, qd, t, span)
         type(error_type), allocatable, intent(inout) :: error
         class(model_type), intent(inout), target :: model
@@ -340,7 +341,7 @@ contains
         call four_bar%start(1.0_wp, 3.0_wp, q, qd)
         call check_model(error, four_bar, q, qd, 0.0_wp, 2.0_wp)
         if (allocated(error)) return
-        ! The parallelogram on its way to where its rank falls.
+        ! The parallelogram before its loss of rank.
         four_bar%length = 1.0_wp
         call four_bar%start(1.0_wp, 3.0_wp, q, qd)
         call check_model(error, four_bar, q, qd, 0.0_wp, 2.0_wp)
@@ -404,7 +405,7 @@ contains
             do j = 1, 2
                 pendulum%units = units(i)
                 call pendulum%define()
-                ! With the scale that nobody has given, and with the one that fits.
+                ! With the default scale, and with the right one.
                 if (allocated(pendulum%coordinate_scale)) deallocate (pendulum%coordinate_scale)
                 if (j == 2) pendulum%coordinate_scale = pendulum%units*[1.0_wp, 1.0_wp]
                 call pendulum%start(1.0_wp, merge(2.0_wp, 2.0e3_wp, i < 4), q, qd)
@@ -454,7 +455,7 @@ contains
         end do
     end subroutine test_noise
 
-    !> Many looks on the way of a point, since a run with such constraints soon ends.
+    !> Many checks along a path from a point, because a run with such constraints soon ends.
     subroutine check_noisy(error, model, q, qd)
         type(error_type), allocatable, intent(inout) :: error
         class(model_type), intent(inout), target :: model
@@ -474,7 +475,7 @@ contains
         end do
     end subroutine check_noisy
 
-    !> A sleigh on a floor that jumps, told by a breakpoint, and steering that nobody tells of.
+    !> A sleigh on a floor that jumps, with a breakpoint, and steering without one.
     subroutine test_kinks(error)
         type(error_type), allocatable, intent(out) :: error
         type(sleigh_type), target :: sleigh
@@ -508,7 +509,7 @@ contains
         end do
     end subroutine test_kinks
 
-    !> A model that ends with the run and begins with it. What is evaluated for a comparison lies within the steps.
+    !> A model that exists only during the run. Evaluations for a comparison are within the steps.
     subroutine test_domain(error)
         type(error_type), allocatable, intent(out) :: error
         type(four_bar_type), target :: four_bar
@@ -533,13 +534,13 @@ contains
             call check_count(error, model%n_behind, 0, 'places without a value')
             if (allocated(error)) return
         end do
-        ! No verdict from a place that has none.
+        ! No verdict from a place without values.
         model%wall = [0.0_wp, 0.01_wp]
         call find_contradiction(model, 0.01_wp, q, qd, 1.0e-2_wp, counts, found)
         call check_true(error, found == '' .and. model%n_behind > 0, 'no verdict')
     end subroutine test_domain
 
-    !> Single procedures set terms that are not compressed, whatever pattern the model has.
+    !> Single procedures set terms that are not compressed, for any pattern of the model.
     subroutine test_pattern(error)
         type(error_type), allocatable, intent(out) :: error
         type(beads_type), target :: model

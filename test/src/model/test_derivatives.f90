@@ -1,6 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the derivatives that implicit steps use: those of the models, and the differences that stand in for what a model does
-!> not give, in gamma too.
+!> Tests of the derivatives for implicit steps: those of the models, and the differences that replace missing ones, including gamma.
 module test_derivatives
     use asserts, only: check_below, check_between, check_count, check_no_failure, check_true
     use differences, only: h, random_vector, weight
@@ -19,7 +18,7 @@ module test_derivatives
 
     public :: collect_derivatives
 
-    !> How many random points each model is looked at.
+    !> Number of random points per model.
     integer, parameter :: n_points = 4
 
 contains
@@ -56,7 +55,7 @@ contains
         dynamics = matmul(terms%mass, qdd) + matmul(lambda, terms%jacobian) - terms%force
     end subroutine residuals
 
-    !> All five derivatives by differences that share nothing with the library's.
+    !> All five derivatives by differences that are independent of the library's.
     subroutine differentiate(model, t, q, qd, qdd, lambda, d)
         class(model_type), intent(inout) :: model
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
@@ -171,7 +170,7 @@ contains
         end do
     end subroutine test_models
 
-    !> Each derivative alone, with a mark in all the others.
+    !> Each derivative separately, with a mark in all the others.
     subroutine test_need(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable :: model
@@ -209,7 +208,7 @@ contains
 
     contains
 
-        !> The same as all at once where wanted, the mark where not.
+        !> Equal to the complete set if requested, else the mark.
         subroutine check_one(wanted, found, expected)
             logical, intent(in) :: wanted
             real(wp), intent(in) :: found(:, :), expected(:, :)
@@ -222,7 +221,7 @@ contains
         end subroutine check_one
     end subroutine test_need
 
-    !> Forward differences are off by sqrt(eps) = 1.5e-8 times curvatures up to some tens of the largest entry.
+    !> Forward differences have errors of sqrt(eps) = 1.5e-8 times curvatures up to some tens of the largest entry.
     subroutine test_stand_in(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable :: model
@@ -244,9 +243,9 @@ contains
             model%provides_derivatives = 0
             call get_derivatives(model, 1.0_wp, q, qd, qdd, lambda, stand_in, counts, error)
             call compare(stand_in, own, 1.0e-6_wp, trim(subject_names(k)), error)
-            ! One point and one displacement a coordinate, for q and for qd.
+            ! One point and one displacement per coordinate, for q and for qd.
             call check_count(error, counts%difference_evaluations, 2*(model%n + 1), trim(subject_names(k))//': evaluations')
-            ! Where there are no forces, their derivative is known.
+            ! Without forces, their derivative is known.
             call check_count(error, sum(counts%derivatives), merge(1, 0, subject_names(k) == 'vehicle'), &
                 trim(subject_names(k))//': derivatives that need no differences')
             deallocate (q, qd, qdd, lambda)
@@ -280,7 +279,7 @@ contains
         end select
     end subroutine remove
 
-    !> All single procedures but one, and one alone, each in turn.
+    !> All single procedures but one, and only one, each in turn.
     subroutine test_single(error)
         type(error_type), allocatable, intent(out) :: error
         type(skater_type), target :: model
@@ -301,7 +300,7 @@ contains
             counts = counts_type()
             call get_derivatives(model, 1.0_wp, q, qd, qdd, lambda, stand_in, counts, error)
             call compare(stand_in, own, 1.0e-6_wp, 'without '//trim(single_names(i)), error)
-            ! What is missing depends on q or on qd, not on both.
+            ! The missing part depends on q or on qd, not on both.
             call check_count(error, counts%difference_evaluations, 5, 'evaluations without '//trim(single_names(i)))
             call model%define()
             do j = 1, size(single_names)
@@ -377,7 +376,7 @@ contains
                     if (i == j .or. i > size(single_names)) call remove(other, trim(single_names(j)))
                 end do
                 call compare_runs(model, other, options, q, qd, 1.0_wp, difference, own, stand_in, error)
-                ! 100 steps, whose Newton iterations leave 1e-14 each.
+                ! 100 steps with remainders of Newton's iteration of 1e-14 each.
                 call check_below(error, difference, 1.0e-11_wp, trim(options%stepper)//': difference of the solutions')
                 call check_true(error, own%difference_evaluations == 0, 'no differences with every procedure')
                 call check_true(error, stand_in%difference_evaluations > 0, 'differences without a procedure')
@@ -402,10 +401,10 @@ contains
                 call new_subject(trim(subject_names(k)), other, q, qd)
                 other%provides_derivatives = 0
                 call compare_runs(model, other, options, q, qd, 0.5_wp, difference, own, stand_in, error)
-                ! 100 steps whose Newton iterations leave 1e-14 of speeds up to 15 each.
+                ! 100 steps with remainders of Newton's iteration of 1e-14 of speeds up to 15 each.
                 call check_below(error, difference, 1.0e-10_wp, trim(subject_names(k))//': difference of the solutions')
                 call check_true(error, own%difference_evaluations == 0, 'no differences with derivatives')
-                ! Two points and a displacement a coordinate, for q and for qd, a Newton matrix.
+                ! Two points and a displacement per coordinate, for q and for qd, per Newton matrix.
                 call check_count(error, stand_in%difference_evaluations, 2*(model%n + 1)*int(stand_in%newton_matrices), &
                     trim(subject_names(k))//': evaluations')
                 ! Good enough: at most a tenth more corrections.
@@ -473,8 +472,8 @@ contains
         end do
     end subroutine test_gamma_run
 
-    !> The disk with (69) mended and as printed. Start values are so good, and matrices kept so long, that a run does not show the
-    !> difference in its cost (6163 and 6176 corrections, 101 and 106 matrices); the contraction of a stage does, see above.
+    !> The disk with (69) corrected and as printed. Start values are so good, and matrices reused so long, that the cost of a run
+    !> does not show the difference (6163 and 6176 corrections, 101 and 106 matrices); the contraction of a stage does, see above.
     subroutine test_misprint(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: right, inner
@@ -492,17 +491,17 @@ contains
         options%step = 1.0e-2_wp
         call compare_runs(right, printed, options, q, qd, 4.0_wp, difference, own, other, error)
         if (allocated(error)) return
-        ! 400 steps of what Newton's iteration leaves, 1e-14, times 30 for the weights of SDIRK54, times the growth, 30.
+        ! 400 steps with remainders of Newton's iteration of 1e-14, times 30 for the weights of SDIRK54, times the growth, 30.
         call check_below(error, difference, 4.0e-9_wp, 'difference of the solutions')
         options%step = 1.0e-3_wp
         options%intol = 1.0e-10_wp
         call compare_runs(right, printed, options, q, qd, 1.0_wp, difference, own, other, error)
         if (allocated(error)) return
-        ! Seen: 1.05, and 1.11 over ten seconds.
+        ! Measured: 1.05, and 1.11 over ten seconds.
         call check_below(error, per_stage(own), 1.15_wp, 'corrections a stage with intol = 1e-10')
     end subroutine test_misprint
 
-    !> Corrections a stage.
+    !> Corrections per stage.
     pure real(wp) function per_stage(statistics)
         type(statistics_type), intent(in) :: statistics
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of mass matrices of diagonal blocks: told by a model, or found where M is constant.
+!> Tests of mass matrices of diagonal blocks: declared by a model, or found for a constant M.
 module test_mass_blocks
     use asserts, only: check_below, check_count, check_failure, check_no_failure, check_true
     use model_perturbed, only: perturbed_type
@@ -61,14 +61,14 @@ contains
 
         call model%define()
         call model%start([-1.0_wp, 0.01_wp, 0.0_wp], 0.3_wp, q, qd)
-        ! It tears the Euler parameters apart.
+        ! It splits the Euler parameters.
         model%mass_blocks = [4, 3, 2]
         call run(simulation, model, choose(stepper='rk4'), 0.0_wp, q, qd, 0.01_wp, failure)
         call check_failure(error, failure, 'invalid_model', &
             'the mass matrix is not zero outside of mass_blocks at the start, entry mass(6,4)')
     end subroutine test_outside
 
-    !> Upright and at rest about one axis, M is diagonal; not so as soon as the disk turns.
+    !> Upright and at rest about one axis, M is diagonal, but no longer when the disk rotates.
     subroutine test_later(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=10), parameter :: charts(2) = [character(len=10) :: 'every_step', 'adaptive']

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the refusal of incomplete models. Every one goes through `initialize`, as a user would meet it.
+!> Tests of the refusal of incomplete models, all by `initialize`, as for a user.
 module test_model_check
     use asserts, only: check_failure, check_no_failure
     use model_beads, only: beads_type
@@ -43,7 +43,7 @@ contains
             new_unittest('patterns-that-do-not-fit-are-refused', test_patterns)]
     end subroutine collect_model_check
 
-    !> Initialize from the origin: a model that is refused never gets so far as to see that it may be no start.
+    !> Initialize from the origin: a refused model is detected before an invalid start.
     subroutine check_refused(model, piece, error)
         class(model_type), intent(inout), target :: model
         character(len=*), intent(in) :: piece
@@ -265,7 +265,7 @@ contains
         call check_refused(model, 'nu_jumps has 1 entries instead of 0', error)
     end subroutine test_jumps
 
-    !> Each fault by name; `build` itself does not write beside its lists.
+    !> Each fault has its own message; `build` itself does not write outside of its lists.
     subroutine test_patterns(error)
         type(error_type), allocatable, intent(out) :: error
         type(beads_type) :: model

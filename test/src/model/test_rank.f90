@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of rank awareness: redundant rows that are consistent, those that are not or stop being so, and velocity constraints that
-!> are holonomic in disguise.
+!> Tests of rank detection: consistent redundant rows, inconsistent ones or ones that become so, and velocity constraints that are
+!> holonomic.
 module test_rank
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_stopped, check_text
     use model_disguised, only: disguise_names, disguised_type
@@ -20,8 +20,8 @@ module test_rank
 
     character(len=10), parameter :: scenes(3) = [character(len=10) :: 'vehicle', 'disk', 'motorcycle']
     character(len=7), parameter :: steppers(3) = [character(len=7) :: 'rk4', 'dop853', 'sdirk54']
-    !> How a row is made of the others: a holonomic one twice, a nonholonomic one twice, a holonomic one as a velocity constraint, a
-    !> sum of holonomic ones, a sum of both kinds.
+    !> Combinations of rows: a holonomic one twice, a nonholonomic one twice, a holonomic one as a velocity constraint, a sum of
+    !> holonomic ones, a sum of both kinds.
     integer, parameter :: n_copies = 5
 
 contains
@@ -64,7 +64,7 @@ contains
         class(model_type), intent(inout), target :: inner
         integer, intent(in) :: number
         real(wp), intent(in) :: factor
-        !> The rows that it was made of.
+        !> Rows in the combination.
         integer, allocatable, intent(out) :: rows(:)
 
         associate (nh => inner%n_holonomic, m => inner%n_constraints())
@@ -88,7 +88,7 @@ contains
         end associate
     end subroutine copy_row
 
-    !> Fail unless a text names the copy and the rows that it was made of.
+    !> Fail unless a text names the copy and its original rows.
     subroutine check_names(error, text, inner, rows)
         type(error_type), allocatable, intent(inout) :: error
         character(len=*), intent(in) :: text
@@ -102,8 +102,8 @@ contains
         end do
     end subroutine check_names
 
-    !> Every kind of copy in every scene: it is named, the motion is that without it, the multipliers are those of least norm that
-    !> give the same forces, and all rows hold.
+    !> Every kind of copy in every scene: it is reported, the motion is that without it, the multipliers are those of least norm
+    !> with the same forces, and all rows are satisfied.
     subroutine check_copies(stepper, bound, error)
         character(len=*), intent(in) :: stepper
         !> Of differences of the states, relative to their size.
@@ -158,7 +158,7 @@ contains
         call check_copies('sdirk54', 2.5e-12_wp, error)
     end subroutine test_copies_sdirk54
 
-    !> Chart policies, ways to keep the inverses and bases, with an explicit and an implicit stepper.
+    !> Chart policies, refresh modes and bases, with an explicit and an implicit stepper.
     subroutine test_modes(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: inner
@@ -307,7 +307,7 @@ contains
         end do
     end subroutine test_warnings
 
-    !> Copies that say something else at one level, of every kind, in every scene.
+    !> Copies with a contradiction at one level, of every kind, in every scene.
     subroutine test_contradiction(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: inner
@@ -337,7 +337,7 @@ contains
         end do
     end subroutine test_contradiction
 
-    !> Less than what a start may be moved by, but no move can remove it.
+    !> Smaller than the allowed correction of a start, but no correction can remove it.
     subroutine test_slight_contradiction(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: inner
@@ -389,7 +389,7 @@ contains
         call check_below(error, maxval(simulation%errors), 1.0e-14_wp, 'errors of the start')
     end subroutine test_inconsistent_start
 
-    !> The copy is right until t = 0.05 and then leaves with its third derivative. Steps of 1e-3 end there.
+    !> The copy is right until t = 0.05 and then deviates with its third derivative. Steps of 1e-3 end there.
     subroutine test_growth(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: inner
@@ -423,7 +423,7 @@ contains
         end do
     end subroutine test_growth
 
-    !> Which of three rows can be left out changes twice a turn; with a chart at every step, and with charts that stay.
+    !> The row to be dropped among three changes twice per turn; with a chart at every step, and with kept charts.
     subroutine test_turning_rows(error)
         type(error_type), allocatable, intent(out) :: error
         type(turning_rows_type), target :: model
@@ -447,7 +447,7 @@ contains
                             t_end, failure)
                         call check_no_failure(error, failure)
                         if (allocated(error)) return
-                        ! RK4 leaves 8e-9 in charts that stay for a secant of 1.5, the tolerance leaves 2e-8.
+                        ! The error of RK4 is 8e-9 in charts kept to a secant of 1.5, that of the tolerance 2e-8.
                         call check_below(error, maxval(abs(simulation%state%q - [cos(t_end), sin(t_end), 0.0_wp])), 1.0e-7_wp, &
                             'error by '//steppers(i)//' with charts by '//chart_policies(j))
                         call check_below(error, maxval(simulation%errors), options%constraint_tolerance, 'constraint error')
@@ -458,7 +458,7 @@ contains
         end do
     end subroutine test_turning_rows
 
-    !> The row is named, and nothing else happens.
+    !> The row is reported without other effects.
     subroutine test_integrable(error)
         type(error_type), allocatable, intent(out) :: error
         type(disguised_type), target :: model
@@ -491,8 +491,8 @@ contains
         end do
     end subroutine test_integrable
 
-    !> All scenes and the knife edge. Some of their starts mislead: a row of the upright disk looks integrable at that point only,
-    !> and the rear wheels of the vehicle have no defect on the one direction and the time that all its constraints leave.
+    !> All scenes and the knife edge. Some of their starts are misleading: a row of the upright disk looks integrable at that point
+    !> only, and the rear wheels of the vehicle have no defect on the one direction and the time that all its constraints leave.
     subroutine test_nonholonomic(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: names(5) = [character(len=10) :: 'vehicle', 'disk', 'motorcycle', 'chopper', 'knife_edge']
@@ -511,8 +511,8 @@ contains
         end do
     end subroutine test_nonholonomic
 
-    !> Two wheels of a car, of which one is steered by an angle t^2: with the time held, and at t = 0, they are integrable together.
-    !> If it is held straight they are, in any unit of time.
+    !> Two wheels of a car, one of which is steered by an angle t^2: at constant time, and at t = 0, they are integrable together.
+    !> If it is straight they are integrable, in any unit of time.
     subroutine test_straight_at_first(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: across(2) = [0.0_wp, 1.0_wp], units(3) = [1.0_wp, 1.0e3_wp, 1.0e-3_wp]

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of what the tests of rank awareness stand on: copies of rows, velocity constraints that are holonomic in disguise, and the
-!> tools that judge them; `test_mechanisms` has the mechanisms. None of it needs a solver that knows about ranks.
+!> Tests of the foundations of the rank tests: copies of rows, velocity constraints that are holonomic, and their checkers;
+!> `test_mechanisms` has the mechanisms. None of them needs a solver with rank detection.
 module test_rank_models
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_true, format_real
     use differences, only: check_model_procedures, random_vector
@@ -80,7 +80,7 @@ contains
     subroutine get_subject(number, model, inner, q, qd)
         integer, intent(in) :: number
         class(model_type), allocatable, target, intent(out) :: model
-        !> Holds a model that `model` wraps.
+        !> Memory for a model that `model` wraps.
         class(model_type), pointer, intent(inout) :: inner
         real(wp), allocatable, intent(out) :: q(:), qd(:)
         type(four_bar_type), allocatable :: four_bar
@@ -167,7 +167,7 @@ contains
 
         inner => null()
         do number = 1, n_subjects
-            ! The damper of the motorcycle, number 15, is a force that Lagrange's equations do not know.
+            ! The damper of the motorcycle, number 15, is a force that is not in Lagrange's equations.
             if (number == 15) cycle
             call get_subject(number, model, inner, q, qd)
             seed = 100*number
@@ -181,7 +181,7 @@ contains
         if (associated(inner)) deallocate (inner)
     end subroutine test_procedures
 
-    !> Near a state on the constraints.
+    !> Close to a consistent state.
     subroutine test_derivatives(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model
@@ -199,13 +199,13 @@ contains
             do i = 1, size(findings)
                 call check_true(error, findings(i)%passed, model%name//': '//trim(findings(i)%name)//' is right')
             end do
-            ! Of terms and derivatives: as many as the model has.
+            ! Terms and derivatives: as many as the model has.
             call check_true(error, size(findings) >= 2, model%name//' is compared at all')
         end do
         if (associated(inner)) deallocate (inner)
     end subroutine test_derivatives
 
-    !> Every row of every scene, twice: the rank is that of the scene, and what the scene's state satisfies, the copy does.
+    !> Every row of every scene, twice: the rank is that of the scene, and the copy is satisfied by the scene's state.
     subroutine test_copies(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), pointer :: inner
@@ -337,7 +337,7 @@ contains
         deallocate (inner)
     end subroutine test_spoiled
 
-    !> f and g along motions that the solver computes with the rows as they are.
+    !> f and g along motions that the solver computes with the unchanged rows.
     subroutine test_invariants(error)
         type(error_type), allocatable, intent(out) :: error
         type(disguised_type), target :: model

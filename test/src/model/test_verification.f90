@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the comparison of all procedures of a model with differences: it passes what is right and names what is wrong.
+!> Tests of the comparison of all procedures of a model with differences: right ones pass, wrong ones are named.
 module test_verification
     use asserts, only: check_close, check_count, check_no_failure, check_text, check_true, format_real
     use model_moving_pivot, only: moving_pivot_type
@@ -58,8 +58,8 @@ contains
         end do
     end subroutine test_verify
 
-    !> Every other row in units that make it vast or tiny: right ones pass, and an entry that is wrong by as much of the row as in
-    !> units of one is found.
+    !> Every other row in units that make it vast or tiny: right ones pass, and an entry that is wrong by the same part of the row
+    !> as in units of one is found.
     subroutine test_verify_units(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: units(5) = [1.0_wp, 1.0e-200_wp, 1.0e-30_wp, 1.0e30_wp, 1.0e200_wp]
@@ -96,7 +96,7 @@ contains
         end do
     end subroutine test_verify_units
 
-    !> The first procedure that did not pass, empty where all did.
+    !> First procedure that did not pass, empty if all did.
     pure function wrong_name(findings) result(name)
         type(finding_type), intent(in) :: findings(:)
         character(len=48) :: name
@@ -126,9 +126,9 @@ contains
         call check_true(error, .not. findings(i)%passed .and. findings(i)%error > 0.01_wp, 'it is not constant')
     end subroutine test_verify_constant
 
-    !> A pivot that swings slowly or 3200 times a second, seen at its start and when rounding of t is the ten thousandth part of a
-    !> second: right as it is, and wrong where it is wrong by a thousandth of its largest value. 64 times a second comes back to
-    !> where it was after all simple fractions of one.
+    !> A pivot that swings slowly or 3200 times per second, at its start and when rounding of t is the ten thousandth part of a
+    !> second: passes if right, and fails if wrong by a thousandth of its largest value. 64 times per second it returns to its
+    !> position after all simple fractions of a second.
     subroutine test_verify_fast(error)
         type(error_type), allocatable, intent(out) :: error
         type(moving_pivot_type), target :: model
@@ -205,7 +205,7 @@ contains
         end select
     end subroutine wrong_acceleration
 
-    !> Exactly one finding fails, that of a name, and it says where and by how much.
+    !> Exactly one finding fails, that of a name, with place and amount.
     subroutine check_findings(findings, name, row, column, amount, error)
         type(finding_type), intent(in) :: findings(:)
         character(len=*), intent(in) :: name
@@ -250,7 +250,7 @@ contains
         end do
     end subroutine test_verify_derivatives
 
-    !> gamma and nu of the motorcycle by single faults; an entry of Phi_q has consequences, but is named all the same.
+    !> gamma and nu of the motorcycle by single faults; a wrong entry of Phi_q affects others, but is still named.
     subroutine test_verify_terms(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: inner
@@ -308,7 +308,7 @@ contains
         call check_findings(findings, 'constraint_acceleration', 1, 0, 0.125_wp, error)
     end subroutine test_verify_single
 
-    !> A derivative that asks to stop or to try elsewhere is named, with the status that says so.
+    !> A derivative that requests a stop or another point is named, with its status.
     subroutine test_verify_failing(error)
         type(error_type), allocatable, intent(out) :: error
         type(skater_type), target :: model
@@ -332,7 +332,7 @@ contains
         call check_text(error, status_name(findings(i)%stat), 'not_evaluable')
     end subroutine test_verify_failing
 
-    !> A NaN is where the finding says, not in the first entry.
+    !> A NaN is at the place of the finding, not in the first entry.
     subroutine test_verify_nan(error)
         type(error_type), allocatable, intent(out) :: error
         type(skater_type), target :: model
@@ -364,7 +364,7 @@ contains
         call model%define()
         call model%start(q, qd)
         do k = 1, 2
-            ! At the later time there is no step, at the other one a single one, which has none to be compared with.
+            ! At the later time there is no step, at the other one a single one, without another for comparison.
             call verify_model(model, merge(1.0e300_wp, 2.0_wp**50, k == 1), q, qd, 3, findings, failure)
             call check_no_failure(error, failure)
             i = findloc(findings%passed, .false., dim=1)
@@ -373,7 +373,7 @@ contains
         end do
     end subroutine test_verify_late
 
-    !> Without a gamma there is nothing that its derivatives could be compared with.
+    !> Without a gamma there is no reference for its derivatives.
     subroutine test_verify_no_gamma(error)
         type(error_type), allocatable, intent(out) :: error
         type(skater_type), target :: model

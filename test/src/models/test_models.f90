@@ -22,7 +22,7 @@ module test_models
     public :: collect_models
 
     real(wp), parameter :: two_pi = 8*atan(1.0_wp)
-    !> How many random points each model is looked at.
+    !> Number of random points per model.
     integer, parameter :: n_points = 5
 
 contains
@@ -102,7 +102,7 @@ contains
         call check_at_random(model, error)
     end subroutine test_disk
 
-    !> Without the damper, whose force Lagrange's equations do not know.
+    !> Without the damper, whose force is not in Lagrange's equations.
     subroutine test_motorcycle(error)
         type(error_type), allocatable, intent(out) :: error
         type(motorcycle_type) :: model
@@ -130,8 +130,8 @@ contains
         call check_masks(motorcycle, error)
     end subroutine test_masks
 
-    !> Every set of the terms that a fused procedure provides, each at a point of its own: the terms in the set are the same as
-    !> those of the whole set, the others are left alone.
+    !> Every set of the terms that a fused procedure provides, each at a separate point: the terms in the set are the same as those
+    !> of the whole set, the others are unchanged.
     subroutine check_masks(model, error)
         class(model_type), intent(inout) :: model
         type(error_type), allocatable, intent(inout) :: error
@@ -323,7 +323,7 @@ contains
         call check_count(error, size(model%breakpoints), 0, 'breakpoints of straight steering')
     end subroutine test_vehicle_parameters
 
-    !> What was kept for one set of parameters must not serve the next.
+    !> Data of one set of parameters must not be reused for the next.
     subroutine test_vehicle_change(error)
         type(error_type), allocatable, intent(out) :: error
         type(articulated_vehicle_type) :: model
@@ -418,7 +418,7 @@ contains
         call check_close(error, qd, table%qd(:, 1), 0.0_wp, 'qd of the disk')
     end subroutine test_reference_starts
 
-    !> The references know nothing of our procedures: agreement at all three levels checks both.
+    !> The references are independent of our procedures: agreement at all three levels checks both.
     subroutine test_reference_constraints(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable :: model
@@ -458,7 +458,7 @@ contains
                 residual = matmul(terms%mass, table%qdd(:, i)) + matmul(table%lambda(:, i), terms%jacobian) - terms%force
                 size_ = matmul(abs(terms%mass), abs(table%qdd(:, i))) + matmul(abs(table%lambda(:, i)), abs(terms%jacobian)) &
                     + abs(terms%force)
-                ! The stiff spring turns the last digit of its length, 1e-16, into 1e-9 newtons, beside some tens of them.
+                ! The stiff spring turns the last digit of its length, 1e-16, into 1e-9 newtons, compared with some tens.
                 call check_below(error, maxval(abs(residual))/max(1.0_wp, maxval(size_)), merge(1.0e-10_wp, 1.0e-14_wp, k == 5), &
                     trim(scene_names(k))//': residual of the equations of motion')
             end do

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the motorcycle's procedures and starts against formulas that are written here once more, with rotation matrices and
-!> finite differences; and of the need masks of all scenes with fused procedures. Suite models has the other scenes.
+!> Tests of the motorcycle's procedures and starts against formulas that are written again here, with rotation matrices and finite
+!> differences; and of the need masks of all scenes with fused procedures. Suite models has the other scenes.
 module test_motorcycle
     use asserts, only: check_below, check_between, check_close, check_count, check_no_failure, check_true
     use differences, only: check_model_procedures, random_vector
@@ -19,7 +19,7 @@ module test_motorcycle
     public :: collect_motorcycle
 
     real(wp), parameter :: uy(3) = [0.0_wp, 1.0_wp, 0.0_wp], uz(3) = [0.0_wp, 0.0_wp, 1.0_wp]
-    !> How many random points each parameter set is looked at.
+    !> Number of random points per parameter set.
     integer, parameter :: n_points = 4
     !> Sixth-order central differences: f' = sum_i weight_i (f(i h) - f(-i h))/h. With h = 1e-2 truncation and rounding are about
     !> 1e-14 for functions of order one.
@@ -136,7 +136,7 @@ contains
         c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
     end function cross
 
-    !> Phi_q, nu, gamma, M and S. The potential energy knows neither damper nor drive, so they are off here.
+    !> Phi_q, nu, gamma, M and S. The potential energy includes neither damper nor drive, so they are off here.
     subroutine test_procedures(error)
         type(error_type), allocatable, intent(out) :: error
         type(motorcycle_type) :: model
@@ -253,8 +253,8 @@ contains
         qd(4:7) = qd(4:7) - q(4:7)*dot_product(q(4:7), qd(4:7))
     end subroutine make_unit
 
-    !> The power of the forces: weight, spring and damper along the fork, and the drive, which pushes the rear wheels forward where
-    !> they touch the ground, at (0, -rear_length, -wheel_radius) of the chassis. S does no work on unit p beyond -qd' Md qd/2.
+    !> Power of the forces: weight, spring and damper along the fork, and the drive, which pushes the rear wheels forward at their
+    !> ground contact, at (0, -rear_length, -wheel_radius) of the chassis. S does no work on unit p beyond -qd' Md qd/2.
     subroutine test_work(error)
         type(error_type), allocatable, intent(out) :: error
         type(motorcycle_type) :: model
@@ -282,7 +282,7 @@ contains
         end do
     end subroutine test_work
 
-    !> Each term alone, with a mark in all the others.
+    !> Each term separately, with a mark in all the others.
     subroutine test_need(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable :: model
@@ -316,7 +316,7 @@ contains
 
     contains
 
-        !> The same as all at once where wanted, the mark where not.
+        !> Equal to the complete set if requested, else the mark.
         subroutine check_one(wanted, found, expected)
             logical, intent(in) :: wanted
             real(wp), intent(in) :: found(:), expected(:)
@@ -347,7 +347,7 @@ contains
         call check_close(error, [q(5)], [0.01184_wp], 5.0e-6_wp, 'e1 of the chopper')
     end subroutine test_equilibrium
 
-    !> P0, the rear axle's centre, goes along y; omega'_x = 2 (G pd)_x = 0.
+    !> P0, the rear axle's centre, moves along y; omega'_x = 2 (G pd)_x = 0.
     subroutine test_speed(error)
         type(error_type), allocatable, intent(out) :: error
         type(motorcycle_type) :: model

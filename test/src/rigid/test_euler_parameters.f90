@@ -11,7 +11,7 @@ module test_euler_parameters
 
     public :: collect_euler_parameters
 
-    !> How many random points each identity is tested on.
+    !> Number of random points per identity.
     integer, parameter :: n_points = 20
     !> Rounding of sums of some ten products of numbers below three.
     real(wp), parameter :: rounding = 2.0e-14_wp

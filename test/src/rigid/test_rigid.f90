@@ -1,7 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the calculus of Euler parameters that derivatives of models are made of: C, K, T, the rate of A, and the products
-!> without matrices, all at random p that are not unit ones, also for several bodies at once. Suite euler_parameters has A, E, G and
-!> B.
+!> Tests of the calculus of Euler parameters for derivatives of models: C, K, T, the rate of A, and the products without matrices,
+!> all at random p that are not unit ones, also for several bodies at once. Suite euler_parameters has A, E, G and B.
 module test_rigid
     use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
     use asserts, only: check_below, check_count
@@ -19,7 +18,7 @@ module test_rigid
 
     public :: collect_rigid
 
-    !> How many random points.
+    !> Number of random points.
     integer, parameter :: n_points = 20
     !> Sums of some twenty products of numbers below two: a hundred roundings of size four.
     real(wp), parameter :: rounding = 1.0e-13_wp
@@ -339,7 +338,7 @@ contains
         end do
     end subroutine test_sandwich
 
-    !> Each of several bodies has what it has alone.
+    !> Each of several bodies has the results of a single one.
     subroutine test_lanes(error)
         type(error_type), allocatable, intent(out) :: error
         type(point_type) :: z(lane)
@@ -377,7 +376,8 @@ contains
         end do
     end subroutine test_lanes
 
-    !> Against the intrinsic functions: small and large angles, both sides of multiples of an eighth of a turn, and what is none.
+    !> Against the intrinsic functions: small and large angles, both sides of multiples of an eighth of a turn, and values that are
+    !> not finite.
     subroutine test_angles(error)
         type(error_type), allocatable, intent(out) :: error
         !> Two roundings of the last digit.
