@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> doc/options.md lists every option with what the program says of it, and every figure of a run: nothing less, nothing more.
+!> doc/options.md lists exactly the options with their descriptions in the program, and the figures of a run.
 module test_lists
     use asserts, only: check_count, check_true
     use tandem, only: figure_reader_type, long, option_row_type, option_visitor_type, options_type, statistics_type, tell_figures, &
@@ -16,11 +16,11 @@ module test_lists
         character(len=:), allocatable :: text
     end type line_type
 
-    !> The rows of a table of the page, and how many of them the program knows.
+    !> Rows of a table of the page, and number of those that the program has.
     type, extends(option_visitor_type) :: option_finder_type
         type(line_type), allocatable :: rows(:)
         integer :: n_found = 0
-        !> The first row that should be there.
+        !> First missing row.
         character(len=:), allocatable :: missing
     contains
         procedure :: take => find_option
@@ -94,7 +94,7 @@ contains
         close (unit)
     end subroutine read_rows
 
-    !> The line that an option should have: name, kind, default, unit, what it is; what a word may be.
+    !> Expected line of an option: name, kind, default, unit, meaning; valid words.
     subroutine find_option(self, row, number, whole, word, list, choices)
         class(option_finder_type), intent(inout) :: self
         type(option_row_type), intent(in) :: row
@@ -128,7 +128,7 @@ contains
         call find(self%rows, expected//' |', self%n_found, self%missing)
     end subroutine find_option
 
-    !> A text in a table, where a bar would end its cell.
+    !> A text in a table, in which a bar would end its cell.
     pure function escaped(text)
         character(len=*), intent(in) :: text
         character(len=:), allocatable :: escaped

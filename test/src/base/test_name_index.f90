@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of numbers by names.
+!> Tests of indices of names.
 module test_name_index
     use asserts, only: check_count, check_true
     use tandem_name_index, only: name_index_type
@@ -52,7 +52,7 @@ contains
         call check_count(error, others, 0, 'names that are not there')
     end subroutine test_many
 
-    !> Before and after the table is given up.
+    !> Before and after the table is deallocated.
     subroutine test_order(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 1000

@@ -10,7 +10,7 @@ module test_number_text
 
     public :: collect_number_text
 
-    !> Texts that a list-directed read takes for a number, or for none without an error, and other slips.
+    !> Texts that a list-directed read accepts as a number, or ignores without an error, and other typing errors.
     character(len=10), parameter :: refused(*) = [character(len=10) :: '', '2*100', '2*', ',', '/', '1,2', '1e3 xyz', '1 2', &
         '1-5', '1+5', '1e', '1e+', 'e5', '.', '+', '-', '1.2.3', '1d3', '0x10', 'nan', 'inf', '1e400', '"1"', '1;', '1_000', '--1']
 

@@ -53,7 +53,7 @@ contains
 
         call options%check(failure)
         call check_no_failure(error, failure)
-        ! What the documentation promises.
+        ! As documented.
         call check_true(error, options%stepper == 'auto' .and. options%chart == 'every_step' .and. options%refresh == 'factor', &
             'auto, every_step and factor are the defaults')
         call complete_options(options, failure)
@@ -350,7 +350,7 @@ contains
         call check_below(error, abs(options%h_tolerance() - 1.0e-9_wp), 0.0_wp, 'htol')
     end subroutine test_unset
 
-    !> Codes are part of the interface: names and numbers stay together.
+    !> Codes are part of the interface: names and numbers must not change.
     subroutine test_status_names(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=20), parameter :: names(0:14) = [character(len=20) :: 'ok', 'invalid_option', 'invalid_model', &
@@ -387,7 +387,7 @@ contains
         call check_true(error, failure%message == 'invalid_model: the horse is missing; buy one', failure%message)
     end subroutine test_messages
 
-    !> What a run that is taken up is refused for.
+    !> Differences for which continuing a run is refused.
     subroutine test_difference(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: one, other

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the row of numbers that holds the state of objects.
+!> Tests of the array of words with the state of objects.
 module test_pack
     use asserts, only: check_true
     use tandem, only: long, pack_type, wp
@@ -19,7 +19,7 @@ contains
             new_unittest('items-come-back-and-damage-is-noticed', test_items)]
     end subroutine collect_pack
 
-    !> Items of all kinds come back with their shapes, and what is not allocated too; too much and too little is noticed.
+    !> Items of all kinds are restored with their shapes, including unallocated ones; missing and extra words are detected.
     subroutine test_items(error)
         type(error_type), allocatable, intent(out) :: error
         type(pack_type) :: pack

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the reader of reference solutions, and of the helpers that other tests stand on.
+!> Tests of the reader of reference solutions, and of helpers of other tests.
 module test_reference
     use asserts, only: check_below, check_close, check_count, check_true
     use differences, only: random_vector

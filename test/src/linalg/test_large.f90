@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of explicit steps with so many constraints that LAPACK takes them: the elimination of C, and whole runs.
+!> Tests of explicit steps with so many constraints that LAPACK is used: the elimination of C, and whole runs.
 module test_large
     use asserts, only: check_below, check_count, check_no_failure, check_text, check_true
     use differences, only: random_vector
@@ -17,7 +17,7 @@ module test_large
 
     public :: collect_large
 
-    !> Numbers of rows and columns: a little and far above what loops take, with few free columns, with none, with many.
+    !> Numbers of rows and columns: slightly and far above the limit of loops, with few free columns, with none, with many.
     integer, parameter :: sizes(2, 5) = reshape([largest_small + 1, largest_small + 4, 80, 110, 70, 71, 67, 67, 70, 140], [2, 5])
 
 contains
@@ -40,7 +40,7 @@ contains
             new_unittest('of-two-hundred-skates-a-row-that-repeats-two-others-is-left-out', test_redundant_skates)]
     end subroutine collect_large
 
-    !> A random matrix of the given size, well enough away from the loss of rank.
+    !> A random matrix of the given size, far from rank loss.
     subroutine fill(seed, c)
         integer, intent(inout) :: seed
         real(wp), intent(out) :: c(:, :)
@@ -172,7 +172,7 @@ contains
             other(i:i + 1, :) = c([i + 1, i], :)
             call elimination%eliminate(other, scale, stat)
             call check_count(error, elimination%orientation(), -orientation, 'with two rows exchanged')
-            ! A search for pivots keeps it.
+            ! A search for pivots preserves it.
             call elimination%eliminate(c, scale, stat)
             call elimination%forget()
             call elimination%eliminate(c + 0.01_wp*other, scale, stat)
@@ -181,7 +181,7 @@ contains
         end do
     end subroutine test_orientation
 
-    !> Where the pivot columns have become nearly dependent, by a determinant 1e-10 times as large, so that others are taken.
+    !> Pivot columns become nearly dependent, with a determinant 1e-10 times as large, so that others are chosen.
     subroutine test_search(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: m = largest_small + 1, n = m + 2
@@ -249,7 +249,7 @@ contains
         end do
     end subroutine test_units
 
-    !> A row of zeros or one that depends on others, and entries that are not finite, with remembered pivots and without.
+    !> A row of zeros or a dependent one, and entries that are not finite, with stored pivots and without.
     subroutine test_bad(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: m = largest_small + 1, n = m + 3
@@ -308,7 +308,7 @@ contains
         end do
     end subroutine set_up
 
-    !> Every copy against a run of it alone, which loops take.
+    !> Every copy against a separate run of it, with loops.
     subroutine test_copies(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=7), parameter :: steppers(3) = ['rk4    ', 'dop853 ', 'sdirk54']
@@ -379,11 +379,11 @@ contains
         call check_true(error, whole%state%t > 0.69_wp, 'at the end')
     end subroutine test_checkpoint
 
-    !> Whether rows are integrable is seen along a few directions, however many rows and coordinates there are: 200 rows of 600
-    !> coordinates cost as many evaluations as one row of four. An integrable one among them is found all the same.
+    !> Integrability of rows is tested along a few directions, for any number of rows and coordinates: 200 rows of 600 coordinates
+    !> cost as many evaluations as one row of four. An integrable one among them is still found.
     subroutine test_skates(error)
         type(error_type), allocatable, intent(out) :: error
-        !> C at a point; the ends of four directions that each row may be tested on, and of three for all rows.
+        !> C at a point; the ends of four directions for tests of each row, and of three for all rows.
         integer, parameter :: point = 1, each = 2*4, together = 2*3
         type(skates_type), target :: model
         type(simulation_type) :: simulation
@@ -415,7 +415,7 @@ contains
         end do
     end subroutine test_skates
 
-    !> It alone is found and left out among many, and the others move as without it.
+    !> It alone is found and dropped among many, and the others move as without it.
     subroutine test_redundant_skates(error)
         type(error_type), allocatable, intent(out) :: error
         type(skates_type), target :: model

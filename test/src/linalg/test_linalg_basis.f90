@@ -368,7 +368,7 @@ contains
 
         call basis%allocate(4, 1, 2)
         angle = 1.2_wp
-        ! Cosines 1 and cos(angle), hidden behind a rotation on either side.
+        ! Cosines 1 and cos(angle), between rotations on either side.
         cosines = matmul(rotation(0.3_wp), matmul(reshape([1.0_wp, 0.0_wp, 0.0_wp, cos(angle)], [2, 2]), rotation(0.9_wp)))
         call check_below(error, abs(basis%largest_secant(cosines)*cos(angle) - 1), rounding, 'secant')
         call check_below(error, abs(basis%largest_secant(cosines(:0, :0)) - 1), 0.0_wp, 'secant of nothing')

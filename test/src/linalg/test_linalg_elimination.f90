@@ -36,7 +36,7 @@ contains
             new_unittest('dependent-rows-are-reported-or-blow-up', test_dependent)]
     end subroutine collect_linalg_elimination
 
-    !> Columns of eight numbers begin with lines of 64 bytes, and arrays that are allocated anew are zero.
+    !> Columns of eight numbers begin with lines of 64 bytes, and newly allocated arrays are zero.
     subroutine test_lines(error)
         type(error_type), allocatable, intent(out) :: error
         type(elimination_type), target :: elimination
@@ -45,7 +45,7 @@ contains
 
         n_astray = 0
         do m = 1, 8
-            ! What lies between two of them.
+            ! Spacer between two of them.
             allocate (others(2*m - 1), source=1.0_wp)
             call elimination%allocate(m, m + 3)
             n_astray = n_astray + offset_of(elimination%matrix) + offset_of(elimination%eliminated)
@@ -142,7 +142,7 @@ contains
         call check_count(error, misplaced, 0, 'free columns out of their order')
     end subroutine test_order
 
-    !> NaN and Inf, in every entry, with remembered pivots and with a search, and the elimination serves again afterwards.
+    !> NaN and Inf, in every entry, with stored pivots and with a search; afterwards the elimination works again.
     subroutine test_not_finite(error)
         type(error_type), allocatable, intent(out) :: error
         type(elimination_type) :: elimination
@@ -243,7 +243,7 @@ contains
             call check_count(error, stat, 0, 'stat')
             call measure(c, elimination, defect, size_)
             call check_below(error, defect, 1.0e-15_wp, '|C R - I|, |C D|')
-            ! Remembered pivots may leave |Y| up to 10, and with it 1/pivot up to sqrt(101).
+            ! Stored pivots allow |Y| up to 10, and with it 1/pivot up to sqrt(101).
             call check_below(error, size_, 10.1_wp, 'the largest entry of R and D')
             if (allocated(error)) return
         end do
@@ -269,7 +269,7 @@ contains
             call measure(c, elimination, defect, size_)
             worst = max(worst, defect)
         end do
-        ! Growth of the remembered pivots may cost a digit or two.
+        ! Growth with the stored pivots may cost a digit or two.
         call check_below(error, worst, 1.0e-13_wp, '|C R - I|, |C D|')
     end subroutine test_turning_block
 
@@ -285,14 +285,14 @@ contains
         call elimination%eliminate(reshape([1.0_wp, 2.0_wp], [1, 2]), [1.0_wp, 1.0_wp], stat)
         call elimination%get_null_space(d)
         call check_below(error, abs(d(2, 1) - 1), 0.0_wp, 'D with the first pivot')
-        ! ... until it is told to forget.
+        ! ... until the pivots are discarded.
         call elimination%forget()
         call elimination%eliminate(reshape([1.0_wp, 2.0_wp], [1, 2]), [1.0_wp, 1.0_wp], stat)
         call elimination%get_null_space(d)
         call check_below(error, abs(d(1, 1) - 1), 0.0_wp, 'D with the second pivot')
     end subroutine test_forget
 
-    !> Programs that link the solver may stop at floating-point exceptions.
+    !> Programs that link the solver may trap floating-point exceptions.
     subroutine test_vanished(error)
         type(error_type), allocatable, intent(out) :: error
         type(elimination_type) :: elimination
@@ -340,13 +340,13 @@ contains
         call elimination%allocate(3, 5)
         call elimination%eliminate(c, spread(1.0_wp, 1, 5), stat)
         call check_count(error, stat, 2, 'row without pivot')
-        ! A failure leaves nothing behind.
+        ! A failure has no effect on later calls.
         call fill(seed, c)
         call elimination%eliminate(c, spread(1.0_wp, 1, 5), stat)
         call check_count(error, stat, 0, 'status of the next matrix')
     end subroutine test_no_pivot
 
-    !> Whether a dependent row meets a zero or a pivot of rounding is luck; it must not pass as a good one.
+    !> A dependent row gives a zero or a rounding error as pivot by chance; it must not pass as independent.
     subroutine test_dependent(error)
         type(error_type), allocatable, intent(out) :: error
         type(elimination_type) :: elimination

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the closer look at rows: the combination nearest to zero, and the orientation of what they span.
+!> Tests of the analysis of rows: the combination closest to zero, and the orientation of their span.
 module test_linalg_row_space
     use asserts, only: check_below, check_close, check_true
     use differences, only: random_vector
@@ -39,7 +39,7 @@ contains
             rows(2, :) = cos(a)*rows(1, :) + sin(a)*[0.0_wp, 0.0_wp, 1.0_wp]
             call space%find_weakest(2, 3, rows, [1.0_wp, 1.0_wp, 1.0_wp], share, smallest)
             call check_close(error, [smallest], [sqrt(2.0_wp)*sin(0.5_wp*a)], 1.0e-15_wp, 'the smallest singular value')
-            ! Rounding of the rows turns the combination of nearly parallel ones by no more than that.
+            ! Rounding of the rows changes the combination of nearly parallel ones by no more than that.
             call check_below(error, abs(share(1) + share(2)), 1.0e-14_wp, 'the sum of the parts')
             call check_close(error, [maxval(abs(share))], [1.0_wp], 0.0_wp, 'the largest part')
             if (allocated(error)) return
@@ -84,7 +84,7 @@ contains
         call check_below(error, min(maxval(abs(same - share)), maxval(abs(same + share))), 1.0e-14_wp, 'parts')
     end subroutine test_scales
 
-    !> Two rows turn around the third axis, to and fro, by less than a quarter, whatever the basis that they are made of.
+    !> Two rows rotate around the third axis, to and fro, by less than a quarter turn, in any basis.
     subroutine test_turn(error)
         type(error_type), allocatable, intent(out) :: error
         type(row_space_type) :: space
@@ -104,7 +104,7 @@ contains
         end do
     end subroutine test_turn
 
-    !> A row goes straight through the plane of the two others.
+    !> A row passes straight through the plane of the two others.
     subroutine test_passage(error)
         type(error_type), allocatable, intent(out) :: error
         type(row_space_type) :: space

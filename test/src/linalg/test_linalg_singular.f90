@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of least squares by singular values, with rows that depend on each other, and of symmetric eigenvalues.
+!> Tests of least squares by singular values, with dependent rows, and of symmetric eigenvalues.
 module test_linalg_singular
     use asserts, only: check_below, check_between, check_close, check_count
     use tandem, only: wp
@@ -10,7 +10,7 @@ module test_linalg_singular
 
     public :: collect_linalg_singular
 
-    !> The third row is the first less twice the second; null space (1, 1, 1, 1) and (1, -1, 1, -1).
+    !> The third row is the first minus twice the second; null space (1, 1, 1, 1) and (1, -1, 1, -1).
     real(wp), parameter :: matrix(3, 4) = reshape([1.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 1.0_wp, -2.0_wp, -1.0_wp, 0.0_wp, -1.0_wp, &
         0.0_wp, -1.0_wp, 2.0_wp], [3, 4])
 
@@ -94,7 +94,7 @@ contains
         call singular%factor(matrix)
         call singular%solve_transposed(g, y)
         call check_close(error, matmul(matrix, matmul(y, matrix) - g), spread(0.0_wp, 1, 3), 2.0e-14_wp, 'normal equations')
-        ! y is orthogonal to what gives nothing: row 1 - 2 row 2 - row 3 = 0. Rounding of singular vectors, here and below.
+        ! y is orthogonal to the left null space: row 1 - 2 row 2 - row 3 = 0. Rounding of singular vectors, here and below.
         call check_below(error, abs(y(1) - 2*y(2) - y(3)), 1.0e-14_wp, 'the part that gives nothing')
         call singular%get_null_basis(z)
         call check_close(error, [shape(z)*1.0_wp], [4.0_wp, 2.0_wp], 0.0_wp, 'shape')

@@ -280,7 +280,7 @@ contains
         end do
     end subroutine test_cholesky_not_finite
 
-    !> Masses of a microgram beside masses of a ship: the matrix is diagonal, and as definite as the identity.
+    !> Masses of a microgram and masses of a ship: the matrix is diagonal, and as definite as the identity.
     subroutine test_cholesky_units(error)
         type(error_type), allocatable, intent(out) :: error
         type(cholesky_type) :: cholesky

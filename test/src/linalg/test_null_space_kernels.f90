@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the loops of explicit steps: how independent the rows of C are, and what corrections of the position teach.
+!> Tests of the loops of explicit steps: independence of the rows of C, and updates of B by corrections of the position.
 module test_null_space_kernels
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     use asserts, only: check_below, check_count, check_true
@@ -63,7 +63,7 @@ contains
 
     subroutine test_independence(error)
         type(error_type), allocatable, intent(out) :: error
-        !> Rows and columns of matrices that LAPACK takes.
+        !> Rows and columns of matrices for LAPACK.
         integer, parameter :: large(2, 3) = reshape([66, 68, 80, 100, 4, 70], [2, 3])
         integer :: i, m, n, seed
 
@@ -80,7 +80,7 @@ contains
         end do
     end subroutine test_independence
 
-    !> That of a random matrix, whose rows and columns have units over some decades.
+    !> Independence of a random matrix, whose rows and columns have units over some decades.
     subroutine check_independence(m, n, seed, error)
         integer, intent(in) :: m, n
         integer, intent(inout) :: seed
@@ -115,7 +115,7 @@ contains
         end do
     end subroutine test_parallel
 
-    !> After a correction that has changed Phi by -y, B y is what u has gained by it; nothing else of B changes where it need not.
+    !> After a correction that has changed Phi by -y, B y is the change of u by it; the rest of B changes as little as possible.
     subroutine test_secant(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 9, nh = 3
@@ -160,7 +160,7 @@ contains
         call check_below(error, maxval(abs(b(nh + 1:, :))) + maxval(abs(b(:, nh + 1:))) + abs(u(short)), 0.0_wp, 'the padding')
     end subroutine test_secant
 
-    !> Rows in other units, with weights and B to match, give the same displacements: u in theirs.
+    !> Rows in other units, with matching weights and B, give the same displacements: u in these units.
     subroutine test_units(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: nh = 4
@@ -193,7 +193,7 @@ contains
         call check_below(error, maxval(abs(u(:, 2)*unit - u(:, 1)))/maxval(abs(u(:, 1))), 1.0e-13_wp, 'relative difference of u')
     end subroutine test_units
 
-    !> The gap of a place that is off, and whether that is more than rounding.
+    !> The gap of a shifted position, and the decision that it exceeds rounding.
     subroutine test_rounding(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: u_basis(13, 8), u(8), origin(13), increment(13), q(13), scale(13), left(13), off(13)
@@ -237,7 +237,7 @@ contains
         end subroutine find
     end subroutine test_rounding
 
-    !> U, the inverse of Phi_q U and the weights, by plain formulas; other rows of C behind those of Phi.
+    !> U, the inverse of Phi_q U and the weights, by plain formulas; other rows of C follow those of Phi.
     subroutine test_gram(error)
         type(error_type), allocatable, intent(out) :: error
 
@@ -379,7 +379,7 @@ contains
         end do
     end subroutine set_lack
 
-    !> Far from its point, and where C is not finite, B stays as it is.
+    !> Far from its point, and if C is not finite, B is unchanged.
     subroutine test_no_refinement(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 5, nh = 3

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the systems over the degrees of freedom, of sums of rates, and of what is asked of vectors at every stage.
+!> Tests of the systems over the degrees of freedom, of sums of rates, and of vector operations at every stage.
 module test_small_systems
     use asserts, only: check_below, check_count, check_true
     use differences, only: random_vector
@@ -15,7 +15,7 @@ module test_small_systems
 
     public :: collect_small_systems
 
-    !> Orders: those that have copies of their own, and two that have none.
+    !> Orders: those with copies of their own, and two without.
     integer, parameter :: orders(6) = [1, 2, 3, 4, 5, 11]
 
 contains

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The profile of a run: it takes the same course bit by bit, calls are those of the counters, and times sum to the whole.
+!> The profile of a run: identical results bit by bit, calls equal to the counters, and times that sum to the total.
 module test_profile
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
     use model_belt_wheel, only: belt_wheel_type
@@ -24,7 +24,7 @@ module test_profile
     character(len=14), parameter :: names(10) = [character(len=14) :: subject_names, scene_names(3:4), 'belt_wheel', 'redundant']
     integer, parameter :: n_steps = 25
 
-    !> A run and what it needs.
+    !> A run and its data.
     type :: case_type
         type(simulation_type) :: simulation
         class(model_type), allocatable :: model, inner
@@ -53,7 +53,7 @@ contains
             new_unittest('every-part-has-a-name-and-a-group', test_names)]
     end subroutine collect_profile
 
-    !> Everything that the simulation remembers, over all steppers, with fixed steps and with an error estimate.
+    !> Complete state of the simulation, over all steppers, with fixed steps and with an error estimate.
     subroutine test_same(error)
         type(error_type), allocatable, intent(out) :: error
         type(case_type), target :: plain, profiled
@@ -78,7 +78,7 @@ contains
         end do
     end subroutine test_same
 
-    !> What both count.
+    !> Numbers that both count.
     subroutine test_calls(error)
         type(error_type), allocatable, intent(out) :: error
         type(case_type), target :: run
@@ -99,7 +99,7 @@ contains
                         what//'calls of evaluate')
                     call check_count(error, calls(part_correction), int(s%newton_corrections), what//'corrections')
                     call check_count(error, calls(part_matrix), int(s%newton_matrices), what//'Newton matrices')
-                    ! The start makes one more or two, to measure what it is off.
+                    ! The start makes one or two more, to measure its constraint errors.
                     call check_true(error, calls(part_renew) >= s%charts .and. calls(part_renew) <= s%charts + 3, what//'charts')
                     do k = 1, n_derivatives
                         ! The skater's are single procedures, of which several make one derivative.
@@ -145,8 +145,8 @@ contains
         end do
     end subroutine test_segments
 
-    !> An observer's time is its own, with what it asks of the chart and the model. Nested as for `tandem run --profile`: a list of
-    !> one that is timed, which is a list.
+    !> The time of an observer, including its calls of the chart and the model. Nested as for `tandem run --profile`: a list with
+    !> one timed observer, which is a list.
     subroutine test_observers(error)
         type(error_type), allocatable, intent(out) :: error
         type(case_type), target :: run
@@ -199,7 +199,7 @@ contains
         call profile%leave(outer)
         spent(1) = spent(1) + busy(unit)
         call profile%finish()
-        ! Whoever else works on the machine takes time between the two clocks: bounds hold from below only, the sum exactly.
+        ! Other processes take time between the two clocks: bounds apply from below only, the sum is exact.
         call check_true(error, profile%seconds(part_control) >= spent(1) - 1.0e-6_wp, 'time around')
         call check_true(error, profile%seconds(part_start) >= spent(2) - 1.0e-6_wp, 'time of the outer part')
         call check_true(error, profile%seconds(part_watch) >= spent(3) - 1.0e-6_wp, 'time of the inner part')
@@ -216,7 +216,7 @@ contains
             'time of the processor')
     end subroutine test_times
 
-    !> What an empty part shows is near nothing once the clock is taken off, and a comparison makes up for what it costs in a run.
+    !> The time of an empty part is almost zero after the subtraction of the clock, and a comparison corrects for its cost in a run.
     subroutine test_clock(error)
         type(error_type), allocatable, intent(out) :: error
         type(profile_type) :: profile
@@ -235,7 +235,7 @@ contains
         loop = profile%cost_in_loop
         call check_true(error, loop > 1.0e-9_wp .and. loop < 1.0e-5_wp, 'two readings cost some nanoseconds')
         call check_close(error, [profile%clock_seconds()], [n*loop], 1.0e-9_wp, 'what is taken off without a comparison')
-        ! A run that takes less without clocks, by half as much again as they cost in a loop.
+        ! A run that is faster without clocks, by half as much again as their cost in a loop.
         clocked = profile%measured
         call profile%compare(clocked, clocked - 1.5_wp*loop*n, profile%pairs)
         call check_close(error, [profile%total()], [profile%plain], 1.0e-9_wp, 'the time without clocks')
@@ -247,7 +247,7 @@ contains
         call check_close(error, [profile%clock_seconds()], [3*n*loop], 1.0e-9_wp, 'never more than three times that')
     end subroutine test_clock
 
-    !> No two parts have one name, and none is left without.
+    !> All parts have different, nonempty names.
     subroutine test_names(error)
         type(error_type), allocatable, intent(out) :: error
         integer :: i, k
@@ -353,7 +353,7 @@ contains
         end do
     end subroutine take_steps
 
-    !> All that two simulations remember, word by word.
+    !> Complete states of two simulations, word by word.
     subroutine check_same(error, one, other, what)
         type(error_type), allocatable, intent(inout) :: error
         type(simulation_type), intent(inout) :: one, other
@@ -371,9 +371,9 @@ contains
         call check_true(error, all(found == expected), what//': the same state and counters')
     end subroutine check_same
 
-    !> Keep busy.
+    !> Use processor time.
     real(wp) function busy(seconds)
-        !> How long at least; how long indeed is returned.
+        !> Smallest time; the actual time is returned.
         real(wp), intent(in) :: seconds
         integer(long) :: from, now, rate
 
