@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the study of stability: its models, its cases, its verdicts, and what decides that a user is warned.
+!> Tests of the study of stability: its models, its cases, its verdicts, and the criteria of warnings.
 module test_stability
     use asserts, only: check_below, check_count, check_failure, check_no_failure, check_text, check_true
     use tandem, only: change_stepper, allowed_error, failure_type => error_type, find_error_warnings, finding_type, &
@@ -42,7 +42,7 @@ contains
             new_unittest('the-study-continues-where-it-was', test_resume)]
     end subroutine collect_stability
 
-    !> A run that is off by more than it may be is warned of, also where its estimate is only half of that.
+    !> A run with too large an error gives a warning, also if its estimate is only half of the error.
     subroutine test_doubts(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
@@ -74,7 +74,7 @@ contains
         if (.not. allocated(error)) call check_text(error, doubts(1)%text, '6.0e-4 of the state: tighten rtol')
     end subroutine test_doubts
 
-    !> An event is no reason to doubt a run, Newton's iteration that fails with half the step is.
+    !> An event is no reason for a warning, but a failure of Newton's iteration with half the step is.
     subroutine test_failed_estimate(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
@@ -95,7 +95,7 @@ contains
         if (.not. allocated(error)) call check_text(error, doubts(1)%text, 'has failed')
     end subroutine test_failed_estimate
 
-    !> A hidden jump of the steering leaves its mark on the velocity with every stepper and is warned of; a declared one does not.
+    !> A hidden jump of the steering causes a gap of the velocity with every stepper and a warning; a declared one does not.
     subroutine test_gap(error)
         type(error_type), allocatable, intent(out) :: error
         type(statistics_type) :: statistics
@@ -135,12 +135,12 @@ contains
         options%stepper = 'sdirk54'
         call change_stepper(options, options%stepper, rtol=subject%rtol)
         call run_trial(subject, truth, options, trial)
-        ! Seen: 6e-6; 1e-3 where the rates at the start of a step are not looked at.
+        ! Measured: 6e-6; 1e-3 without the check of the rates at the start of a step.
         call check_below(error, trial%error, allowed_error(options), 'error')
     end subroutine test_unseen_kink
 
-    !> Where nobody looks between the steps there is nothing to notice. Where somebody does, the estimate is at least the error,
-    !> here against a run of small steps, and not ten times as large.
+    !> Without output between steps there is no warning. With output, the estimate is at least the error, here against a run with
+    !> small steps, and not ten times as large.
     subroutine test_dense_error(error)
         type(error_type), allocatable, intent(out) :: error
         type(statistics_type) :: statistics
@@ -170,13 +170,13 @@ contains
         call check_below(error, statistics%dense_error, 1.5e-5_wp, 'error with the advice followed')
     end subroutine test_dense_error
 
-    !> Run a case, and look at it twenty times on request, most of them between its steps.
+    !> Run a case, and evaluate it twenty times on request, mostly between its steps.
     subroutine run_case(name, options, statistics, error, q, qd)
         character(len=*), intent(in) :: name
         type(options_type), intent(in) :: options
         type(statistics_type), intent(out) :: statistics
         type(error_type), allocatable, intent(inout) :: error
-        !> What was found there (n, 20).
+        !> States found there (n, 20).
         real(wp), allocatable, intent(out), optional :: q(:, :), qd(:, :)
         type(case_type), target :: subject
         type(simulation_type) :: simulation
@@ -197,7 +197,7 @@ contains
         if (present(qd)) qd = sampler%qd
     end subroutine run_case
 
-    !> Fail unless a doubt about a run has some words.
+    !> Fail unless a warning of a run contains some words.
     subroutine check_doubt(error, options, statistics, words)
         type(error_type), allocatable, intent(inout) :: error
         type(options_type), intent(in) :: options
@@ -287,7 +287,7 @@ contains
         call check_below(error, maxval(abs(first%state%q - second%state%q)), 0.0_wp, 'difference')
     end subroutine test_hidden
 
-    !> Held, degraded, failed, refused; and wrong, against a motion that is not true.
+    !> Held, degraded, failed, refused; and wrong, against a false motion.
     subroutine test_verdicts(error)
         type(error_type), allocatable, intent(out) :: error
         type(case_type), target :: subject
@@ -304,7 +304,7 @@ contains
         options = subject%options
         call run_trial(subject, truth, options, trial)
         call check_verdict(error, trial, 'held')
-        ! RK4 leaves 6.5e-5 here, and says so.
+        ! The error of RK4 is 6.5e-5 here, and it reports this.
         call check_below(error, abs(trial%told/trial%error - 1.0_wp), 0.1_wp, 'part by which it is wrong about its error')
         truth%q = truth%q + 2.0e-3_wp*(1.0_wp + abs(truth%q))
         call run_trial(subject, truth, options, trial)
@@ -325,7 +325,7 @@ contains
         call check_true(error, trial%status == 'singular_mass', 'its status is singular_mass')
     end subroutine test_verdicts
 
-    !> A disk that falls flat ends there with every stepper, with fixed steps and under error control, and says why.
+    !> A disk that falls flat ends there with every stepper, with fixed steps and under error control, and reports the reason.
     subroutine test_falling(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=12), parameter :: names(2) = [character(len=12) :: 'falling', 'falling_1e-6']
@@ -342,7 +342,7 @@ contains
             call check_no_failure(error, failure)
             if (allocated(error)) return
             do l = 1, size(stepper_choices)
-                ! Those that are no method of their own have no fixed steps.
+                ! Choices that are not methods have no fixed steps.
                 do k = merge(0, 1, any(stepper_names == stepper_choices(l))), merge(0, 1, stepper_choices(l) == 'rk4')
                     options = subject%options
                     options%stepper = stepper_choices(l)
@@ -356,7 +356,7 @@ contains
         end do
     end subroutine test_falling
 
-    !> A double pendulum whose lower mass is a hundred-millionth and a million-millionth of the upper one, which hardly feels it:
+    !> A double pendulum whose lower mass is a hundred-millionth and a million-millionth of the upper one, and hardly affects it:
     !> implicit steps are right, and as many as with the larger of these masses.
     subroutine test_masses(error)
         type(error_type), allocatable, intent(out) :: error
@@ -375,7 +375,7 @@ contains
             call check_no_failure(error, failure)
             if (allocated(error)) return
             do l = 1, size(steppers)
-                ! With 1e-12 the rounding of the larger mass is more than fixed steps may leave.
+                ! With 1e-12 the rounding of the larger mass exceeds the tolerance of fixed steps.
                 do k = merge(1, 0, i == 2), 1
                     options = subject%options
                     options%stepper = steppers(l)
@@ -414,7 +414,7 @@ contains
         if (.not. allocated(error)) call check_true(error, unknown == 'egde', 'the unknown name is told')
     end subroutine test_selection
 
-    !> The disk in kilometres is the run that it is in metres.
+    !> The disk in kilometres gives the same run as in metres.
     subroutine test_units(error)
         type(error_type), allocatable, intent(out) :: error
         type(stability_type), target :: study
@@ -425,7 +425,7 @@ contains
         call check_count(error, study%journal%table%rows(), 4, 'rows')
     end subroutine test_units
 
-    !> What is compared are the first and the last tenth, and noise is none.
+    !> The first and the last tenth are compared; noise does not count.
     subroutine test_endurance(error)
         type(error_type), allocatable, intent(out) :: error
         type(endurance_type) :: endurance

@@ -18,7 +18,7 @@ module test_study
 
     public :: collect_study
 
-    !> Where files of these tests go; removed by `make clean`.
+    !> Folder of the files of these tests; removed by `make clean`.
     character(len=*), parameter :: folder = 'build/test_study'
     !> A table of three columns.
     type(column_type), parameter :: columns(3) = [ &
@@ -26,7 +26,7 @@ module test_study
         column_type('steps', 'steps', count_column, '1', 'a count'), &
         column_type('error', 'error', real_column, 'm', 'a number')]
 
-    !> Seconds that no run takes: what comes out is not to depend on a clock.
+    !> Longer than any run: results must not depend on a clock.
     real(wp), parameter :: no_limit = 1.0e6_wp
 
 contains
@@ -79,7 +79,7 @@ contains
         call check_true(error,.not. whole, 'a quote is not closed')
     end subroutine test_cut_csv
 
-    !> What is put is what is read, bit for bit; what does not exist is NaN or 0.
+    !> Values are read as written, bit for bit; missing ones are NaN or 0.
     subroutine test_cells(error)
         type(error_type), allocatable, intent(out) :: error
         type(table_type) :: table
@@ -142,7 +142,7 @@ contains
         call journal%close()
     end subroutine begin_journal
 
-    !> A row that was being written when the study ended is dropped; those before it are taken up.
+    !> A row that was being written when the study ended is dropped; the previous ones are kept.
     subroutine test_journal(error)
         type(error_type), allocatable, intent(out) :: error
         type(journal_type) :: journal
@@ -258,9 +258,9 @@ contains
         call check_true(error, allocated(failure), 'no file is refused')
     end subroutine test_reference_refused
 
-    !> The reference that a study makes differs from the file's, which shares nothing with it and is known to 1e-14, by no more than
-    !> its solutions differ from it: that errors of ten times that are right to ten per cent rests on it. Rounding, which another
-    !> processor or a bound on the steps changes, decides how far each of them is off; the mean of ten is nearer to the truth than
+    !> The reference made by a study differs from that of the file, which is independent and known to 1e-14, by no more than its
+    !> solutions differ from it: the accuracy of ten per cent for errors of ten times that depends on it. Rounding, which changes
+    !> with the processor or a bound on the steps, determines the error of each of them; the mean of ten is closer to the truth than
     !> the farthest of them is to the mean in all but two of ten thousand cases.
     subroutine test_made_reference(error)
         type(error_type), allocatable, intent(out) :: error
@@ -367,7 +367,7 @@ contains
         end do
     end subroutine test_resume
 
-    !> Up to three runs in a row that fail are not the end of a series, four are.
+    !> Up to three consecutive failed runs do not end a series, four do.
     subroutine test_failed_run(error)
         type(error_type), allocatable, intent(out) :: error
         type(precision_type) :: study
@@ -407,18 +407,18 @@ contains
     subroutine check_same(error, text, expected, what)
         type(error_type), allocatable, intent(inout) :: error
         character(len=*), intent(in) :: text, expected
-        !> What they are.
+        !> Subject of the comparison.
         character(len=*), intent(in) :: what
 
         call check_true(error, text == expected .and. len(text) == len(expected), what//' is "'//expected//'", found "'//text//'"')
     end subroutine check_same
 
-    !> Some rows of RK4 on the vehicle; a scene that is kept until the next call, since the study points to it.
+    !> Some rows of RK4 on the vehicle; the scene is kept until the next call, because the study points to it.
     subroutine study_vehicle(name, setting, path, rows, study, error, resume)
         character(len=*), intent(in) :: name, setting
-        !> Of a reference, empty for its own.
+        !> Path of a reference, empty for its own.
         character(len=*), intent(in) :: path
-        !> Most rows.
+        !> Largest number of rows.
         integer, intent(in) :: rows
         type(precision_type), intent(inout) :: study
         type(error_type), allocatable, intent(inout) :: error
@@ -437,7 +437,7 @@ contains
             call make_reference(scene, 40, no_limit, study%reference, failure)
         else
             call read_reference(path, scene%t_start, scene%t_end, scene%q, scene%qd, 40, study%reference, failure)
-            ! That of the file is known better; the rows are to be the same.
+            ! That of the file is more accurate; the rows are to be equal.
             study%reference%agreement_q = 1.0e-12_wp
         end if
         call check_true(error,.not. allocated(failure), 'there is a reference')

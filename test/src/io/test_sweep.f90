@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of sweeps: what is random follows from its place alone, designs are what the literature says, cases are what their file
-!> says, and a case takes no other with it.
+!> Tests of sweeps: random numbers depend on their place only, designs agree with the literature, cases with their file, and a
+!> failed case does not affect others.
 module test_sweep
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_text, check_true
     use model_faulty, only: faulty_models
@@ -103,7 +103,7 @@ contains
         end do
     end subroutine test_sobol
 
-    !> A plan of too many columns can be made, so that what reads it can say so.
+    !> A plan of too many columns can be made, so that its reader can report it.
     subroutine test_many_columns(error)
         type(error_type), allocatable, intent(out) :: error
         type(plan_type) :: plan
@@ -340,7 +340,7 @@ contains
         call check_count(error, count(records%status /= 0), 2, 'failures')
     end subroutine test_order
 
-    !> An integer is one after a case in which it was none.
+    !> An integer is still one after a case with a noninteger value.
     subroutine test_kinds(error)
         type(error_type), allocatable, intent(out) :: error
         type(plan_type), target :: plan
@@ -363,7 +363,7 @@ contains
         call check_true(error, record%message == alone%message, 'the message is the same')
     end subroutine test_kinds
 
-    !> A worker is lost with a case, begins anew with others, and only then tells what became of that case.
+    !> A worker is lost with a case, restarts with others, and reports that case only then.
     subroutine test_late(error)
         type(error_type), allocatable, intent(out) :: error
         type(plan_type), target :: plan
@@ -400,7 +400,7 @@ contains
         call check_text(error, name_of_status(record%status), 'not_finite')
         call journal%read(3_long, record, failure)
         call check_text(error, name_of_status(record%status), 'invalid_option')
-        ! The message shows the value and says where it would stand.
+        ! The message shows the value and its place.
         call check_text(error, record%message, '-0.1')
         call check_text(error, record%message, 'solver')
         call check_true(error, .not. record%values(1) <= 0.0_wp .and. .not. record%values(1) > 0.0_wp, 'it has no value')
@@ -429,7 +429,7 @@ contains
         call journal%close(.true.)
     end subroutine test_crash
 
-    !> A case that minds max_seconds, and one whose model never returns.
+    !> A case that respects max_seconds, and one whose model never returns.
     subroutine test_hung(error)
         type(error_type), allocatable, intent(out) :: error
         type(plan_type), target :: plan
@@ -451,7 +451,7 @@ contains
         call journal%close(.true.)
     end subroutine test_hung
 
-    !> Ended after some cases, the sweep does the others, and the records are those of a sweep that nobody ended.
+    !> After an end the sweep continues with the other cases, and the records are those of an uninterrupted sweep.
     subroutine test_goes_on(error)
         type(error_type), allocatable, intent(out) :: error
         type(plan_type), target :: plan
@@ -470,7 +470,7 @@ contains
         call compare(error, second, whole)
     end subroutine test_goes_on
 
-    !> Cut anywhere, the journal gives the cases before the cut; with a byte changed, those before it.
+    !> A truncated journal gives the cases before the cut; with a byte changed, those before it.
     subroutine test_cut(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: path = folder//'/sweep.journal'
