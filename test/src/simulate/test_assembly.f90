@@ -1,6 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of sure starts: what may be asked, what moved and which row is to blame, procedures that fail, and simulations that
-!> begin so.
+!> Tests of assembled starts: options, reported displacements and their rows, failing procedures, and simulations that begin so.
 module test_assembly
     use asserts, only: check_below, check_between, check_close, check_count, check_failure, check_no_failure, check_text, &
         check_true
@@ -67,7 +66,7 @@ contains
         call check_text(error, failure%message, 'most of it for "front contact height"')
         call check_text(error, failure%message, 'allow a larger move')
         call check_close(error, q, printed(:, 1), 0.0_wp, 'q')
-        ! A velocity of 3 along the edge's normal, of which it must lose all; of half its scale, that is 6.
+        ! A velocity of 3 along the edge's normal, which must vanish completely; in units of half its scale, 6.
         call edge%define()
         edge%coordinate_scale = [0.5_wp, 0.5_wp, 1.0_wp]
         x = [0.0_wp, 0.0_wp, acos(0.0_wp)]
@@ -84,8 +83,8 @@ contains
         call check_close(error, v, [0.0_wp, 1.0_wp, 0.2_wp], 1.0e-15_wp, 'v')
     end subroutine test_too_far
 
-    !> The pivot at t = 0.7 is where the circle is; its velocity is that of the rod's end but for the turning. After a breakpoint
-    !> the model is in the segment that follows.
+    !> The pivot at t = 0.7 is on the circle; its velocity is that of the rod's end except for the rotation. After a breakpoint the
+    !> model is in the following segment.
     subroutine test_rheonomic(error)
         type(error_type), allocatable, intent(out) :: error
         type(moving_pivot_type), target :: model
@@ -106,7 +105,7 @@ contains
         call check_no_failure(error, failure)
         call check_close(error, q, expected, 1.0e-14_wp, 'q')
         call check_close(error, qd, expected_rate, 1.0e-14_wp, 'qd')
-        ! A speed that the second segment asks for at phi = 0: yd = -e - arm phid.
+        ! Speed required by the second segment at phi = 0: yd = -e - arm phid.
         call sleigh%define(1.0_wp)
         x = 0.0_wp
         v = [1.0_wp, 0.0_wp, 0.0_wp]
@@ -134,8 +133,8 @@ contains
         call check_true(error, request%is_nearest .and. request%row_q == 0, 'it is nearest')
     end subroutine test_unconstrained
 
-    !> What each row moves is the whole of what moved: at the nearest position by its conditions, of the velocities since they are
-    !> linear in the violations.
+    !> The displacements due to the rows sum to the total: at the nearest position by its conditions, for velocities because they
+    !> are linear in the violations.
     subroutine test_shares(error)
         type(error_type), allocatable, intent(out) :: error
         type(motorcycle_type), target :: model
@@ -201,7 +200,7 @@ contains
         call check_no_failure(error, failure)
     end subroutine test_scaled
 
-    !> A NaN, a positive and a negative status of each term, from the start on; nothing changes then.
+    !> A NaN, a positive and a negative status of each term, from the start on; nothing changes in these cases.
     subroutine test_failing(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: inner
@@ -276,7 +275,8 @@ contains
         end subroutine check_refused
     end subroutine test_requests
 
-    !> What is refused otherwise starts, the statistics say how far it was moved, and a good start runs bitwise as without.
+    !> An otherwise refused start is accepted, the statistics contain the displacement, and a good start gives a bitwise identical
+    !> run.
     subroutine test_simulation(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -317,8 +317,8 @@ contains
         call check_close(error, [simulation%state%q, simulation%state%qd], [plain%state%q, plain%state%qd], 0.0_wp, 'the end')
     end subroutine test_simulation
 
-    !> The printed q0 is off by four millimetres of height; the nearest consistent position has most of the pitch of the equilibrium
-    !> that was meant. qd0 = (0, 15, 0, ...) does not steer: what is near it turns with the front wheel.
+    !> The printed q0 has an error of four millimetres of height; the nearest consistent position has most of the pitch of the
+    !> intended equilibrium. qd0 = (0, 15, 0, ...) has no steering rate: the nearest velocity turns with the front wheel.
     subroutine test_printed(error)
         type(error_type), allocatable, intent(out) :: error
         type(motorcycle_type), target :: model

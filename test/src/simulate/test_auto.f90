@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the stepper that goes from dop853 to radau5 and back by what a run shows.
+!> Tests of the stepper that switches from dop853 to radau5 and back during a run.
 module test_auto
     use asserts, only: check_below, check_count, check_no_failure, check_true
     use model_stiff_pendulum, only: stiff_pendulum_type
@@ -13,10 +13,10 @@ module test_auto
 
     public :: collect_auto
 
-    !> Looks at the middle of every step: at how far the motion there is from the mean of the ends, and at the constraints.
+    !> Evaluates the middle of every step: distance of the motion from the mean of the ends, and constraints.
     type, extends(observer_type) :: looker_type
         real(wp) :: t_last = 0.0_wp, constraint = 0.0_wp
-        !> The states in the middle of steps (t, x, y) and how many.
+        !> States in the middle of steps (t, x, y) and their number.
         real(wp), allocatable :: seen(:, :)
         integer :: n = 0
     contains
@@ -47,7 +47,7 @@ contains
             new_unittest('auto-goes-on-bitwise-from-a-checkpoint', test_checkpoint)]
     end subroutine collect_auto
 
-    !> A pendulum on a spring of frequency ratio R, damped half critically, that starts slowly from 1 rad, unless told otherwise.
+    !> A pendulum on a spring of frequency ratio R, damped half critically by default, that starts slowly from 1 rad.
     subroutine set_up(model, ratio, options, simulation, failure, stiffens_at, softens_at, damping, beyond)
         type(stiff_pendulum_type), intent(inout), target :: model
         real(wp), intent(in) :: ratio
@@ -55,7 +55,7 @@ contains
         type(simulation_type), intent(inout) :: simulation
         type(failure_type), allocatable, intent(out) :: failure
         real(wp), intent(in), optional :: stiffens_at, softens_at
-        !> As a part of the critical one, and by how much the spring is stretched beyond its balance.
+        !> Damping relative to the critical one, and stretch of the spring beyond its balance.
         real(wp), intent(in), optional :: damping, beyond
         real(wp) :: stretch
 
@@ -73,7 +73,7 @@ contains
             spread(0.0_wp, 1, 3), failure)
     end subroutine set_up
 
-    !> The name, and that it says which method takes over.
+    !> The name, and the stated partner.
     subroutine test_name(error)
         type(error_type), allocatable, intent(out) :: error
         class(stepper_type), allocatable :: stepper
@@ -85,7 +85,7 @@ contains
         call check_true(error, properties%name == 'auto' .and. properties%partner == 'radau5', 'auto and its partner')
     end subroutine test_name
 
-    !> With a fixed step there is no error to choose by, and it is rk4.
+    !> A fixed step gives no error for the choice, and it is rk4.
     subroutine test_fixed_step(error)
         type(error_type), allocatable, intent(out) :: error
         type(stiff_pendulum_type), target :: model
@@ -98,8 +98,8 @@ contains
         call check_true(error, simulation%options%stepper == 'rk4', 'auto with a fixed step is rk4')
     end subroutine test_fixed_step
 
-    !> The same run bit by bit, at nearly the same cost; also where the motion becomes rough after it was smooth, as that of the
-    !> disk which falls over.
+    !> The same run bit by bit, at nearly the same cost; also if a smooth motion becomes rough, such as that of the disk which falls
+    !> over.
     subroutine test_explicit(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=10), parameter :: scenes(4) = [character(len=10) :: 'vehicle', 'disk', 'heavy_top', 'knife_edge']
@@ -127,7 +127,7 @@ contains
                 of_auto = auto%statistics()
                 call check_true(error, all(abs(plain%state%q - auto%state%q) <= 0.0_wp), trim(scenes(i))//': the same motion')
                 call check_count(error, of_auto%switches, 0, trim(scenes(i))//': switches')
-                ! The looks at the largest eigenvalue before the first step.
+                ! The estimates of the largest eigenvalue before the first step.
                 call check_count(error, of_auto%right_hand_sides, int(of_plain%right_hand_sides) + 2, &
                     trim(scenes(i))//': evaluations')
                 if (allocated(error)) return
@@ -146,8 +146,8 @@ contains
         work_of = real(s%steps + s%rejected + s%failed, wp)*(12*(1 - part) + 40*part)
     end function work_of
 
-    !> Pendulums of all degrees of stiffness: right to the tolerance, and hardly more work than with the better of both. What
-    !> it takes to see that is twenty explicit steps more.
+    !> Pendulums of all degrees of stiffness: right to the tolerance, and hardly more work than with the better of both. The
+    !> detection takes twenty additional explicit steps.
     subroutine test_cost(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: ratios(8) = [3.0_wp, 10.0_wp, 30.0_wp, 1.0e2_wp, 3.0e2_wp, 1.0e3_wp, 1.0e6_wp, 1.0e8_wp]
@@ -166,7 +166,7 @@ contains
             if (.not. allocated(failure)) call fine%integrate(10.0_wp, failure)
             do j = 1, size(rtols)
                 work = huge(1.0_wp)
-                ! Beyond 1e3 the explicit method has no end.
+                ! Beyond 1e3 the explicit method does not finish.
                 do k = merge(2, 1, ratios(i) > 2.0e3_wp), size(steppers)
                     if (.not. allocated(failure)) call set_up(model, ratios(i), options_type(stepper=steppers(k), rtol=rtols(j)), &
                         simulation, failure)
@@ -180,15 +180,15 @@ contains
                 end do
                 call check_below(error, maxval(abs(simulation%state%q(:2) - fine%state%q(:2))), 10*rtols(j), 'position')
                 call check_below(error, work(3), 1.2_wp*min(work(1), work(2)) + 12*20, 'work')
-                ! Where stability would limit the steps from the start, not even those.
+                ! If stability would limit the steps from the start, no explicit steps at all.
                 if (ratios(i) > 2.0e3_wp) call check_count(error, s%implicit_steps, int(s%steps), 'implicit steps')
                 if (allocated(error)) return
             end do
         end do
     end subroutine test_cost
 
-    !> A motorcycle in balance whose suspension is stiffer and stiffer: the run with radau5 from its first step on, a look at the
-    !> largest eigenvalue now and then apart.
+    !> A motorcycle in balance with increasingly stiff suspensions: the run with radau5 from its first step on, except for
+    !> occasional estimates of the largest eigenvalue.
     subroutine test_beginning(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: times(3) = [300.0_wp, 1.0e3_wp, 1.0e4_wp], rtols(2) = [1.0e-4_wp, 1.0e-6_wp]
@@ -224,8 +224,8 @@ contains
         end do
     end subroutine test_beginning
 
-    !> Not damped and stretched beyond its balance: the spring rings, and its frequency is what steps must follow, however long the
-    !> first implicit one would be.
+    !> Undamped and stretched beyond its balance: the spring oscillates, and steps must follow its frequency, regardless of the
+    !> length of the first implicit one.
     subroutine test_ringing(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: ratios(2) = [30.0_wp, 300.0_wp]
@@ -302,7 +302,7 @@ contains
         stat = 0
     end subroutine evaluate
 
-    !> Look at the middle of the last step.
+    !> Evaluate the middle of the last step.
     subroutine observe(self, simulation, occasion, error)
         class(looker_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -321,7 +321,7 @@ contains
         call simulation%look_back()
     end subroutine observe
 
-    !> Events and looks into steps are those of a run that does not switch.
+    !> Events and dense output are those of a run that does not switch.
     subroutine test_events(error)
         type(error_type), allocatable, intent(out) :: error
         type(stiff_pendulum_type), target :: model, other
@@ -388,7 +388,7 @@ contains
         do i = 1, int(s%steps) - 1
             if (.not. allocated(failure)) call whole%step(2.0_wp, failure)
             if (.not. allocated(failure)) call whole%save_state(words, failure)
-            ! The other one has gone on to the end before, with another method.
+            ! The other one has already continued to the end, with another method.
             if (.not. allocated(failure)) call again%restore_state(words, failure)
             if (.not. allocated(failure)) call again%save_state(last, failure)
             call check_no_failure(error, failure)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Between steps: a time can be had however far a step turns its chart, and what a run states of the error there is near it.
+!> Between steps: dense output is available however far a step rotates its chart, and its stated error is realistic.
 module test_between
     use asserts, only: check_below, check_between, check_close, check_no_failure, check_true
     use model_pendulum, only: pendulum_type
@@ -59,8 +59,8 @@ contains
         call coin%start([-30.0_wp, 1.0_wp, 0.0_wp], 0.3_wp, q, qd)
     end subroutine start_coin
 
-    !> The run's largest error at places of all its steps, on the scale 1 + |y|, against a run of a tolerance of 1e-13 that starts
-    !> where the step does and has steps that end there.
+    !> Largest error of a run at places of all its steps, on the scale 1 + |y|, against a run with a tolerance of 1e-13 that starts
+    !> at the step's start and has steps that end there.
     subroutine measure(name, options, t_end, places, largest, statistics, error)
         character(len=*), intent(in) :: name
         type(options_type), intent(in) :: options
@@ -104,8 +104,8 @@ contains
         statistics = simulation%statistics()
     end subroutine measure
 
-    !> The shipped scenes and a pendulum. Ten times either way is what users may rely on; seen: 0.18 to 4.0 times the error, where
-    !> that is above the tolerance. Nothing is warned of where it is not.
+    !> The shipped scenes and a pendulum. Ten times either way is guaranteed to users; measured: 0.18 to 4.0 times the error, if
+    !> that is above the tolerance. There are no warnings otherwise.
     subroutine test_stated(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=10), parameter :: names(5) = [character(len=10) :: 'disk', 'vehicle', 'motorcycle', 'chopper', 'pendulum']
@@ -138,7 +138,7 @@ contains
         end do
     end subroutine test_stated
 
-    !> Whether a run warns of its motion between steps.
+    !> True if a run warns about its motion between steps.
     logical function warns(options, statistics)
         type(options_type), intent(in) :: options
         type(statistics_type), intent(in) :: statistics
@@ -153,7 +153,7 @@ contains
         end do
     end function warns
 
-    !> Beside the ends the interpolant is as good as the step, and what is stated of it is no more than rounding makes of 1e-9.
+    !> Near the ends the interpolant is as good as the step, and its stated error is no more than rounding makes of 1e-9.
     subroutine test_ends(error)
         type(error_type), allocatable, intent(out) :: error
         type(statistics_type) :: statistics
@@ -165,7 +165,7 @@ contains
         call check_below(error, statistics%dense_error, 1.0e-9_wp, 'what is stated')
     end subroutine test_ends
 
-    !> Steps of 2.5 rad on fixed ones, and what an error control takes: every time is there, on the manifold, and near the motion.
+    !> Fixed steps of 2.5 rad, and those of error control: every time is available, on the manifold, and near the motion.
     subroutine test_turned(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: tolerances(6) = [3.0e-3_wp, 1.0e-3_wp, 1.0e-4_wp, 1.0e-5_wp, 1.0e-6_wp, 0.0_wp]
@@ -186,7 +186,7 @@ contains
                 do while (.not. allocated(failure) .and. simulation%state%t < 2.0_wp)
                     t0 = simulation%state%t
                     call simulation%step(2.0_wp, failure)
-                    ! Fixed steps end where one of them cannot be made; those before count.
+                    ! Fixed steps end when one of them fails; the previous ones count.
                     if (allocated(failure) .and. .not. tolerances(i) > 0.0_wp) deallocate (failure)
                     if (simulation%state%t <= t0) exit
                     do j = 1, 15
@@ -203,8 +203,8 @@ contains
         end do
     end subroutine test_turned
 
-    !> Its centre is known in closed form. A tolerance of 1e-4 lets it turn by more than a radian in a step. What the steps are off
-    !> by at their ends adds up; between them there is no more on top of it than ten times what is stated.
+    !> Its centre is known in closed form. With a tolerance of 1e-4 it rotates by more than a radian in a step. Errors at the ends
+    !> of steps add up; between them the additional error is at most ten times the stated one.
     subroutine test_turntable(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: tolerances(3) = [1.0e-3_wp, 1.0e-4_wp, 1.0e-6_wp]
@@ -253,8 +253,8 @@ contains
         end function error_of_centre
     end subroutine test_turntable
 
-    !> A height that the coin does not get to: the run is the one without the event, but for rounding where a step ends with a
-    !> search for pivots, which a look makes it repeat (seen: 6e-15).
+    !> A height that the coin does not reach: the run equals the one without the event, except for rounding if a step ends with a
+    !> search for pivots, which an evaluation makes it repeat (measured: 6e-15).
     subroutine test_silent_event(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: tolerances(4) = [3.0e-3_wp, 1.0e-4_wp, 1.0e-5_wp, 3.0e-6_wp]

@@ -17,7 +17,7 @@ module test_breakpoints
 
     public :: collect_breakpoints
 
-    !> Remembers the times of the steps, and the segments after them.
+    !> Stores the times of the steps, and the segments after them.
     type, extends(observer_type) :: time_watch_type
         integer :: n = 0
         real(wp) :: t(1000) = 0.0_wp
@@ -26,7 +26,7 @@ module test_breakpoints
         procedure :: observe
     end type time_watch_type
 
-    !> A vehicle that compares t with 2 pi by itself, as a model should not, and states no breakpoint.
+    !> A vehicle that compares t with 2 pi itself, contrary to the rules for models, and states no breakpoint.
     type, extends(articulated_vehicle_type) :: unaware_vehicle_type
         type(articulated_vehicle_type) :: inner
     end type unaware_vehicle_type
@@ -301,7 +301,7 @@ contains
         end do
     end subroutine test_jump_policies
 
-    !> The same run that ends a step before the jump and one that ends at it.
+    !> The same run with a step that ends before the jump, and with one at it.
     subroutine test_position(error)
         type(error_type), allocatable, intent(out) :: error
         type(sleigh_type), target :: jumps, stays
@@ -320,7 +320,7 @@ contains
         call check_true(error, maxval(abs(after%state%qd - before%state%qd)) > 0.1_wp, 'qd does jump')
     end subroutine test_position
 
-    !> The error of q and qd at t = 2 against the reduced equations, which are restarted behind the jump.
+    !> Error of q and qd at t = 2 against the reduced equations, which are restarted after the jump.
     subroutine measure_sleigh(stepper, step, value, error)
         character(len=*), intent(in) :: stepper
         real(wp), intent(in) :: step
@@ -380,8 +380,8 @@ contains
         end select
     end subroutine evaluate_unaware
 
-    !> The guard of the order through 2 pi, which the suite `order` measures: where a step crosses the kink, its error is of
-    !> order one or two.
+    !> The control of the order through 2 pi, which the suite `order` measures: if a step crosses the kink, its error is of order
+    !> one or two.
     subroutine test_unaware(error)
         type(error_type), allocatable, intent(out) :: error
         type(unaware_vehicle_type), target :: unaware
@@ -447,7 +447,7 @@ contains
                 statistics = simulation%statistics()
                 call check_below(error, abs(statistics%velocity_jump - jump), 1.0e-12_wp, what//': error of velocity_jump')
             end do
-            ! The trapezoid's qd is off by its own truncation, but its jump is the same up to that of the jump.
+            ! The trapezoid's qd has its own truncation error, but its jump is the same up to that of the jump.
             call run(simulation, model, choose(step=5.0e-3_wp, stepper='trapezoid'), 0.0_wp, q, qd, two_pi, failure)
             call check_no_failure(error, failure)
             statistics = simulation%statistics()
@@ -469,7 +469,7 @@ contains
         call check_below(error, small/large, 2.0_wp**(-1.85_wp), 'ratio of the errors of the trapezoid')
     end subroutine test_sleigh_implicit
 
-    !> However often it is called, the run stays before the jump, in a state that holds the constraints, until the jump is declared.
+    !> For any number of calls, the run stays before the jump, in a consistent state, until the jump is declared.
     subroutine test_undeclared(error)
         type(error_type), allocatable, intent(out) :: error
         type(sleigh_type), target :: model
@@ -505,8 +505,8 @@ contains
         end do
     end subroutine test_undeclared
 
-    !> Where the first call ends on the grid the runs are the same to the last bit; where it ends off the grid, the next steps
-    !> return to it.
+    !> If the first call ends on the grid the runs are identical to the last bit; if it ends off the grid, the next steps return to
+    !> it.
     subroutine test_two_calls(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model

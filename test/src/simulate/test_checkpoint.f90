@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Checkpoints of a simulation: a run that is taken up goes on bitwise as the one that was not interrupted, in all that it
-!> remembers, and saving changes nothing; what is damaged or does not belong is refused.
+!> Checkpoints of a simulation: a continued run is bitwise equal to an uninterrupted one in its complete state, and saving changes
+!> nothing; damaged or unrelated data is refused.
 module test_checkpoint
     use asserts, only: check_failure, check_no_failure, check_true
     use checkpoint_cases, only: case_type, set_up, take_steps
@@ -14,10 +14,10 @@ module test_checkpoint
 
     character(len=14), parameter :: scenes(8) = [character(len=14) :: 'vehicle', 'disk', 'heavy_top', 'knife_edge', &
         'stiff_pendulum', 'motorcycle', 'belt_wheel', 'redundant']
-    !> Steps of a run, and where its state is saved.
+    !> Number of steps of a run, and of states saved.
     integer, parameter :: n_steps = 45, n_moments = 3
 
-    !> Saves the state of a run, and tries to where it cannot be.
+    !> Saves the state of a run, and also tries to at invalid moments.
     type, extends(observer_type) :: saver_type
         real(wp) :: save_from = 0.0_wp
         integer :: n_refused = 0
@@ -45,7 +45,7 @@ contains
             new_unittest('damage', test_damage)]
     end subroutine collect_checkpoint
 
-    !> Every scene, stepper, policy and way to R and D with fixed steps.
+    !> Every scene, stepper, policy, refresh mode and basis with fixed steps.
     subroutine test_fixed_steps(error)
         type(error_type), allocatable, intent(out) :: error
 
@@ -93,7 +93,7 @@ contains
         end do
     end subroutine try_all
 
-    !> Explicit steps that are projected at their ends, fixed and controlled, with charts that are kept.
+    !> Explicit steps projected at their ends, fixed and controlled, with kept charts.
     subroutine test_projection(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
@@ -115,7 +115,7 @@ contains
         end do
     end subroutine test_projection
 
-    !> A jump of nu, with charts that are kept over it.
+    !> A jump of nu, with charts kept across it.
     subroutine test_breakpoints(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
@@ -155,12 +155,12 @@ contains
         end do
     end subroutine test_events
 
-    !> A run, and the same run taken up at some of its steps by simulations that are new, or that have gone somewhere else.
+    !> A run, and the same run continued at some of its steps by simulations that are new, or that have run elsewhere.
     subroutine try(scene, options, seed, everywhere, error)
         character(len=*), intent(in) :: scene
         type(options_type), intent(in) :: options
         integer, intent(inout) :: seed
-        !> Whether to save after every step.
+        !> True to save after every step.
         logical, intent(in) :: everywhere
         type(error_type), allocatable, intent(inout) :: error
         type(case_type), target :: plain, saved, again, late
@@ -194,7 +194,7 @@ contains
             if (.not. (everywhere .or. any(moment == i))) cycle
             call saved%simulation%save_state(words, failure)
             call check_no_failure(error, failure)
-            ! The first time it is a new simulation; later it is one that has gone on.
+            ! The first time it is a new simulation; later it is one that has run on.
             if (.not. associated(again%simulation%model)) call set_up(again, scene, options, failure)
             call again%simulation%restore_state(words, failure)
             call check_no_failure(error, failure)
@@ -218,7 +218,7 @@ contains
         call check_true(error, k == 0, name//': saving changes nothing')
     end subroutine try
 
-    !> What users see of a simulation that was restored, dense output of a step that another one has taken among it.
+    !> Public results of a restored simulation, including dense output of a step taken by another one.
     subroutine check_public(one, other, name, error)
         type(simulation_type), intent(inout) :: one, other
         character(len=*), intent(in) :: name
@@ -257,7 +257,7 @@ contains
             ' and after it are equal')
     end subroutine check_same
 
-    !> What users see is equal too.
+    !> Public results are equal too.
     subroutine check_statistics(one, other, name, error)
         type(case_type), intent(in) :: one, other
         character(len=*), intent(in) :: name
@@ -272,7 +272,7 @@ contains
             name//': equal statistics')
     end subroutine check_statistics
 
-    !> Saved by an observer of `integrate`: the run that is taken up ends in the same state, with the time of both in its tally.
+    !> Saved by an observer of `integrate`: the continued run ends in the same state, and its time includes both parts.
     subroutine test_integrate(error)
         type(error_type), allocatable, intent(out) :: error
         type(case_type), target :: whole, again
@@ -306,7 +306,7 @@ contains
         call check_statistics(again, whole, 'integrate', error)
         after = again%simulation%statistics()
         call check_true(error, after%wall_seconds > before%wall_seconds, 'the time of the rest is added')
-        ! A look ends where the state is saved, and the last step has its dense output still.
+        ! An evaluation ends at the saved state, and the last step still has its dense output.
         call whole%simulation%look_at(whole%simulation%state%t - 0.5_wp*whole%simulation%last_step, failure)
         call again%simulation%save_state(words, failure)
         call again%simulation%restore_state(words, failure)
@@ -333,7 +333,7 @@ contains
         call simulation%save_state(self%words, error)
     end subroutine save_later
 
-    !> Wherever a limit on the work ends a run, also between two tries of a step, it goes on from there as without that limit.
+    !> Wherever a limit on the work ends a run, also between two attempts of a step, it continues as without the limit.
     subroutine test_any_work_limit(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=10), parameter :: steppers(3) = [character(len=10) :: 'dopri5', 'dop853', 'sdirk54']
@@ -365,7 +365,7 @@ contains
                             options%max_evaluations = i
                             call set_up(first, trim(scenes(scene)), options, failure)
                             call first%simulation%integrate(2.0_wp, failure)
-                            ! The last step may end the run before the limit is looked at.
+                            ! The last step may end the run before the limit is checked.
                             if (.not. allocated(failure)) exit
                             call check_failure(error, failure, 'work_limit', 'max_evaluations')
                             if (allocated(error)) return
@@ -389,7 +389,7 @@ contains
         call check_true(error, n_between > 100, 'many of them after tries that were not kept')
     end subroutine test_any_work_limit
 
-    !> Limits on work count what the first part has cost.
+    !> Limits on work include the cost of the first part.
     subroutine test_work_limits(error)
         type(error_type), allocatable, intent(out) :: error
         type(case_type), target :: first, second
@@ -413,7 +413,7 @@ contains
         call check_true(error, abs(first%simulation%state%t - second%simulation%state%t) <= 0.0_wp, 'both end at one time')
         if (allocated(error)) return
 
-        ! The first part has taken all of the time.
+        ! The first part has used all of the time.
         options%max_evaluations = 0
         options%max_seconds = 0.02_wp
         call set_up(first, 'knife_edge', options, failure)
@@ -436,7 +436,7 @@ contains
             'no step is taken when the time is spent')
     end subroutine test_work_limits
 
-    !> What does not belong to the simulation is refused, and it goes on as if nothing had been. The message says what to do.
+    !> Unrelated data is refused without effect on the simulation. The message states the remedy.
     subroutine test_refusals(error)
         type(error_type), allocatable, intent(out) :: error
         type(case_type), target :: run, other
@@ -493,7 +493,7 @@ contains
         other%model%breakpoints = [0.5_wp]
         other%model%nu_jumps = [.true.]
         call refused(other, words, 'it was made with other breakpoints', other_set_up, error)
-        ! Those behind the time until which one of both knows them may be others.
+        ! Breakpoints after the time up to which both are complete may differ.
         other%model%breakpoints_until = 0.4_wp
         call other%simulation%restore_state(words, failure)
         call check_no_failure(error, failure)
@@ -535,7 +535,7 @@ contains
         call check_failure(error, failure, 'invalid_checkpoint', 'the state cannot be restored: '//why//'; '//advice)
     end subroutine refused
 
-    !> Whatever bit is flipped, the row is refused.
+    !> With any flipped bit, the array is refused.
     subroutine test_damage(error)
         type(error_type), allocatable, intent(out) :: error
         type(case_type), target :: run

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of steps whose sizes collapse: the run ends with a named status after some thousand steps, and names the cause; runs that
-!> take tiny steps for a while go on.
+!> Tests of collapsing step sizes: the run ends with a status after some thousand steps, and states the cause; runs that take tiny
+!> steps temporarily continue.
 module test_collapse
     use asserts, only: check_below, check_no_failure, check_true
     use tandem, only: expression_function, expression_type, failure_type => error_type, mechanism_type, model_type, options_type, &
@@ -116,7 +116,7 @@ contains
         stat = 0
     end subroutine weight
 
-    !> A run that completes takes a bounded number of steps as well, and warns of the Jacobian unless it is nearly right.
+    !> A completed run takes a bounded number of steps too, and warns about the Jacobian unless it is nearly right.
     subroutine test_wrong_jacobian(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: factors(7) = [1.0_wp, 1.9_wp, 1.999_wp, 2.001_wp, 2.1_wp, 3.0_wp, -2.0_wp]
@@ -139,7 +139,7 @@ contains
                 if (.not. allocated(failure)) call simulation%integrate(1.0_wp, failure)
                 statistics = simulation%statistics()
                 call check_true(error, statistics%steps < some_thousands, place//' takes '//to_text(int(statistics%steps)))
-                ! Beside a wrong Jacobian a right gamma is as wrong.
+                ! Together with a wrong Jacobian a right gamma is as wrong.
                 if (allocated(failure)) then
                     call check_true(error, index(failure%message, 'the Jacobian of the constraint') > 0 .or. &
                         index(failure%message, 'gamma of the constraint') > 0, place//': '//failure%message)
@@ -152,8 +152,8 @@ contains
         end do
     end subroutine test_wrong_jacobian
 
-    !> A cart that is driven by acos(cos(3 t + 0.1)), which turns back at (pi - 0.1)/3: derivatives are lost in rounding there, at
-    !> which explicit steps collapse. Implicit ones may pass.
+    !> A cart that is driven by acos(cos(3 t + 0.1)), which turns back at (pi - 0.1)/3: derivatives are lost in rounding there, so
+    !> that explicit steps collapse. Implicit ones may pass.
     subroutine test_imposed_kink(error)
         type(error_type), allocatable, intent(out) :: error
         integer :: k
@@ -221,7 +221,7 @@ contains
         end subroutine check
     end subroutine test_rope
 
-    !> A mass that turns on a rope whose length goes to zero turns ever faster: its angle grows as 1/(1 - t).
+    !> A mass that rotates on a rope whose length goes to zero rotates ever faster: its angle grows as 1/(1 - t).
     subroutine test_spinning_rope(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=9), parameter :: all_steppers(6) = [steppers, 'trapezoid']
@@ -274,7 +274,7 @@ contains
         end subroutine check
     end subroutine test_spinning_rope
 
-    !> Times of tries in closed form: those that converge as powers of 1/n are found with their limit, those that do not are not.
+    !> Times of attempts in closed form: those that converge as powers of 1/n are found with their limit, others are not.
     subroutine test_slowing(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: most = 50000
@@ -358,7 +358,7 @@ contains
         options%stepper = stepper
         options%rtol = rtol
         if (mechanism%planar .and. mechanism%n == 6) then
-            ! The velocity of the drive: the whole moves along.
+            ! The velocity of the drive: everything moves along.
             qd(1) = 3.0_wp
             qd(4) = 3.0_wp
         else

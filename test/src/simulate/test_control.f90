@@ -53,7 +53,7 @@ contains
             new_unittest('a-run-goes-on-when-its-model-is-mended', test_mended)]
     end subroutine collect_control
 
-    !> Ends that are one to eight roundings behind the breakpoint: that little is one step, which nobody need try in vain.
+    !> Ends that are one to eight roundings after the breakpoint: this remainder is one step without failed attempts.
     subroutine test_sliver(error)
         type(error_type), allocatable, intent(out) :: error
         type(articulated_vehicle_type), target :: model
@@ -79,7 +79,7 @@ contains
         end do
     end subroutine test_sliver
 
-    !> A first end that is one to eight roundings behind the start, from which the run goes on as if there had been none.
+    !> A first end that is one to eight roundings after the start; the run continues as if there had been none.
     subroutine test_first_sliver(error)
         type(error_type), allocatable, intent(out) :: error
         type(faulty_type), target :: model
@@ -102,7 +102,7 @@ contains
         end do
     end subroutine test_first_sliver
 
-    !> Who takes single steps may give an end far beyond all that is ever reached.
+    !> Single steps may have an end far beyond all times reached.
     subroutine test_no_end(error)
         type(error_type), allocatable, intent(out) :: error
         type(faulty_type), target :: model
@@ -120,7 +120,7 @@ contains
         call check_no_failure(error, failure)
     end subroutine test_no_end
 
-    !> With a wrong Jacobian tiny steps succeed, but for no others, so that a run would take years.
+    !> With a wrong Jacobian only tiny steps succeed, so that a run would take years.
     subroutine test_no_progress(error)
         type(error_type), allocatable, intent(out) :: error
         type(faulty_type), target :: model
@@ -138,7 +138,7 @@ contains
         call check_true(error, index(failure%message, 'Jacobian') > 0, 'it says where to look')
     end subroutine test_no_progress
 
-    !> The size of the last steps before a failure is nothing to go on with.
+    !> The size of the last steps before a failure must not be used afterwards.
     subroutine test_mended(error)
         type(error_type), allocatable, intent(out) :: error
         type(faulty_type), target :: model
@@ -203,8 +203,8 @@ contains
         options%rtol = rtol
     end function tolerance
 
-    !> Between a thousandth and 30 times the tolerance, for every tolerance from 1e-4 to 1e-12, and falling with it as far as the
-    !> signs of what Newton's iterations and rounding leave do not decide: errors of sdirk54 at 1e-11 are 1e-12 or 1e-13.
+    !> Between a thousandth and 30 times the tolerance, for every tolerance from 1e-4 to 1e-12, and decreasing with it unless the
+    !> signs of remainders of Newton's iteration and rounding decide: errors of sdirk54 at 1e-11 are 1e-12 or 1e-13.
     subroutine check_proportional(error, model, q, qd, exact, t_end)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), intent(inout), target :: model
@@ -251,8 +251,8 @@ contains
         call check_proportional(error, model, q0, qd0, q, 10.0_wp)
     end subroutine test_knife_edge
 
-    !> Errors of sdirk54 at tight tolerances are those of its steps, a fifth of the tolerance or less: where one correction of a
-    !> stage was taken to suffice because the second had been rounding once, they were 1.0, 2.0 and 1.8 times the tolerance.
+    !> Errors of sdirk54 at tight tolerances are those of its steps, a fifth of the tolerance or less: when one correction of a
+    !> stage was accepted because the second had once been rounding, they were 1.0, 2.0 and 1.8 times the tolerance.
     subroutine test_left(error)
         type(error_type), allocatable, intent(out) :: error
         type(tilted_skate_type), target :: skate
@@ -291,7 +291,7 @@ contains
         if (.not. allocated(error)) call check_steps(error, 'dop853', 1.0e-11_wp, 1.7e-11_wp, 188)
     end subroutine test_nohol
 
-    !> The tilted skate at t = 10: an error and a number of steps, rejected ones counted.
+    !> The tilted skate at t = 10: an error and a number of steps, including rejected ones.
     subroutine check_steps(error, stepper, rtol, largest_error, most_steps)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), intent(in) :: stepper
@@ -333,7 +333,7 @@ contains
         statistics = simulation%statistics()
     end subroutine roll
 
-    !> A disk that rolls fast: where the iteration for the position contracts slowly, corrections teach it all the same.
+    !> A disk that rolls fast: even if the iteration for the position contracts slowly, its corrections improve B.
     subroutine test_looks(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: disk
@@ -364,7 +364,7 @@ contains
         call check_true(error, statistics%failed <= 20, 'steps that could not be completed')
     end subroutine test_looks
 
-    !> Near the start of a step the B of its origin serves, not that of its end.
+    !> Near the start of a step the B of its origin is used, not that of its end.
     subroutine test_flat_looks(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: alpha = 1.0e-2_wp, pi = acos(-1.0_wp)
@@ -395,7 +395,7 @@ contains
         end do
     end subroutine test_flat_looks
 
-    !> Accelerations from 1e-3 to 1e4 make D' M D a matrix whose factors are noise in an unfortunate order of the coordinates.
+    !> Accelerations from 1e-3 to 1e4 give a matrix D' M D whose factors are inaccurate in an unfavourable order of the coordinates.
     subroutine test_flat(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=6), parameter :: steppers(2) = ['dop853', 'dopri5']
@@ -415,12 +415,12 @@ contains
             if (allocated(error)) return
             q(:, i) = simulation%state%q
         end do
-        ! They differ by 1e-15 where all is well, by 1e-4 where it is not.
+        ! They differ by 1e-15 with a good order, by 1e-4 with a bad one.
         call check_below(error, maxval(abs(q(1:2, 1) - q(1:2, 2))), 1.0e-12_wp, 'difference of the centre')
     end subroutine test_flat
 
-    !> Steps that cannot be completed: where B has learnt at one stage what does not serve at another, it must forget that. (With
-    !> the B of the origin 19 of 55 steps are lost, with one that never forgets 23 of 54.)
+    !> Steps that cannot be completed: an update of B at one stage that is unsuitable at another must be discarded. (With the B of
+    !> the origin 19 of 55 steps are lost, with one that is never discarded 23 of 54.)
     subroutine test_large_steps(error)
         type(error_type), allocatable, intent(out) :: error
         type(statistics_type) :: statistics
@@ -431,7 +431,7 @@ contains
         call check_true(error, statistics%failed <= 8, 'steps that could not be completed')
     end subroutine test_large_steps
 
-    !> 1e-6 in at most 1900 right-hand sides, 1e-8 in at most 2900. The disk amplifies by 1e3 to 1e4 what a step leaves, so the
+    !> 1e-6 in at most 1900 right-hand sides, 1e-8 in at most 2900. The disk amplifies the error of a step by 1e3 to 1e4, so the
     !> tolerances are that much smaller.
     subroutine test_disk_budget(error)
         type(error_type), allocatable, intent(out) :: error
@@ -451,7 +451,7 @@ contains
         call check_true(error, statistics%right_hand_sides <= 2900, 'right-hand sides for 1e-8')
     end subroutine test_disk_budget
 
-    !> No tolerance hangs, and the constraints are held whatever the steps do.
+    !> No tolerance hangs, and the constraints are satisfied for any steps.
     subroutine test_disk_tolerances(error)
         type(error_type), allocatable, intent(out) :: error
         type(statistics_type) :: statistics
@@ -469,7 +469,8 @@ contains
         end do
     end subroutine test_disk_tolerances
 
-    !> The steering's kink at 2 pi is met exactly, so the error goes on falling: at most 100 times the tolerance at |q| = 156.
+    !> A step ends at the steering's kink at 2 pi exactly, so the error continues to decrease: at most 100 times the tolerance at
+    !> |q| = 156.
     subroutine test_breakpoint(error)
         type(error_type), allocatable, intent(out) :: error
         type(articulated_vehicle_type), target :: vehicle

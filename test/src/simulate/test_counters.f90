@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests that nothing is evaluated that a scene does not need: the simulation's counters, and spies in the model's procedures.
+!> Tests that only necessary quantities are evaluated: the simulation's counters, and spies in the model's procedures.
 module test_counters
     use asserts, only: check_close, check_count, check_no_failure, check_true
     use model_belt_wheel, only: belt_wheel_type
@@ -23,14 +23,14 @@ module test_counters
     !> Steps of every run here.
     integer, parameter :: n_steps = 50
 
-    !> Asks for multipliers and energies every tenth step.
+    !> Requests multipliers and energies every tenth step.
     type, extends(observer_type) :: curious_type
         integer :: steps = 0
     contains
         procedure :: observe
     end type curious_type
 
-    !> A disk that counts the calls of its derivative procedure, where it has it.
+    !> A disk that counts the calls of its derivative procedure, if it has one.
     type, extends(rolling_disk_type) :: counting_disk_type
         type(rolling_disk_type) :: inner
         integer :: calls = 0
@@ -151,8 +151,8 @@ contains
         call check_count(error, statistics%rejected, 0, 'rejected steps')
     end subroutine test_right_hand_sides
 
-    !> What the last step's stage of the same number missed is remembered: a stage then takes one evaluation of Phi and one
-    !> correction, where it took two of each, and the end of a step one evaluation. The first steps learn it.
+    !> The miss of the last step's stage of the same number is stored: a stage then takes one evaluation of Phi and one correction,
+    !> instead of two of each, and the end of a step one evaluation. The first steps initialise it.
     subroutine test_remembered_stages(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: steps = 200
@@ -296,7 +296,7 @@ contains
         call check_count(error, spy%calls%potential_energy, 0, 'calls of potential_energy')
     end subroutine test_not_asked
 
-    !> Asking changes nothing else, and not the solution.
+    !> Requests change nothing else, and not the solution.
     subroutine test_asked(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -330,7 +330,7 @@ contains
         call spy_on_pendulum(spy, statistics, error)
         call check_count(error, statistics%terms(jacobian), 4*n_steps + 1, 'Jacobians of the pendulum')
         call spy_on_knife_edge(spy, statistics, error)
-        ! Nine more, two a coordinate and two for the time, show that the blade's row is not integrable.
+        ! Nine more, two per coordinate and two for the time, show that the blade's row is not integrable.
         call check_count(error, statistics%start_evaluations, 9, 'Jacobians of the start')
         call check_count(error, statistics%terms(jacobian), 4*n_steps + 1 + 9, 'Jacobians of the knife edge')
     end subroutine test_no_point_twice
@@ -432,7 +432,7 @@ contains
         call check_count(error, second%charts, int(first%charts), 'charts')
     end subroutine test_anew
 
-    !> Count, and leave the work to the disk.
+    !> Count, and call the disk.
     subroutine count_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need
@@ -489,7 +489,7 @@ contains
         call check_count(error, statistics%implicit_stages, 0, 'implicit stages')
     end subroutine test_rk4_derivatives
 
-    !> Less than one matrix in five steps, on a new chart each, and with each matrix one call for all derivatives; fixed steps
+    !> Less than one matrix in five steps, with a new chart each, and with each matrix one call for all derivatives; fixed steps
     !> factor nothing else.
     subroutine test_kept_matrix(error)
         type(error_type), allocatable, intent(out) :: error
@@ -575,7 +575,7 @@ contains
         end do
     end subroutine test_implicit_lacks
 
-    !> The multipliers of the Newton matrix are no multipliers that somebody asked for.
+    !> The multipliers of the Newton matrix do not count as requested multipliers.
     subroutine test_implicit_asked(error)
         type(error_type), allocatable, intent(out) :: error
         type(statistics_type) :: statistics

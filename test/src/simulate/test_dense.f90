@@ -121,14 +121,14 @@ contains
         end do
     end subroutine test_constraints
 
-    !> Every stepper, policy and refresh mode: the run with looks ends bitwise where the run without them ends.
+    !> Every stepper, policy and refresh mode: the run with dense output ends bitwise like the run without it.
     subroutine test_no_trace(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: disk
         type(simulation_type) :: simulation
         type(options_type) :: options
         type(failure_type), allocatable :: failure
-        ! The last makes a new chart after corrections, of which a look takes some.
+        ! The last makes a new chart after corrections, some of which are due to dense output.
         character(len=10), parameter :: policies(4) = [character(len=10) :: 'every_step', 'adaptive', 'paper', 'paper']
         real(wp) :: expected(9)
         integer :: i, j, k
@@ -160,7 +160,7 @@ contains
         end do
     end subroutine test_no_trace
 
-    !> The motorcycle's steering stops at 2 pi. A look back from there must see it still turning: C qd = nu with the old nu.
+    !> The motorcycle's steering stops at 2 pi. Dense output before it must have the steering rate: C qd = nu with the old nu.
     subroutine test_breakpoint(error)
         type(error_type), allocatable, intent(out) :: error
         type(motorcycle_type), target :: motorcycle

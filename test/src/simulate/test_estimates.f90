@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What a run says about itself: that it is stiff, and the local errors of its steps.
+!> Self-assessment of a run: stiffness, and the local errors of its steps.
 module test_estimates
     use asserts, only: check_below, check_between, check_close, check_count, check_no_failure, check_true
     use event_kinds, only: shove_type
@@ -45,7 +45,7 @@ contains
         type(stiffness_type) :: stiffness
         integer :: i
 
-        ! Five others in a row are forgiven, six are not.
+        ! Five other steps in a row are tolerated, six are not.
         do i = 1, 14
             call stiffness%observe(real(i, wp), .true.)
         end do
@@ -93,7 +93,7 @@ contains
                 statistics = simulation%statistics()
                 call check_true(error, statistics%is_stiff, trim(pairs(i))//': not noticed')
                 if (allocated(error)) return
-                ! Damping exp(-sqrt(k) t/2) leaves of the transient 1e-4 ... 1e-10 by then; seen: 3e-5 to 8e-5.
+                ! Damping exp(-sqrt(k) t/2) reduces the transient to 1e-4 ... 1e-10 by then; measured: 3e-5 to 8e-5.
                 call check_between(error, statistics%stiff_from, 5.0e-6_wp, 2.0e-4_wp, trim(pairs(i))//': since when')
                 if (allocated(error)) return
             end do
@@ -193,7 +193,7 @@ contains
                         call check_no_failure(error, failure)
                         if (allocated(error)) return
                         statistics = simulation%statistics()
-                        ! Seen: no step at all.
+                        ! Measured: no step at all.
                         call check_true(error, .not. statistics%is_stiff .and. statistics%stiff_steps < 5, &
                             trim(scenes(scene))//', '//trim(pairs(i))//', '//trim(projections(j))//': false alarm')
                         if (allocated(error)) return
@@ -215,7 +215,7 @@ contains
         state%qdd(1) = 20*t**3
     end function polynomial
 
-    !> Boole's rule is exact for rates of degree 5: what is left is what the steps have added, 1 + 2 + 3 + 4 thousandths.
+    !> Boole's rule is exact for rates of degree 5: the remainder is the sum of the steps' additions, 1 + 2 + 3 + 4 thousandths.
     subroutine test_window(error)
         type(error_type), allocatable, intent(out) :: error
         type(local_error_type) :: local
@@ -236,8 +236,8 @@ contains
         call check_close(error, [local%largest, local%total], [2.5e-3_wp, 1.0e-2_wp], 1.0e-16_wp, 'largest and sum')
     end subroutine test_window
 
-    !> Two steps, then one of another size, one that does not continue, and two more: the window that is complete then begins with
-    !> the one that does not continue.
+    !> Two steps, then one of another size, one that does not continue, and two more: the complete window then begins with the one
+    !> that does not continue.
     subroutine test_windows(error)
         type(error_type), allocatable, intent(out) :: error
         type(local_error_type) :: local
@@ -329,7 +329,7 @@ contains
         call check_local_errors(error, 'heavy_top', 'dop853', 1.0e-2_wp, 1.0_wp, 10.0_wp)
     end subroutine test_local_errors
 
-    !> At most the tolerance a step, with one tolerance for everything or several.
+    !> At most the tolerance per step, with one tolerance for everything or several.
     subroutine test_controlled_errors(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model
@@ -351,7 +351,7 @@ contains
         if (allocated(error)) return
         call check_between(error, one%local_error, 0.3e-6_wp, 1.0e-6_wp, 'largest')
         if (allocated(error)) return
-        ! The same tolerances, which the program does not see: the errors are measured anew, on s + |y| at the end of a step.
+        ! The same tolerances in another form: the errors are measured again, on s + |y| at the end of a step.
         options%rtol_q = spread(1.0e-6_wp, 1, 3)
         call run(simulation, model, options, 0.0_wp, q, qd, 5.0_wp, failure)
         call check_no_failure(error, failure)
@@ -413,7 +413,7 @@ contains
         statistics = simulation%statistics()
         call check_true(error, simulation%n_events == 1 .and. statistics%steps == 32, 'the push ends a step of the grid')
         if (allocated(error)) return
-        ! The window that it cut lacks two steps, and so does the last one.
+        ! The interrupted window lacks two steps, and so does the last one.
         call check_count(error, statistics%local_error_steps, 28, 'steps in windows')
         call check_below(error, statistics%local_error, 1.0e-6_wp, 'largest local error')
     end subroutine test_action
@@ -434,10 +434,10 @@ contains
         call check_no_failure(error, failure)
         if (allocated(error)) return
         statistics = simulation%statistics()
-        ! Three steps, and one that was cut.
+        ! Three steps, and an interrupted one.
         call check_true(error, statistics%steps == 4 .and. statistics%local_error_steps == 0, 'no window is complete')
         if (allocated(error)) return
-        ! The start, four stages a step; the first stage is the end of the step before.
+        ! The start, four stages per step; the first stage is the end of the previous step.
         call check_true(error, statistics%right_hand_sides >= 16, 'its work is counted nevertheless')
     end subroutine test_few_steps
 end module test_estimates

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of what events do: stop a run, change the state or the model, restart; and of those that follow each other without end.
+!> Tests of actions of events: stop a run, change the state or the model, restart; and of endless sequences of events.
 module test_event_actions
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use event_kinds, only: bounce_type, new_time_event, retune_type, shove_type, time_event_type
@@ -89,7 +89,7 @@ contains
                         call check_below(error, abs(dot_product(q, qd)), 1.0e-12_wp, 'velocity along the rod')
                         call check_below(error, abs(dot_product(q, qdd) + dot_product(qd, qd)), 1.0e-11_wp, 'acceleration')
                     end associate
-                    ! The state has been brought onto the constraints once more: roundings of a rod of 1 m.
+                    ! The state has been projected onto the constraints once more: roundings of a rod of 1 m.
                     call check_close(error, simulation%events(1)%q, simulation%state%q, 4*epsilon(1.0_wp), 'record')
                     t = simulation%state%t
                     call simulation%integrate(t + 0.1_wp, failure)
@@ -103,7 +103,7 @@ contains
         end do
     end subroutine test_stop
 
-    !> The end differs by no more than the truncation of cut steps: of dop853 with h = 0.01 that is rounding.
+    !> The end differs by no more than the truncation of shortened steps: for dop853 with h = 0.01 this is rounding.
     subroutine test_goes_on(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -165,7 +165,7 @@ contains
             trim(options%stepper)//': apex')
     end subroutine bounce
 
-    !> All methods are exact for a parabola: what remains is 1e-13 of a step for each bounce, and rounding.
+    !> All methods are exact for a parabola: the remainder is 1e-13 of a step for each bounce, and rounding.
     subroutine test_bounce(error)
         type(error_type), allocatable, intent(out) :: error
         integer :: k
