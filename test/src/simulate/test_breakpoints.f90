@@ -31,7 +31,7 @@ module test_breakpoints
         type(articulated_vehicle_type) :: inner
     end type unaware_vehicle_type
 
-    !> Where the sleigh's surface changes its speed; off the grid of all steps here.
+    !> Time at which the sleigh's surface changes its speed; off the grid of all steps here.
     real(wp), parameter :: jump_at = 0.70710678_wp
     real(wp), parameter :: two_pi = 8*atan(1.0_wp)
     !> The sleigh's reduced state (x, y, phi, u, w) at t = 0.
@@ -350,7 +350,7 @@ contains
         real(wp) :: value
 
         call measure_sleigh('rk4', 2.0e-3_wp, value, error)
-        ! What order four leaves of the error at h = 0.04, 2e-6/20**4 = 1.3e-11, with a margin of two.
+        ! Error of order four at h = 0.04, 2e-6/20**4 = 1.3e-11, with a margin of two.
         call check_below(error, value, 2.5e-11_wp, 'error of q and qd')
     end subroutine test_sleigh
 

@@ -309,7 +309,8 @@ contains
         call check_between(error, statistics%local_error_sum/total, low, high, scene//', '//stepper//': estimated over true')
     end subroutine check_local_errors
 
-    !> Steps whose errors are well above rounding. What is left is of order h; seen over four times as many windows: 0.99 to 1.02.
+    !> Steps whose errors are well above rounding. The remainder is of order h; measured over four times as many windows: 0.99 to
+    !> 1.02.
     subroutine test_local_errors(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=10), parameter :: scenes(3) = [character(len=10) :: 'knife_edge', 'disk', 'vehicle']
@@ -405,7 +406,7 @@ contains
         push%dqd = [0.1_wp, 0.0_wp]
         call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
         call simulation%add_event(push)
-        ! A zero at the end of a run counts there, else the next step would begin anew.
+        ! A zero at the end of a run counts there, else the next step would begin again.
         if (.not. allocated(failure)) call simulation%integrate(push%at, failure)
         if (.not. allocated(failure)) call simulation%integrate(32*options%step, failure)
         call check_no_failure(error, failure)

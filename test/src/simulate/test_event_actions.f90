@@ -187,7 +187,7 @@ contains
         end do
     end subroutine test_controlled_bounce
 
-    !> Restitution 0.5 comes to rest at 3 sqrt(2), 0.9 at 19 sqrt(2), 0 at sqrt(2): nothing goes through the wall.
+    !> Restitution 0.5 comes to rest at 3 sqrt(2), 0.9 at 19 sqrt(2), 0 at sqrt(2): nothing passes the wall.
     subroutine test_zeno(error)
         type(error_type), allocatable, intent(out) :: error
         type(particle_type), target :: model
@@ -214,7 +214,7 @@ contains
                     call simulation%add_event(wall)
                     if (.not. allocated(failure)) call simulation%integrate(50.0_wp, failure)
                     call check_failure(error, failure, 'event_limit', 'event "wall"')
-                    ! What is left are flights shorter than 1e-5 of a step: 10 times that for 0.9.
+                    ! The remainder are flights shorter than 1e-5 of a step: 10 times that for 0.9.
                     call check_below(error, abs(simulation%state%t - rest(j)), 1.0e-4_wp, 'time of rest')
                     call check_below(error, abs(simulation%state%q(1) - 1.0_wp), 1.0e-7_wp, 'distance from the wall')
                     statistics = simulation%statistics()
@@ -250,7 +250,7 @@ contains
         end do
     end subroutine test_idle
 
-    !> A velocity that violates the constraints after the action: what a KKT solve makes of it.
+    !> A velocity that violates the constraints after the action: projected as by a KKT solve.
     subroutine test_impact(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model
@@ -283,7 +283,7 @@ contains
             call equation%project(simulation%state%t, simulation%state%q, expected)
             call equation%accelerate(simulation%state%t, simulation%state%q, expected, qdd, lambda)
             call check_close(error, simulation%state%q, simulation%events(1)%q, 0.0_wp, 'position')
-            ! Rounding of two ways to solve; velocities of up to 50, accelerations of up to 1e3.
+            ! Rounding of two solution methods; velocities of up to 50, accelerations of up to 1e3.
             call check_close(error, simulation%state%qd, expected, 1.0e-12_wp*maxval(abs(expected)), 'velocity')
             call check_close(error, simulation%state%qdd, qdd, 1.0e-10_wp*maxval(abs(qdd)), 'acceleration')
             call check_true(error, maxval(abs(expected - simulation%events(1)%qd - event%dqd)) > 1.0e-3_wp, 'it is inconsistent')
@@ -298,7 +298,7 @@ contains
         end do
     end subroutine test_impact
 
-    !> Gravity changes at the bottom: the energy is another, and conserved from there on.
+    !> Gravity changes at the bottom: the energy changes, and is conserved from there on.
     subroutine test_parameter(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -326,7 +326,7 @@ contains
         end do
     end subroutine test_parameter
 
-    !> Without damping the mass does not move a pendulum, and pulls at its rod in proportion.
+    !> Without damping the mass does not affect the motion of a pendulum; the tension of its rod is proportional to it.
     subroutine test_mass(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -395,7 +395,7 @@ contains
         call check_close(error, simulation%state%qd, simulation%events(1)%qd, 0.0_wp, 'the velocity before')
     end subroutine test_failure
 
-    !> Two walls that are hit at the same time, in whichever order they are found.
+    !> Two walls that are hit at the same time, found in either order.
     subroutine test_two(error)
         type(error_type), allocatable, intent(out) :: error
         type(particle_type), target :: model
@@ -406,7 +406,7 @@ contains
 
         call model%define(.true.)
         walls(1) = bounce_type(name='one', direction=1, changes=.true., quantity='q', index=1, value=1.0_wp, restitution=1.0_wp)
-        ! The same place, or half of it at half the acceleration: roots of different functions.
+        ! The same position, or half of it at half the acceleration: roots of different functions.
         walls(2) = bounce_type(name='two', direction=1, changes=.true., quantity='q', index=3, value=1.0_wp, restitution=0.5_wp)
         do k = 1, size(stepper_names)
             do i = 1, 2
@@ -428,7 +428,7 @@ contains
         end do
     end subroutine test_two
 
-    !> The record is kept although the other stops, and does not come twice when the run goes on.
+    !> The record is kept although the other event stops, and is not repeated when the run continues.
     subroutine test_stop_and_record(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -456,7 +456,7 @@ contains
         end do
     end subroutine test_stop_and_record
 
-    !> All steppers: the step is tried again from the same time with another state (dop853 must not reuse its stages).
+    !> All steppers: the step is repeated from the same time with another state (dop853 must not reuse its stages).
     subroutine test_start(error)
         type(error_type), allocatable, intent(out) :: error
         type(particle_type), target :: model
@@ -485,7 +485,7 @@ contains
         end do
     end subroutine test_start
 
-    !> Rows that an observer writes within the cut step are those of the motion before the action.
+    !> Rows that an observer writes within the shortened step are those of the motion before the action.
     subroutine test_observer(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -523,7 +523,7 @@ contains
         call check_true(error, maxval(abs(witness%after - witness%before)) > 0.5_wp, 'the shove is seen')
     end subroutine test_observer
 
-    !> The steps behind a cut end where they would have.
+    !> The steps after a shortened one end at their original times.
     subroutine test_grid(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -552,8 +552,8 @@ contains
         end do
     end subroutine test_grid
 
-    !> Between kicks a free particle goes straight on, which takes an implicit stepper no step: what it would need is told of the
-    !> motion between events, not of the jumps.
+    !> Between kicks a free particle moves straight, for which an implicit stepper needs no small step: its estimate applies to the
+    !> motion between events, not to the jumps.
     subroutine test_bend(error)
         type(error_type), allocatable, intent(out) :: error
         type(particle_type), target :: model

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of events: where they are found, which count, and that looking for them leaves the motion alone.
+!> Tests of events: their times, the counted ones, and the unchanged motion.
 module test_events
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_text, check_true
     use event_kinds, only: new_time_event, time_event_type
@@ -17,7 +17,7 @@ module test_events
 
     real(wp), parameter :: pi = acos(-1.0_wp)
 
-    !> Looks between steps as output at an interval does.
+    !> Evaluates between steps like output at an interval.
     type, extends(observer_type) :: between_type
         integer :: looks = 0
     contains
@@ -68,7 +68,7 @@ contains
         times = ([phi, 0.9_wp, 0.5_wp*pi, pi - phi] - model%phi0)/model%w
     end subroutine watch_knife_edge
 
-    !> Run the knife edge with its events and compare their times; places agree with the dense output's own zeros.
+    !> Run the knife edge with its events and compare their times; positions agree with the dense output's own zeros.
     subroutine compare(options, bound, error)
         type(options_type), intent(in) :: options
         !> Of the times.
@@ -109,7 +109,7 @@ contains
     subroutine test_closed_form(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
-        ! The global errors with h = 0.02, some times what was measured; of radau5 that of its dense output, h**4.
+        ! Global errors with h = 0.02, a multiple of the measured ones; for radau5 that of its dense output, h**4.
         real(wp), parameter :: bound(6) = [1.0e-6_wp, 1.0e-8_wp, 1.0e-11_wp, 1.0e-3_wp, 1.0e-6_wp, 1.0e-6_wp]
         integer :: k
 
@@ -182,7 +182,7 @@ contains
         call check_true(error, all(simulation%events(:size(times))%direction == directions), what//': directions')
     end subroutine check_events
 
-    !> To 1e-12 of the step, where g itself is that good.
+    !> To 1e-12 of the step, if g itself is that accurate.
     subroutine test_time(error)
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
@@ -230,13 +230,13 @@ contains
         ! An extremum is known to the square root of rounding, in parts of a step.
         call check_events(error, simulation, failure, [0.333_wp], [0], 1.0e-8_wp, 'touch')
         call check_count(error, simulation%events(1)%number, 1, 'number')
-        ! 1e-8 above zero is no touch: it is 1e-6 of the largest g in the step.
+        ! 1e-8 above zero does not count as a touch: it is 1e-6 of the largest g in the step.
         events = new_time_event('square', 0.333_wp, depth=-1.0e-8_wp)
         call watch_time(events, 0.1_wp, 1.0_wp, simulation, failure)
         call check_events(error, simulation, failure, [real(wp) ::], [integer ::], 0.0_wp, 'near miss')
     end subroutine test_touch
 
-    !> Every place of the touch in the step, its ends and what is near to them too.
+    !> Every place of the touch in the step, including its ends and their neighbourhoods.
     subroutine test_touch_anywhere(error)
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
@@ -258,7 +258,7 @@ contains
                 at = 0.5_wp + 0.1_wp*sign_*near(i)
                 events = new_time_event('square', at)
                 call watch_time(events, 0.1_wp, 1.0_wp, simulation, failure)
-                ! Within 3e-7 of a step from its end it counts as there.
+                ! Within 3e-7 of a step from its end it counts as at the end.
                 call check_events(error, simulation, failure, [at], [0], 4.0e-8_wp, 'touch near the end of a step')
                 if (allocated(error)) return
             end do
@@ -277,7 +277,7 @@ contains
             half = 10.0_wp**(-k)
             do i = -19, 20
                 at = 0.5_wp + 0.0025_wp*i
-                ! Of (t - at)**2 as it is, half**2 is below the part of 0.01 that makes a touch.
+                ! For (t - at)**2, half**2 is below the part of 0.01 that counts as a touch.
                 if (half**2 < 1.0e-9_wp*0.01_wp) cycle
                 events = new_time_event('square', at, depth=half**2)
                 call watch_time(events, 0.1_wp, 1.0_wp, simulation, failure)
@@ -296,7 +296,7 @@ contains
         real(wp) :: at
         integer :: i, direction
 
-        ! 0.1 k, its neighbours, and what rounding may make of them.
+        ! 0.1 k, its neighbours, and their rounded values.
         do i = -60, 60
             at = 0.5_wp + i*merge(1.0e-15_wp, spacing(0.5_wp), mod(i, 2) == 0)
             do direction = 0, 1
@@ -308,7 +308,7 @@ contains
         end do
         events = new_time_event('cubic', 0.5_wp)
         call watch_time(events, 0.1_wp, 1.0_wp, simulation, failure)
-        ! Where it is zero, up to 1e-13 of its largest, 0.1**3: within 5e-6.
+        ! Zero up to 1e-13 of its largest value, 0.1**3: within 5e-6.
         call check_events(error, simulation, failure, [0.5_wp], [1], 5.0e-6_wp, 'cubic')
         if (allocated(error)) return
         events = new_time_event('square', 0.5_wp)
@@ -335,7 +335,7 @@ contains
                 spread(0, 1, merge(1, 0, direction == 0)), 0.0_wp, 'always zero')
             if (allocated(error)) return
         end do
-        ! One that stops there does so once.
+        ! An event that stops there does so once.
         events = new_time_event('line', 0.0_wp, stops=.true.)
         call watch_time(events, 0.1_wp, 0.5_wp, simulation, failure)
         call check_events(error, simulation, failure, [0.0_wp], [0], 0.0_wp, 'stop at the start')
@@ -345,7 +345,7 @@ contains
         call check_true(error, .not. simulation%is_stopped .and. simulation%state%t >= 0.5_wp, 'it goes on')
     end subroutine test_run_start
 
-    !> At the end, just before it and just behind it; a run that goes on does not count it again.
+    !> At the end, just before it and just after it; a continued run does not count it again.
     subroutine test_run_end(error)
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
@@ -372,7 +372,7 @@ contains
         end do
     end subroutine test_run_end
 
-    !> Before, at and behind a breakpoint that cuts a step, and a g that a breakpoint makes jump through zero.
+    !> Before, at and after a breakpoint that shortens a step, and a g that jumps through zero at a breakpoint.
     subroutine test_breakpoints(error)
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
@@ -410,7 +410,7 @@ contains
 
         events = new_time_event('plateau', 0.53_wp)
         call watch_time(events, 0.1_wp, 1.0_wp, simulation, failure)
-        ! g never changes its sign: that it is there is seen with the next step.
+        ! g never changes its sign: it is detected with the next step.
         call check_events(error, simulation, failure, [0.6_wp], [0], 1.0e-13_wp, 'plateau')
     end subroutine test_plateau
 
@@ -453,7 +453,7 @@ contains
         call simulation%look_back()
     end subroutine look_between
 
-    !> Every stepper, policy and mode, fixed and controlled, with and without looks: bitwise the same end.
+    !> Every stepper, policy and mode, fixed and controlled, with and without events: bitwise the same end.
     subroutine test_neutral(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: disk
@@ -520,7 +520,7 @@ contains
         call check_count(error, statistics%right_hand_sides, 201, 'right-hand sides')
     end subroutine test_nothing
 
-    !> The run ends at the first event that is one too many, and keeps those before.
+    !> The run ends at the first event beyond the limit, and keeps the previous ones.
     subroutine test_max_events(error)
         type(error_type), allocatable, intent(out) :: error
         type(particle_type), target :: model

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of every way in which a start or a run can fail: the status, the message, and what is left behind.
+!> Tests of every failure of a start or a run: status, message, and remaining state.
 module test_failures
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_stopped, check_text, &
         check_true
@@ -30,7 +30,7 @@ module test_failures
         procedure :: observe
     end type full_disk_type
 
-    !> The chart policies and refresh modes that every fault is tried with.
+    !> Chart policies and refresh modes for every fault.
     character(len=10), parameter :: charts(3) = [character(len=10) :: 'every_step', 'adaptive', 'paper']
     character(len=6), parameter :: modes(2) = ['factor', 'refine']
 
@@ -189,7 +189,7 @@ contains
         call check_failure(error, failure, 'inconsistent_start', 'velocity constraint "no slip"')
     end subroutine test_nonholonomic_start
 
-    !> Less than the start's tolerance, more than the constraints': the nearest point, and the report says how far it was.
+    !> Less than the start's tolerance, more than the constraints': the nearest point, and the report contains the distance.
     subroutine test_moved_start(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -305,7 +305,7 @@ contains
         call check_failure(error, failure, 'singular_mass')
     end subroutine test_negative_mass
 
-    !> A fault that goes away leaves no trace: the run continues as if it had never been.
+    !> A temporary fault has no effect: the run continues as if it had not occurred.
     subroutine test_again(error)
         type(error_type), allocatable, intent(out) :: error
         type(moving_pivot_type), target :: inner, undisturbed
@@ -430,8 +430,8 @@ contains
         call check_close(error, [simulation%state%t], [7.0e-3_wp], 1.0e-17_wp, 't')
     end subroutine test_step_limit
 
-    !> No stepper survives h = 0.1 and more on the disk. Which status ends it depends on how, but it must be one of those that
-    !> advise a smaller step, and soon.
+    !> No stepper succeeds with h = 0.1 and more on the disk. The status depends on the failure, but it must soon be one of those
+    !> that advise a smaller step.
     subroutine test_large_step(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: model
@@ -508,7 +508,7 @@ contains
         call run(simulation, model, choose(step=1.0e-2_wp), 0.0_wp, q, qd, 1.0_wp, failure, full_disk)
         call check_failure(error, failure, 'output_failed', 'no space left')
         call check_close(error, [simulation%state%t], [0.05_wp], 1.0e-15_wp, 't')
-        ! The observer is told of the end all the same, once.
+        ! The observer is still notified of the end, once.
         call check_count(error, full_disk%ends, 1, 'calls at the end')
     end subroutine test_observer
 end module test_failures

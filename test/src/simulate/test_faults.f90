@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of faults: each kind in each term, how soon a point is given up, iterations that cannot converge, numbers that overflow.
+!> Tests of faults: each kind in each term, effort before a point is given up, iterations without convergence, overflow.
 module test_faults
     use asserts, only: check_below, check_close, check_failure, check_no_failure, check_stopped, check_true
     use faulty_runs, only: check_state_left, faults, run_with_fault, status_of_fault
@@ -20,7 +20,7 @@ module test_faults
     character(len=9), parameter :: steppers(5) = [character(len=9) :: 'rk4', 'dopri5', 'dop853', 'trapezoid', 'sdirk54']
     character(len=10), parameter :: charts(3) = [character(len=10) :: 'every_step', 'adaptive', 'paper']
     character(len=6), parameter :: modes(2) = ['factor', 'refine']
-    !> Evaluations after which a point must be given up.
+    !> Largest number of evaluations before a point is given up.
     integer, parameter :: patience = 20
 
     !> A particle whose mass matrix is not symmetric.
@@ -28,7 +28,7 @@ module test_faults
         real(wp) :: off = 0.0_wp
     end type lopsided_type
 
-    !> A pendulum whose length is known only up to a noise, so that its position cannot be found to a tolerance below that.
+    !> A pendulum whose length has noise, so that its position has no solution to a smaller tolerance.
     type, extends(pendulum_type) :: noisy_type
         real(wp) :: noise = 0.0_wp, noisy_from = 0.0_wp
         integer :: calls = 0
@@ -82,9 +82,9 @@ contains
         call check_patience(0.0505_wp, 1.0e-6_wp, error)
     end subroutine test_patience_control
 
-    !> Every fault in every term with every stepper: a named status, few evaluations, a finite state left behind.
+    !> Every fault in every term with every stepper: a status, few evaluations, a finite remaining state.
     subroutine check_patience(time, rtol, error)
-        !> When the fault begins, and the tolerance, 0 for fixed steps.
+        !> Time of the fault, and tolerance, 0 for fixed steps.
         real(wp), intent(in) :: time, rtol
         type(error_type), allocatable, intent(inout) :: error
         type(moving_pivot_type), target :: inner
@@ -104,7 +104,7 @@ contains
                     call run_with_fault(simulation, spy, inner, options, faults(k), term, time, failure)
                     call check_failure(error, failure, trim(status_of_fault(k)), trim(term_name(term)))
                     call check_true(error, spy%most_at_a_point <= patience, 'a point is given up, not tried again and again')
-                    ! Under error control a step is tried again with smaller ones until these are too small.
+                    ! Under error control a step is repeated with smaller sizes until these are too small.
                     call check_true(error, spy%n_faults <= merge(64, 1, rtol > 0.0_wp)*patience, 'the run ends soon')
                     if (time > 0.0_wp) then
                         call check_true(error, simulation%state%t <= 0.06_wp, 'the time left behind')
@@ -165,11 +165,11 @@ contains
         call check_faults(fault_retry, 0.0505_wp, 'not_evaluable', error)
     end subroutine test_retry_step
 
-    !> One fault in each term in turn, with each policy and refresh mode: the status, the term's name in the message, and the
-    !> last good state left behind.
+    !> One fault in each term in turn, with each policy and refresh mode: the status, the term's name in the message, and the last
+    !> valid state.
     subroutine check_faults(fault, time, name, error)
         integer, intent(in) :: fault
-        !> When it happens; 0 is the start.
+        !> Time of the fault; 0 is the start.
         real(wp), intent(in) :: time
         character(len=*), intent(in) :: name
         type(error_type), allocatable, intent(inout) :: error
@@ -206,7 +206,7 @@ contains
         call check_state_left(error, simulation)
     end subroutine check_fault
 
-    !> A fault in each term in turn in the step from 0.05; a nu that is no number is a matter of check_faults.
+    !> A fault in each term in turn in the step from 0.05; check_faults has the case of a NaN in nu.
     subroutine test_implicit_faults(error)
         type(error_type), allocatable, intent(out) :: error
         integer :: i, k, term
@@ -258,7 +258,7 @@ contains
         end select
     end subroutine lopsided_mass
 
-    !> Named with its place, at the start; rounding is no asymmetry.
+    !> Reported with its place, at the start; rounding does not count.
     subroutine test_asymmetric(error)
         type(error_type), allocatable, intent(out) :: error
         type(lopsided_type), target :: model
@@ -348,7 +348,7 @@ contains
         end do
     end subroutine test_u
 
-    !> A chart that is held too long: the refinements of B and H no longer converge, and end in bounded work.
+    !> A chart that is kept too long: the refinements of B and H no longer converge, and end with bounded work.
     subroutine test_b_and_h(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -374,7 +374,7 @@ contains
         end do
     end subroutine test_b_and_h
 
-    !> A first step so large that B and H diverge: a smaller one on the same chart must not start from what they have become.
+    !> A first step so large that B and H diverge: a smaller one on the same chart must not start from these values.
     subroutine test_spoilt_refinement(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -403,8 +403,7 @@ contains
         end do
     end subroutine test_spoilt_refinement
 
-    !> Derivatives with one entry that is far off: the iteration ends with a status, or it converges all the same, to the same
-    !> motion.
+    !> Derivatives with one wrong entry: the iteration ends with a status, or still converges to the same motion.
     subroutine test_newton(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: inner

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the error of a whole run that a second one states.
+!> Tests of the error of a whole run as estimated by a second one.
 module test_global_error
     use asserts, only: check_below, check_between, check_close, check_failure, check_no_failure, check_text, check_true
     use event_kinds, only: shove_type
@@ -14,7 +14,7 @@ module test_global_error
 
     public :: collect_global_error
 
-    !> Keeps the state at the end of each step.
+    !> Stores the state at the end of each step.
     type, extends(observer_type) :: keeper_type
         real(wp), allocatable :: t(:), y(:, :)
         integer :: n_kept = 0
@@ -53,7 +53,7 @@ contains
             new_unittest('amplification-is-blamed-where-the-steps-leave-less', test_cause)]
     end subroutine collect_global_error
 
-    !> Run a scene to its reference's t = 10 and estimate the error there; the true one beside it, on the scale 1 + |y|.
+    !> Run a scene to its reference's t = 10 and estimate the error there; also the true one, on the scale 1 + |y|.
     subroutine estimate_error(scene, options, global_error, true, failure, statistics)
         character(len=*), intent(in) :: scene
         type(options_type), intent(in) :: options
@@ -61,7 +61,7 @@ contains
         !> The true error, and its max-norms for q and for qd.
         real(wp), intent(out) :: true(3)
         type(failure_type), allocatable, intent(out) :: failure
-        !> Those of the run.
+        !> Statistics of the run.
         type(statistics_type), intent(out), optional :: statistics
         class(model_type), allocatable, target :: model, another
         type(simulation_type) :: simulation
@@ -86,8 +86,8 @@ contains
         end associate
     end subroutine estimate_error
 
-    !> The disk amplifies what its steps leave by 1e4: at 1e-3 the estimate must say that nothing is right, and rounding decides on
-    !> the rest, since motions that have nothing in common differ by what they please; seen: 0.47 to 1.3 of the true error there,
+    !> The disk amplifies the errors of its steps by 1e4: at 1e-3 the estimate must report that no digit is right, and rounding
+    !> decides on the rest, because unrelated motions have arbitrary differences; measured: 0.47 to 1.3 of the true error there,
     !> 1.00 to 1.28 of it for all others.
     subroutine test_amplified(error)
         type(error_type), allocatable, intent(out) :: error
@@ -116,7 +116,7 @@ contains
             call estimate_error(trim(cases(i)%scene), options, global_error, true, failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return
-            ! Of 140 runs of four models 129 are within these; steps that change in the last digit move a case by a third.
+            ! Of 140 runs of four models 129 are within these; steps that change in the last digit change a case by a third.
             low = merge(1.0_wp/3.0_wp, 0.8_wp, i == 1)
             high = merge(3.0_wp, 1.35_wp, i == 1)
             call check_between(error, global_error%relative/true(1), low, high, cases(i)%scene//': relative')
@@ -133,9 +133,9 @@ contains
         end do
     end subroutine test_amplified
 
-    !> Runs of one, two or three steps, which their end makes shorter than they may be: the second run has to take other
-    !> ones. Seen: 0.88 to 1.10 of the true error. Errors below a millionth of the tolerance (the disk's with dopri5 at 1e-4:
-    !> 5e-13 and 4e-11) are also made of what stages leave of the constraints, by luck 0.66 to 1.23: within two.
+    !> Runs of one, two or three steps, which are shortened by the end: the second run has to take other ones. Measured: 0.88 to
+    !> 1.10 of the true error. Errors below a millionth of the tolerance (the disk's with dopri5 at 1e-4: 5e-13 and 4e-11) include
+    !> constraint errors of stages, by chance 0.66 to 1.23: within two.
     subroutine test_short(error)
         type(error_type), allocatable, intent(out) :: error
         type :: case_type
@@ -186,9 +186,9 @@ contains
         end do
     end subroutine test_short
 
-    !> Steps of dop853 over a third of a second are right to 1e-9 where the polynomial within them is off by 1e-5: a second run that
-    !> is looked at between its steps would be blamed for that. Within two as for the error at the end; here the error at the steps
-    !> changes by 1.3 with the last digit.
+    !> Steps of dop853 over a third of a second have errors of 1e-9, the polynomial within them of 1e-5: dense output of the second
+    !> run would include that. Within two as for the error at the end; here the error at the steps changes by 1.3 with the last
+    !> digit.
     subroutine test_long_steps(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model, another, third
@@ -214,7 +214,7 @@ contains
             if (.not. allocated(failure)) call global_error%estimate(another, options, q, qd, failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return
-            ! The same run again, and an accurate one that ends where each of its steps does.
+            ! The same run again, and an accurate one with steps that end at the same times.
             keeper = keeper_type()
             allocate (keeper%t(200), keeper%y(2*size(q), 200))
             call run(simulation, model, options, 0.0_wp, q, qd, 10.0_wp, failure, keeper)
@@ -296,14 +296,14 @@ contains
         call check_true(error, .not. global_error%is_known, 'no estimate')
     end subroutine test_unfinished
 
-    !> The motion behind a push is not that of the second run.
+    !> The motion after a push is not that of the second run.
     subroutine test_changed(error)
         type(error_type), allocatable, intent(out) :: error
 
         call check_unknown(.false., 'an event has changed the run', error)
     end subroutine test_changed
 
-    !> What the first run has left of it is for the second. That time is over is no reason to doubt the first.
+    !> The remaining time of the first run is available to the second. A timeout there gives no warning about the first.
     subroutine test_max_seconds(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -323,7 +323,7 @@ contains
             call run(simulation, model, options, 0.0_wp, q, qd, 1.0_wp, failure, global_error)
             call check_no_failure(error, failure)
             if (allocated(error)) return
-            ! Less than a run can take, and more than any does.
+            ! Less than a run can take, and more than any takes.
             options%max_seconds = merge(1.0e-12_wp, 1.0e6_wp, i == 1)
             call global_error%estimate(model, options, q, qd, failure)
             call check_true(error, global_error%is_known .eqv. i == 2, 'whether there is an estimate')
@@ -337,8 +337,8 @@ contains
         end do
     end subroutine test_max_seconds
 
-    !> The sum of the local errors is one of root mean squares, the error the largest of all. Where but one of 2 n errors
-    !> is zero, that is sqrt(2 n) times as large.
+    !> The sum of the local errors is one of root mean squares, the error the largest of all. If only one of 2 n errors is nonzero,
+    !> it is sqrt(2 n) times as large.
     subroutine test_cause(error)
         type(error_type), allocatable, intent(out) :: error
         type(global_error_type) :: global_error
@@ -362,7 +362,7 @@ contains
         call find_error_warnings(options, statistics, doubts, global_error)
         call check_text(error, doubts(1)%text, 'amplifies what steps leave: tighten rtol, or see whether')
         if (allocated(error)) return
-        ! The disk does, a hundredfold and more.
+        ! The disk amplifies, a hundredfold and more.
         options%stepper = 'dopri5'
         call estimate_error('disk', options, global_error, true, failure, statistics)
         call check_no_failure(error, failure)
@@ -377,9 +377,9 @@ contains
         call check_unknown(.true., 'an event has stopped the run', error)
     end subroutine test_stopped
 
-    !> An event at half the time makes the estimate impossible, and the error says why.
+    !> An event at half the time makes the estimate impossible, and the error states the reason.
     subroutine check_unknown(stops, words, error)
-        !> Whether it stops the run, else it changes the motion.
+        !> True if it stops the run, false if it changes the motion.
         logical, intent(in) :: stops
         character(len=*), intent(in) :: words
         type(error_type), allocatable, intent(out) :: error
@@ -409,7 +409,7 @@ contains
         if (allocated(error)) return
         call check_true(error, .not. global_error%is_known, 'no estimate')
         if (allocated(error)) return
-        ! What is only recorded changes nothing, and does not hinder.
+        ! Recording events change nothing, and do not prevent the estimate.
         push%stops = .false.
         push%changes = .false.
         call global_error%initialize(2, 0.0_wp, 1.0_wp)

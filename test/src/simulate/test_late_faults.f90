@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of faults that come outside of steps: in dense output, behind a breakpoint, after the action of an event.
+!> Tests of faults outside of steps: in dense output, after a breakpoint, after the action of an event.
 module test_late_faults
     use asserts, only: check_close, check_failure, check_no_failure, check_text
     use event_kinds, only: new_time_event, time_event_type
@@ -35,7 +35,7 @@ contains
             new_unittest('a-fault-behind-an-event-is-named', test_event)]
     end subroutine collect_late_faults
 
-    !> Dense output at a point where a procedure fails: the run is at the end of its step again, and goes on bitwise.
+    !> Dense output at a point of failure: the run returns to the end of its step, and continues bitwise equal.
     subroutine test_looking(error)
         type(error_type), allocatable, intent(out) :: error
         type(moving_pivot_type), target :: inner
@@ -73,7 +73,8 @@ contains
         end do
     end subroutine test_looking
 
-    !> A procedure that fails from a breakpoint on, and there for the first time. Where it works again, the run goes on bitwise.
+    !> A procedure that fails from a breakpoint on, and there for the first time. After its recovery the run continues bitwise
+    !> equal.
     subroutine test_breakpoint(error)
         type(error_type), allocatable, intent(out) :: error
         type(moving_pivot_type), target :: inner
@@ -113,7 +114,7 @@ contains
         end do
     end subroutine test_breakpoint
 
-    !> A procedure that fails once an event has acted.
+    !> A procedure that fails after the action of an event.
     subroutine test_event(error)
         type(error_type), allocatable, intent(out) :: error
         type(moving_pivot_type), target :: inner

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the position of sure starts: the nearest consistent one against closed forms and against equations that are solved
-!> here, and that hopeless starts end soon.
+!> Tests of the position of assembled starts: the nearest consistent one against closed forms and against equations solved here, and
+!> the end of hopeless searches.
 module test_nearest_position
     use asserts, only: check_below, check_between, check_close, check_count, check_failure, check_no_failure, check_text, &
         check_true
@@ -34,7 +34,7 @@ contains
             new_unittest('regions-where-phi-is-undefined-are-avoided', test_undefined)]
     end subroutine collect_nearest_position
 
-    !> Along the radius, from far outside and far inside. The rest is rounding: of q0 where that is large.
+    !> Along the radius, from far outside and far inside. The remainder is rounding: of q0 if that is large.
     subroutine test_circle(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -95,7 +95,7 @@ contains
                     pull = model%axes*[cos(2*pi*j/fine), sin(2*pi*j/fine)] - starts(:, i)
                     least = min(least, sum(weights*pull**2))
                 end do
-                ! A point of the search may be the nearest one, but for rounding.
+                ! A point of the scan may be the nearest one up to rounding.
                 call check_below(error, sum(weights*(q - starts(:, i))**2), (1 + 1.0e-14_wp)*least, 'the weighted squared distance')
                 call check_true(error, request%is_nearest, 'it is known to be nearest')
             end do
@@ -153,7 +153,7 @@ contains
         call check_below(error, maxval(abs(q - q0)), 1.0_wp, 'the move')
     end subroutine test_linkage
 
-    !> The other coordinate goes to the nearer of the two places that are left.
+    !> The other coordinate moves to the nearer of the two remaining positions.
     subroutine test_fixed(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -261,7 +261,7 @@ contains
         call check_no_failure(error, failure)
     end subroutine test_fixed_impossible
 
-    !> The links reach 3.3 and the point is 5 away: 1.7 remain whatever the angles are. No start takes more than the limit.
+    !> The links reach 3.3 and the point is 5 away: 1.7 remain for any angles. No search exceeds the limit.
     subroutine test_hopeless(error)
         type(error_type), allocatable, intent(out) :: error
         type(linkage_type), target :: model
@@ -282,7 +282,7 @@ contains
             call assemble(model, request, 0.0_wp, q, qd, failure)
             call check_failure(error, failure, 'inconsistent_start', 'constraint "closure x" stays off by 1.7')
             call check_true(error, request%iterations <= 80, 'at most 80 iterations, not '//to_text(request%iterations))
-            ! Phi and Phi_q once each at each point, and at the start.
+            ! One call each of Phi and Phi_q at each point, and at the start.
             call check_true(error, model%calls <= 2*request%iterations + 2, 'two calls a point')
             call check_close(error, [q, qd], [starts(:, i), 1.0_wp, 1.0_wp, 1.0_wp], 0.0_wp, 'the state')
         end do
@@ -292,7 +292,7 @@ contains
         call assemble(model, request, 0.0_wp, q, qd, failure)
         call check_failure(error, failure, 'inconsistent_start', 'after 7 iterations')
         call check_true(error, model%calls <= 16, 'the limit is kept')
-        ! Just long enough: rank is lost at the solution, where a violation of 1e-12 leaves 1e-6 of the angles open.
+        ! Just long enough: rank is lost at the solution, where a violation of 1e-12 leaves angles undetermined by 1e-6.
         model%distance = 3.3_wp
         request = assembly_type(largest_move_q=0.0_wp)
         q = starts(:, 1)
@@ -303,8 +303,8 @@ contains
         call check_true(error, request%iterations <= 200, 'the limit is kept')
     end subroutine test_hopeless
 
-    !> From (2.5, 1.9) the first steps of the way to the ellipse end left of x = 1.4, where Phi is undefined; shorter ones do not.
-    !> Where all of the ellipse lies there, the status says so.
+    !> From (2.5, 1.9) the first steps towards the ellipse end left of x = 1.4, where Phi is undefined; shorter ones do not. If the
+    !> whole ellipse is in that region, the status reports it.
     subroutine test_undefined(error)
         type(error_type), allocatable, intent(out) :: error
         type(curve_type), target :: model
@@ -323,7 +323,7 @@ contains
         call check_no_failure(error, failure)
         do i = 1, 2
             model%undefined = ways(i)
-            ! The nearest point has the smallest x of the whole way but for what the steps overshoot.
+            ! The nearest point has the smallest x of the whole path except for overshooting steps.
             model%least_x = expected(1) - 1.0e-3_wp
             q = [40.0_wp, 60.0_wp]
             call assemble(model, request, 0.0_wp, q, qd, failure)

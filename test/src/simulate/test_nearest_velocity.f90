@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the velocity of sure starts: the nearest consistent one in the mass metric and by weights.
+!> Tests of the velocity of assembled starts: the nearest consistent one in the mass metric and by weights.
 module test_nearest_velocity
     use asserts, only: check_below, check_close, check_failure, check_no_failure, check_text, check_true
     use faulty_runs, only: faults, start_swing, status_of_fault
@@ -79,7 +79,7 @@ contains
             request = assembly_type()
             weights = 1.0_wp
             if (k == 2) weights = [1.0_wp, 10.0_wp, 0.3_wp]
-            ! The weights do not matter where the masses decide.
+            ! The weights have no effect if the masses decide.
             if (k < 3) request%velocity_metric = 'weights'
             if (k > 1) request%weight_qd = [1.0_wp, 10.0_wp, 0.3_wp]
             if (k > 2) weights = [model%m, model%m, model%inertia]
@@ -98,8 +98,8 @@ contains
         end do
     end subroutine test_weights
 
-    !> With mass in x alone all of the move is y's; where the row asks for nothing of y, y keeps its velocity by the weights;
-    !> without any mass the weights decide.
+    !> With mass in x alone only y changes; if the row does not contain y, y keeps its velocity by the weights; without any mass the
+    !> weights decide.
     subroutine test_singular_mass(error)
         type(error_type), allocatable, intent(out) :: error
         type(curve_type), target :: model
@@ -130,7 +130,7 @@ contains
             'qd without masses')
     end subroutine test_singular_mass
 
-    !> nh = 0: the position stays as it is, the slip is taken away.
+    !> nh = 0: the position is unchanged, the slip is removed.
     subroutine test_nonholonomic(error)
         type(error_type), allocatable, intent(out) :: error
         type(knife_edge_type), target :: model
@@ -151,7 +151,7 @@ contains
         call check_true(error, request%is_nearest .and. request%iterations == 0, 'there was no position to look for')
     end subroutine test_nonholonomic
 
-    !> Fixed velocities that leave no solution, in part or in all.
+    !> Fixed velocities without a solution, in part or completely.
     subroutine test_impossible_velocity(error)
         type(error_type), allocatable, intent(out) :: error
         type(knife_edge_type), target :: model
@@ -174,7 +174,7 @@ contains
         call check_failure(error, failure, 'inconsistent_start', 'with fixed x, y, phi;')
     end subroutine test_impossible_velocity
 
-    !> What the velocity constraints are made of fails: a named status, and the start is as it was.
+    !> A procedure of the velocity constraints fails: a status, and the start is unchanged.
     subroutine test_faults(error)
         type(error_type), allocatable, intent(out) :: error
         type(moving_pivot_type), target :: inner

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Steppers and step size controllers of one's own, handed to a run as objects.
+!> User-defined steppers and step size controllers, passed to a run as objects.
 module test_own_parts
     use asserts, only: check_below, check_between, check_failure, check_no_failure, check_true
     use reference, only: read_reference, reference_type
@@ -12,14 +12,14 @@ module test_own_parts
 
     public :: collect_own_parts
 
-    !> The pair of Bogacki and Shampine, of which the package has none.
+    !> The pair of Bogacki and Shampine, which the package does not include.
     type, extends(explicit_type) :: third_order_type
     contains
         procedure, nopass :: properties => properties_of_third_order
         procedure :: set_tableau
     end type third_order_type
 
-    !> The same without a name, and with a partner that nobody knows.
+    !> The same without a name, and with an unknown partner.
     type, extends(third_order_type) :: nameless_type
     contains
         procedure, nopass :: properties => properties_of_nameless
@@ -29,7 +29,7 @@ module test_own_parts
         procedure, nopass :: properties => properties_of_paired
     end type paired_type
 
-    !> Keeps to one step, whatever the error.
+    !> Keeps one step size, whatever the error.
     type, extends(step_control_type) :: stubborn_type
         real(wp) :: step = 0.01_wp
         integer :: n_asked = 0
@@ -91,7 +91,7 @@ contains
         self%n_asked = self%n_asked + 1
     end subroutine accept
 
-    !> Half the step leaves an eighth of the error on the disk, against a reference that was not made here.
+    !> Half the step gives an eighth of the error on the disk, against an independent reference.
     subroutine test_order(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: model
@@ -149,7 +149,7 @@ contains
         call check_between(error, global_error%error_q/true, 0.7_wp, 1.3_wp, 'stated over true error')
     end subroutine test_tolerance
 
-    !> It is asked behind every step, and its steps are taken.
+    !> It is called after every step, and its step sizes are used.
     subroutine test_controller(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: model
@@ -180,7 +180,7 @@ contains
         call check_true(error, statistics%steps < 50, 'fewer steps by the controller of the package')
     end subroutine test_controller
 
-    !> By name, before anything is run.
+    !> With its name, before a run.
     subroutine test_refused(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: model

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of events that do not happen in a step, or hardly: what they cost, and that none is missed for that.
+!> Tests of events that do not or hardly occur in a step: their cost, and completeness.
 module test_quiet_events
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
     use model_pendulum, only: pendulum_type
@@ -25,7 +25,7 @@ contains
             new_unittest('two-crossings-however-close-are-found', test_close_crossings)]
     end subroutine collect_quiet_events
 
-    !> Thresholds that the motion does not get to cost no evaluation of the model, whatever the stepper, and change nothing.
+    !> Thresholds that the motion does not reach cost no evaluation of the model with any stepper, and change nothing.
     subroutine test_out_of_reach(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: disk
@@ -73,7 +73,7 @@ contains
         end do
     end subroutine test_out_of_reach
 
-    !> A pendulum passes a height close above its lowest point twice at each swing, in steps of a good part of the swing. Energy
+    !> A pendulum passes a height slightly above its lowest point twice per swing, in steps of a large part of the swing. Energy
     !> gives the angle and the times between: 2 phi/omega, omega that of the lowest point.
     subroutine test_close_crossings(error)
         type(error_type), allocatable, intent(out) :: error
@@ -102,7 +102,7 @@ contains
                 phi = acos(1.0_wp - 0.1_wp**i)
                 associate (event => simulation%events)
                     call check_true(error, all(event(1:5:2)%direction == -1) .and. all(event(2:6:2)%direction == 1), 'directions')
-                    ! Errors of the steps move the height; close to the lowest point times go with its root.
+                    ! Errors of the steps change the height; close to the lowest point times change with its root.
                     if (i < 5) call check_below(error, maxval(abs(event(2:6:2)%t - event(1:5:2)%t - 2*phi/omega)), &
                         0.05_wp*phi/omega, trim(steppers(k))//': times between')
                 end associate

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of controlled steps that charts limit.
+!> Tests of controlled steps limited by charts.
 module test_reach
     use asserts, only: check_below, check_no_failure
     use runs, only: run
@@ -20,7 +20,8 @@ contains
             new_unittest('few-steps-fail-where-charts-end', test_few_failures)]
     end subroutine collect_reach
 
-    !> A disk that turns by more than a radian a step, for which the tolerance alone would take it beyond the reach of its charts.
+    !> A disk that rotates by more than a radian per step, for which the tolerance alone would allow steps beyond the reach of its
+    !> charts.
     subroutine test_few_failures(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: tolerances(4) = [1.0e-2_wp, 1.0e-3_wp, 1.0e-4_wp, 1.0e-5_wp]
@@ -46,7 +47,7 @@ contains
                 failed = failed + statistics%failed
                 tries = tries + statistics%steps + statistics%failed + statistics%rejected
             end do
-            ! Of all tolerances together, so that a single try does not decide.
+            ! For all tolerances together, so that a single attempt does not decide.
             call check_below(error, real(failed, wp)/real(tries, wp), 0.027_wp, trim(explicit(k))//': part of the tries that fail')
             if (allocated(error)) return
         end do

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the searches for zeros and minima, on functions that are hard on them.
+!> Tests of the searches for zeros and minima, on difficult functions.
 module test_root
     use asserts, only: check_below, check_close, check_count, check_true
     use tandem, only: wp
@@ -23,7 +23,7 @@ contains
             new_unittest('zeros-come-in-order', test_zeros)]
     end subroutine collect_root
 
-    !> Nasty functions on [0, 1] with one sign change.
+    !> Difficult functions on [0, 1] with one sign change.
     pure real(wp) function nasty(kind, x)
         integer, intent(in) :: kind
         real(wp), intent(in) :: x

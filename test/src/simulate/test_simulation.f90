@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the simulation object: stepping from outside, legs, the time grid, observers, independence, what it reports.
+!> Tests of the simulation object: stepping from outside, legs, the time grid, observers, independence, reports.
 module test_simulation
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use model_pendulum, only: pendulum_type
@@ -14,7 +14,7 @@ module test_simulation
 
     public :: collect_simulation
 
-    !> Counts the occasions and remembers their order.
+    !> Counts the occasions and stores their order.
     type, extends(observer_type) :: occasion_watch_type
         integer :: starts = 0, steps = 0, ends = 0
         logical :: in_order = .true.
@@ -99,7 +99,7 @@ contains
         end do
     end subroutine test_start
 
-    !> Nothing goes on, and nothing crashes, where `initialize` was not called or has refused, also where there was a run before.
+    !> No operation succeeds or crashes if `initialize` was not called or has failed, also after a previous run.
     subroutine test_no_run(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: model
@@ -222,7 +222,7 @@ contains
         type(simulation_type) :: simulation
         type(failure_type), allocatable :: failure
         real(wp) :: q(2), qd(2)
-        ! Else the product and the difference from it may be one operation, which rounds once.
+        ! Otherwise product and difference may be fused to one operation, which rounds once.
         real(wp), volatile :: t
         integer :: i
 
@@ -290,7 +290,7 @@ contains
         call check_true(error, watch%in_order, 'start, steps and end come in order')
     end subroutine test_observer
 
-    !> Steps of two simulations in turn, each with a model of its own.
+    !> Alternating steps of two simulations, each with its own model.
     subroutine test_two(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: disk, other_disk

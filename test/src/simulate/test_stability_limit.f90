@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Steps of explicit steppers where stability, not accuracy, limits them.
+!> Steps of explicit steppers limited by stability, not accuracy.
 module test_stability_limit
     use asserts, only: check_below, check_between, check_no_failure, check_true
     use runs, only: get_start, new_scene, run
@@ -27,7 +27,7 @@ contains
             new_unittest('a-straight-ride-is-not-stiff', test_straight)]
     end subroutine collect_stability_limit
 
-    !> At rest in all but one coordinate, what is left of differences is rounding, which has eigenvalues of any size.
+    !> At rest in all but one coordinate, the other differences are rounding, which suggests eigenvalues of any size.
     subroutine test_straight(error)
         type(error_type), allocatable, intent(out) :: error
         type(motorcycle_type), target :: model
@@ -60,8 +60,8 @@ contains
         call control%initialize(options, [1.0_wp], 1.0_wp, properties_type(estimate_order=7, stability_limit=6.0_wp))
     end subroutine set_up
 
-    !> Errors that allow six times the step: where the motion is resolved, at half of the limit, nearly there, and beyond. Steps are
-    !> rounded down by a 46th at most.
+    !> Errors that allow six times the step: for a resolved motion, at half of the limit, near it, and beyond. Steps are rounded
+    !> down by a 46th at most.
     subroutine test_limit(error)
         type(error_type), allocatable, intent(out) :: error
         type(step_control_type) :: control
@@ -76,16 +76,16 @@ contains
             call check_true(error, control%is_at_limit .eqv. i > 2, 'at the limit')
             if (allocated(error)) return
         end do
-        ! An error that wants a smaller step has it.
+        ! An error that requires a smaller step gets it.
         call set_up(control)
         call control%accept(h, .false., 0.9_wp, 5.0_wp, huge(1.0_wp))
         call check_true(error, control%h < h .and. .not. control%is_at_limit, 'the error decides')
-        ! Beyond nine tenths error control settles by itself.
+        ! Beyond nine tenths error control adjusts by itself.
         call control%accept(h, .false., 0.9_wp, 5.5_wp, huge(1.0_wp))
         call check_true(error, control%is_at_limit, 'nearly there')
     end subroutine test_limit
 
-    !> Steps that do not see it any more grow by a quarter, until six times are allowed; a new start forgets it at once.
+    !> Steps without detection grow by a quarter, until six times are allowed; a new start resets it at once.
     subroutine test_fading(error)
         type(error_type), allocatable, intent(out) :: error
         type(step_control_type) :: control
@@ -106,7 +106,7 @@ contains
         call check_between(error, control%h/h, 5.86_wp, 6.0_wp, 'growth after a new start')
     end subroutine test_fading
 
-    !> What dop853 at 1e-8 takes to run a scene to a time.
+    !> Work of dop853 at 1e-8 for a scene up to a time.
     subroutine take_scene(scene, t_end, statistics, error)
         character(len=*), intent(in) :: scene
         real(wp), intent(in) :: t_end
@@ -127,8 +127,8 @@ contains
         statistics = simulation%statistics()
     end subroutine take_scene
 
-    !> The chopper's fork is damped so much that stability limits dop853 at 1e-8. Without a look at it, 32 steps were rejected
-    !> beside 105.
+    !> The strong damping of the chopper's fork makes stability limit dop853 at 1e-8. Without the estimate, 32 steps were
+    !> rejected besides 105 accepted ones.
     subroutine test_chopper(error)
         type(error_type), allocatable, intent(out) :: error
         type(statistics_type) :: statistics
@@ -140,8 +140,8 @@ contains
         call check_true(error, statistics%is_stiff, 'stiffness is noticed although steps stay below the limit')
     end subroutine test_chopper
 
-    !> Steps and errors that differ by rounding are followed by the same step, accepted or not; a step is not changed by rounding it
-    !> again.
+    !> Steps and errors that differ by rounding are followed by the same step, accepted or not; rounding a step twice does not
+    !> change it.
     subroutine test_rounding(error)
         type(error_type), allocatable, intent(out) :: error
         type(step_control_type) :: control
@@ -166,7 +166,7 @@ contains
         call check_below(error, abs(control%limit(0.0_wp)), 0.0_wp, 'what is no step')
     end subroutine test_rounding
 
-    !> The disk is not stiff: its steps are those of the error alone.
+    !> The disk is not stiff: its steps depend on the error only.
     subroutine test_disk(error)
         type(error_type), allocatable, intent(out) :: error
         type(statistics_type) :: statistics

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the statuses that suites failures, faults, model_check and options leave: those of derivatives, of constraints that
-!> degenerate on the way, of constraints that cannot be held; and of what is at hand after a failure.
+!> Tests of the statuses not covered by the suites failures, faults, model_check and options: those of derivatives, of constraints
+!> that degenerate during a run, of constraints that cannot be satisfied; and of the remaining state after a failure.
 module test_statuses
     use asserts, only: check_below, check_between, check_close, check_count, check_failure, check_no_failure, check_stopped, &
         check_true
@@ -28,7 +28,7 @@ module test_statuses
     !> The steppers with fixed steps.
     character(len=16), parameter :: steppers(3) = [character(len=16) :: 'rk4', 'trapezoid', 'sdirk54']
 
-    !> A pendulum whose rod is longer by this part of its length behind the first breakpoint.
+    !> A pendulum whose rod is longer by this part of its length after the first breakpoint.
     type, extends(pendulum_type) :: jumping_type
         real(wp) :: stretch = 1.0e-6_wp
     end type jumping_type
@@ -96,7 +96,7 @@ contains
         end do
     end subroutine test_zero_row
 
-    !> A row that restricts nothing at t = 0, and something from then on.
+    !> A zero row at t = 0, which restricts the motion from then on.
     subroutine test_zero_start(error)
         type(error_type), allocatable, intent(out) :: error
         type(closing_type), target :: model
@@ -115,7 +115,7 @@ contains
         end do
     end subroutine test_zero_start
 
-    !> With every stepper: a named status and row, at the time of the degeneration or at the chart before it.
+    !> With every stepper: a status and row, at the time of the degeneration or at the chart before it.
     subroutine check_closing(model, error)
         type(closing_type), intent(inout), target :: model
         type(error_type), allocatable, intent(inout) :: error
@@ -171,7 +171,7 @@ contains
         end do
     end subroutine test_indefinite
 
-    !> No constraints, only holonomic, only nonholonomic ones, and as many as coordinates; each ends where it must.
+    !> No constraints, only holonomic, only nonholonomic ones, and as many as coordinates; each has its expected end.
     subroutine test_mixtures(error)
         type(error_type), allocatable, intent(out) :: error
         type(particle_type), target :: particle
@@ -239,14 +239,14 @@ contains
                 model%fault_stat = -3
                 call run(simulation, model, options, 0.0_wp, q, qd, 4.0_wp, failure)
                 call check_failure(error, failure, 'callback_failed', 'derivative')
-                ! Where a matrix was wanted next.
+                ! When the next matrix was needed.
                 call check_between(error, simulation%state%t, merge(0.0_wp, 0.045_wp, i == 1), merge(0.0_wp, 3.9_wp, i == 1), &
                     'time left behind')
             end do
         end do
     end subroutine test_derivative_stat
 
-    !> A NaN in any derivative ends the run with a named status, and never enters the state.
+    !> A NaN in any derivative ends the run with a status, and never enters the state.
     subroutine test_derivative_nan(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: inner
@@ -270,13 +270,13 @@ contains
             model%derivative = i
             call run(simulation, model, options, 0.0_wp, q, qd, 4.0_wp, failure)
             call check_stopped(error, failure, [character(len=24) :: 'newton_failed', 'not_finite'], place=derivative_name(i))
-            ! Where a matrix was wanted next.
+            ! When the next matrix was needed.
             call check_between(error, simulation%state%t, 0.045_wp, 3.9_wp, 'time left behind')
             call check_state_left(error, simulation)
         end do
     end subroutine test_derivative_nan
 
-    !> After a failure at a stage: state, multipliers and energy are those of a run that was stopped there.
+    !> After a failure at a stage: state, multipliers and energy are those of a run stopped there.
     subroutine test_left_behind(error)
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: faults(3) = [fault_nan, fault_stop, fault_retry]
@@ -285,7 +285,7 @@ contains
         do k = 1, size(steppers)
             do i = 1, size(faults)
                 do term = 1, n_terms
-                    ! A fault in M or nu alone is a matter of suite faults; Phi, C, gamma and forces leave the most behind.
+                    ! Suite faults has the faults in M or nu alone; Phi, C, gamma and forces have the largest effects.
                     if (term == 3) cycle
                     call check_left_behind(steppers(k), faults(i), term, error)
                 end do
@@ -311,7 +311,7 @@ contains
         call run_with_fault(simulation, spy, inner, options, fault, term, 0.0505_wp, failure)
         call check_stopped(error, failure, place=trim(stepper)//', '//trim(term_name(term)))
         if (allocated(error)) return
-        ! The fault goes away, so that the state can be looked at.
+        ! Remove the fault, so that the state can be evaluated.
         spy%fault = no_fault
         call start_swing(other, q, qd)
         call run(expected, other, options, 0.0_wp, q, qd, 0.05_wp, failure)
@@ -396,7 +396,7 @@ contains
         call check_close(error, [simulation%state%t], [1.0e16_wp], 0.0_wp, 't')
     end subroutine test_underflow
 
-    !> A rod whose length jumps at a breakpoint: the state that was right before it is wrong behind it, and no step can help.
+    !> A rod whose length jumps at a breakpoint: a valid state before it is invalid after it, and no step size can help.
     subroutine test_not_held(error)
         type(error_type), allocatable, intent(out) :: error
         type(jumping_type), target :: model
@@ -417,7 +417,7 @@ contains
             call check_failure(error, failure, 'constraints_not_held', 'the position constraint "rod" is off by')
             call check_close(error, [simulation%state%t], [0.055_wp], 1.0e-15_wp, 'time left behind')
             if (allocated(error)) return
-            ! The stretch times length**2 on the scale |x| + |y|, since coordinates count as one at least.
+            ! The stretch times length**2 on the scale |x| + |y|, because coordinates are at least one.
             call check_between(error, simulation%errors(1), 1.0e-7_wp, 1.0e-5_wp, 'error')
         end do
     end subroutine test_not_held
@@ -460,7 +460,7 @@ contains
         end do
     end subroutine test_near_redundant
 
-    !> Step by step in turns, with different steppers and models: the same to the last bit as one after the other.
+    !> Alternating steps with different steppers and models: identical to the last bit to consecutive runs.
     subroutine test_turns(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: disk, motorcycle

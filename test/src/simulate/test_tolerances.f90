@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tolerances one a coordinate, and limits on work.
+!> Tolerances per coordinate, and limits on work.
 module test_tolerances
     use asserts, only: check_below, check_between, check_close, check_failure, check_no_failure, check_true
     use model_tilted_skate, only: tilted_skate_type
@@ -44,7 +44,7 @@ contains
         options%rtol_q = [1.0e-3_wp, 1.0e-4_wp]
         options%rtol_qd = [1.0e-5_wp, 1.0e-6_wp]
         options%atol_q = [1.0e-7_wp, 1.0e-8_wp]
-        ! A zero stands for the relative tolerance there.
+        ! A zero selects the relative tolerance there.
         options%atol_qd = [0.0_wp, 1.0e-9_wp]
         call control%initialize(options, scale, 1.0_wp, properties_type(estimate_order=4))
         call control%set_weights([1.0_wp, -3.0_wp], [-2.0_wp, 1.0_wp], [0.0_wp, 4.0_wp], [5.0_wp, -6.0_wp])
@@ -66,7 +66,7 @@ contains
         options%step = 0.0_wp
         call check_close(error, [options%relative_tolerance()], [1.0e-6_wp], 0.0_wp, 'the default')
         if (allocated(error)) return
-        ! Of the coordinates only: the velocities follow, and Newton's tolerance follows the smallest.
+        ! Of the coordinates only: the velocities use the same, and Newton's tolerance is based on the smallest.
         options%rtol_q = [1.0e-4_wp, 1.0e-6_wp]
         call check_true(error, options%is_adaptive(), 'a list asks for steps under error control')
         if (allocated(error)) return
@@ -77,7 +77,7 @@ contains
         call check_close(error, [options%relative_tolerance(), options%absolute_tolerance(), 1.0e3_wp*options%newton_tolerance()], &
             spread(1.0e-6_wp, 1, 3), 1.0e-20_wp, 'the smallest')
         if (allocated(error)) return
-        ! Of the velocities only, beside a number for all.
+        ! Of the velocities only, with a number for all coordinates.
         deallocate (options%rtol_q)
         options%rtol = 1.0e-5_wp
         options%atol = 1.0e-9_wp
@@ -138,7 +138,7 @@ contains
         call check_close(error, second, first, 0.0_wp, 'state at the end')
     end subroutine test_same_run
 
-    !> Tolerances 1e-4 but for the velocities, 1e-10: it is the tight ones that the steps follow, and not so without them.
+    !> Tolerances 1e-4 except for the velocities, 1e-10: the steps follow the tight ones, and are larger without them.
     subroutine test_tight_velocity(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
@@ -201,13 +201,13 @@ contains
             if (allocated(error)) return
             deallocate (options%atol_q)
         end do
-        ! A relative tolerance of zero would leave a coordinate without any.
+        ! A relative tolerance of zero would leave a coordinate without a tolerance.
         options%rtol_qd = [0.0_wp, 1.0e-6_wp]
         call options%check(failure)
         call check_failure(error, failure, 'invalid_option', 'rtol_qd(1) = ')
     end subroutine test_values
 
-    !> Every stepper, fixed steps and controlled ones: at most one step more, and the last state is a step's own.
+    !> Every stepper, fixed steps and controlled ones: at most one step more, and the last state is that of a step.
     subroutine test_evaluations(error)
         type(error_type), allocatable, intent(out) :: error
         type(tilted_skate_type), target :: model
@@ -231,7 +231,7 @@ contains
                 call check_failure(error, failure, 'work_limit', 'max_evaluations = 200 is reached, t = ')
                 if (allocated(error)) return
                 statistics = simulation%statistics()
-                ! A dop853 step takes 12; an implicit one may take more in Newton's iteration, seen: 24.
+                ! A dop853 step takes 12; an implicit one may take more in Newton's iteration, measured: 24.
                 call check_true(error, statistics%right_hand_sides >= limit .and. statistics%right_hand_sides <= limit + 30, &
                     stepper_names(i)//': evaluations')
                 if (allocated(error)) return
@@ -247,7 +247,7 @@ contains
         end do
     end subroutine test_evaluations
 
-    !> A first step of 10 is rejected many times: the limit is met before any step is accepted.
+    !> A first step of 10 is rejected many times: the limit is reached before any step is accepted.
     subroutine test_rejected(error)
         type(error_type), allocatable, intent(out) :: error
         type(tilted_skate_type), target :: model
@@ -285,7 +285,7 @@ contains
         if (allocated(error)) return
         statistics = simulation%statistics()
         call check_true(error, statistics%wall_seconds >= 0.02_wp, 'wall time')
-        ! A busy machine may let it wait, however long, but does not work meanwhile.
+        ! On a busy machine it may wait for any time, but does not work meanwhile.
         call check_below(error, statistics%cpu_seconds, 2.0_wp, 'time of the processor')
         if (allocated(error)) return
         call check_true(error, statistics%steps > 0, 'steps')

@@ -2,8 +2,8 @@
 !> Tests of the accuracy of implicit steppers against the reference solutions, and of all steppers on the motorcycles against an
 !> independent solution by the index-1 equations with multipliers. (The suite `rk4` compares RK4 with the references.)
 !>
-!> Bounds are the errors that order and step give, measured, with a margin of two; errors of truncation hardly depend on the
-!> machine. Where rounding or what Newton's iteration leaves dominates, the margin is ten.
+!> Bounds are the measured errors of order and step, with a margin of two; truncation errors hardly depend on the machine. If
+!> rounding or the remainder of Newton's iteration dominates, the margin is ten.
 module test_accuracy
     use asserts, only: check_below, check_close, check_count, check_no_failure
     use kkt, only: kkt_type, solve_independently
@@ -43,9 +43,9 @@ contains
     subroutine compare(scene, stepper, step, t_end, rows, bounds, error, final_bound)
         character(len=*), intent(in) :: scene, stepper
         real(wp), intent(in) :: step, t_end
-        !> How many rows of the table the run must meet.
+        !> Required number of common rows of the table.
         integer, intent(in) :: rows
-        !> Bounds for q and qd, and (where given) relative ones for qdd and lambda.
+        !> Bounds for q and qd, and optionally relative ones for qdd and lambda.
         real(wp), intent(in) :: bounds(:)
         type(error_type), allocatable, intent(inout) :: error
         !> Bound for q at t_end.
@@ -75,7 +75,7 @@ contains
         end associate
     end subroutine compare
 
-    !> At h = 1e-3 what is seen is what Newton's iteration leaves, 1e-14 of 150 m a stage; 1e-9 is what is promised at t = 10.
+    !> At h = 1e-3 the error is the remainder of Newton's iteration, 1e-14 of 150 m per stage; 1e-9 is guaranteed at t = 10.
     subroutine test_vehicle_sdirk54(error)
         type(error_type), allocatable, intent(out) :: error
 
@@ -90,14 +90,14 @@ contains
         call compare('vehicle', 'trapezoid', 2.0e-3_wp, 10.0_wp, 42, [3.0e-6_wp, 9.0e-7_wp, 2.2e-7_wp, 1.8e-5_wp], error)
     end subroutine test_vehicle_trapezoid
 
-    !> What Newton's iteration leaves grows by 1e4 and more in the dips; 5e-7 is what is promised at t = 10.
+    !> The remainder of Newton's iteration grows by 1e4 and more in the dips; 5e-7 is guaranteed at t = 10.
     subroutine test_disk_sdirk54(error)
         type(error_type), allocatable, intent(out) :: error
 
         call compare('disk', 'sdirk54', 1.0e-3_wp, 10.0_wp, 21, [3.0e-6_wp, 2.0e-5_wp, 8.0e-6_wp, 3.0e-6_wp], error, 5.0e-7_wp)
     end subroutine test_disk_sdirk54
 
-    !> h = 1e-4; 1e-4 is what is promised at t = 10.
+    !> h = 1e-4; 1e-4 is guaranteed at t = 10.
     subroutine test_disk_trapezoid(error)
         type(error_type), allocatable, intent(out) :: error
 
@@ -131,7 +131,7 @@ contains
         call compare('stiff_pendulum', 'trapezoid', 2.5e-5_wp, 0.5_wp, 7, [1.7e-4_wp, 0.5_wp], error)
     end subroutine test_stiff_pendulum
 
-    !> The guard of the tests below: the independent solver against the vehicle's reference, through the kink at 2 pi.
+    !> The control of the tests below: the independent solver against the vehicle's reference, through the kink at 2 pi.
     subroutine test_independent(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model
@@ -153,8 +153,7 @@ contains
     subroutine check_motorcycle(scene, error)
         character(len=*), intent(in) :: scene
         type(error_type), allocatable, intent(inout) :: error
-        !> What is promised of the steppers of order four; what order two leaves at h = 2e-3, 1.4e-6 after 150 m, with a margin
-        !> of two.
+        !> Guaranteed for the steppers of order four; error of order two at h = 2e-3, 1.4e-6 after 150 m, with a margin of two.
         real(wp), parameter :: promised = 1.0e-9_wp, order_two = 2.8e-6_wp
         class(model_type), allocatable, target :: model
         type(simulation_type) :: simulation
@@ -208,7 +207,7 @@ contains
     subroutine test_lane_change(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=10), parameter :: scenes(2) = [character(len=10) :: 'motorcycle', 'chopper']
-        !> The paper's figures; what is promised of the standard one, and what steering the chopper does.
+        !> The paper's figures; guaranteed for the standard one, and effect of steering on the chopper.
         real(wp), parameter :: lane(2) = [4.18_wp, 4.12_wp], bound(2) = [1.0e-6_wp, 2.1e-6_wp]
         class(model_type), allocatable, target :: model
         type(simulation_type) :: simulation

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of what Newton's iteration costs where bodies turn far within a step: a matrix is right for one place, and a step whose
-!> stages are hard to solve for is not followed by another.
+!> Tests of the cost of Newton's iteration for bodies with large rotations within a step: a matrix is right for one position, and a
+!> step with stages that are hard to solve must not be followed by another.
 module test_newton_effort
     use asserts, only: check_below, check_no_failure
     use large_runs, only: begin
@@ -26,7 +26,7 @@ contains
             new_unittest('fixed-steps-leave-of-stages-a-small-part-of-their-own-error', test_share)]
     end subroutine collect_newton_effort
 
-    !> Run a shipped scene to its end: its last coordinates (n), and corrections a step.
+    !> Run a shipped scene to its end: its last coordinates (n), and corrections per step.
     subroutine run_scene(name, stepper, rtol, q, effort, error)
         character(len=*), intent(in) :: name, stepper, rtol
         real(wp), allocatable, intent(out) :: q(:)
@@ -59,7 +59,7 @@ contains
         effort = real(statistics%newton_corrections, wp)/real(max(1_long, statistics%steps), wp)
     end subroutine run_scene
 
-    !> The wheels of the bicycle turn by half a radian within a step. With matrices made at the start of a step, one took 31
+    !> The wheels of the bicycle rotate by half a radian within a step. With matrices made at the start of a step, one took 31
     !> corrections with sdirk54 and 58 with radau5.
     subroutine test_bicycle(error)
         type(error_type), allocatable, intent(out) :: error
@@ -72,7 +72,7 @@ contains
         call check_below(error, effort, 20.0_wp, 'corrections a step of radau5')
     end subroutine test_bicycle
 
-    !> The governor's shaft turns by a radian in a step that the error allows; its stages are found by many detours. A step took 82
+    !> The governor's shaft rotates by a radian in a step allowed by the error; its stages require many fallbacks. A step took 82
     !> corrections.
     subroutine test_governor(error)
         type(error_type), allocatable, intent(out) :: error
@@ -85,8 +85,8 @@ contains
         if (.not. allocated(error)) call check_below(error, maxval(abs(q - exact)), 2.0e-3_wp, 'error at the end')
     end subroutine test_governor
 
-    !> Fixed steps of a chain on stiff springs: stages start from what the same stage has come to in the steps before. A step of
-    !> five stages took 10.5 corrections, and a factor was made at nearly each.
+    !> Fixed steps of a chain on stiff springs: stages start from the misses of the same stage in previous steps. A step of five
+    !> stages took 10.5 corrections, and a factor was made at almost every step.
     subroutine test_alike(error)
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type), target :: mechanism
@@ -98,7 +98,7 @@ contains
 
         call begin('sprung_chain', 10, options_type(stepper='sdirk54', step=h, chart_kind='sparse'), mechanism, simulation, error)
         if (allocated(error)) return
-        ! Behind the first swing, which is stiff.
+        ! After the first swing, which is stiff.
         call simulation%integrate(n*h, failure)
         before = simulation%statistics()
         if (.not. allocated(failure)) call simulation%integrate(2*n*h, failure)
@@ -110,8 +110,8 @@ contains
         call check_below(error, real(after%newton_matrices - before%newton_matrices, wp)/n, 0.5_wp, 'matrices a step')
     end subroutine test_alike
 
-    !> What fixed steps leave of their stages follows from their own errors: it costs less than to solve them as far as they can be,
-    !> and what that leaves is nothing to what shorter steps find wrong. A tolerance that is given is kept to.
+    !> The stage tolerance of fixed steps follows from their own errors: this costs less than full accuracy, and its effect is
+    !> negligible compared with the difference to shorter steps. A given tolerance is respected.
     subroutine test_share(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: h = 1.0e-3_wp, given = 1.0e-14_wp

@@ -42,7 +42,7 @@ contains
             new_unittest('test-models-with-implicit-steps-have-their-order', test_implicit_models)]
     end subroutine collect_order
 
-    !> q at t, by the reference or independently. (The independent solution is off by up to 2e-10 of 150 m at t = 10.)
+    !> q at t, from the reference or the independent solution. (The latter has errors up to 2e-10 of 150 m at t = 10.)
     subroutine get_truth(scene, t, q)
         character(len=*), intent(in) :: scene
         real(wp), intent(in) :: t
@@ -82,7 +82,7 @@ contains
     subroutine check_order(scene, options, t, steps, low, high, bound, error)
         character(len=*), intent(in) :: scene
         type(options_type), intent(in) :: options
-        !> Where to compare; the steps, each half of the one before.
+        !> Time of the comparison; the steps, each half of the previous one.
         real(wp), intent(in) :: t, steps(:)
         real(wp), intent(in) :: low, high, bound
         type(error_type), allocatable, intent(inout) :: error
@@ -122,7 +122,7 @@ contains
             3.85_wp, 4.15_wp, 3.0e-7_wp, error)
     end subroutine test_vehicle_kink
 
-    !> t = 10, behind two dips; 34 charts with each step.
+    !> t = 10, after two dips; 34 charts with each step.
     subroutine test_disk_paper(error)
         type(error_type), allocatable, intent(out) :: error
 
@@ -145,7 +145,7 @@ contains
         call check_order('vehicle', choose(), 10.0_wp, [0.1_wp, 0.05_wp, 0.025_wp], 3.85_wp, 4.15_wp, 3.0e-7_wp, error)
     end subroutine test_vehicle_every_step
 
-    !> In the dips the error of order four nearly vanishes and order five is seen, better than the theory asks.
+    !> In the dips the error of order four nearly vanishes and order five appears, better than the theory requires.
     subroutine test_disk_every_step(error)
         type(error_type), allocatable, intent(out) :: error
 
@@ -172,8 +172,8 @@ contains
             7.0e-8_wp, error)
     end subroutine test_refine
 
-    !> With a chart every step errors of order four and five have opposite signs and cancel near h = 1e-3; from 2e-3 to 5e-4 the
-    !> error falls by more than order four all the same. With large charts order four dominates.
+    !> With a chart per step errors of order four and five have opposite signs and cancel near h = 1e-3; from 2e-3 to 5e-4 the error
+    !> still decreases by more than order four. With large charts order four dominates.
     subroutine test_heavy_top(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), allocatable :: truth(:)
@@ -202,8 +202,8 @@ contains
         call check_order('stiff_pendulum', choose(), 0.5_wp, [5.0e-5_wp, 2.5e-5_wp, 1.25e-5_wp], 3.85_wp, 4.15_wp, 7.0e-7_wp, error)
     end subroutine test_stiff_pendulum
 
-    !> The suspension's eigenvalues are -13 +- 9i: h = 0.2 is unstable. (The chopper's are larger: where RK4 is stable there, its
-    !> error is at rounding, and shows no order.)
+    !> The suspension's eigenvalues are -13 +- 9i: h = 0.2 is unstable. (The chopper's are larger: if RK4 is stable there, its error
+    !> is at rounding, and shows no order.)
     subroutine test_motorcycle(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: steps(3) = [0.1_wp, 0.05_wp, 0.025_wp]
@@ -214,7 +214,7 @@ contains
         call check_order('motorcycle', choose(), 10.0_wp, steps, 3.85_wp, 4.15_wp, 3.0e-7_wp, error)
     end subroutine test_motorcycle
 
-    !> Steps as large as truncation needs to stand above rounding and what Newton's iteration leaves.
+    !> Steps so large that truncation exceeds rounding and the remainder of Newton's iteration.
     subroutine test_radau5(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: low = 4.7_wp, high = 5.3_wp
@@ -222,8 +222,8 @@ contains
         call check_order('vehicle', choose(stepper='radau5'), 6.0_wp, [0.4_wp, 0.2_wp, 0.1_wp], low, high, 1.0e-6_wp, error)
         call check_order('disk', choose(stepper='radau5'), 2.0_wp, [3.2e-2_wp, 1.6e-2_wp], low, high, 1.0e-6_wp, error)
         call check_order('knife_edge', choose(stepper='radau5'), 3.0_wp, [0.2_wp, 0.1_wp, 0.05_wp], low, high, 1.0e-5_wp, error)
-        ! With half of these steps the error is 1.2e-11, and the truth is known to some 4e-12: on other processors another order is
-        ! seen. The errors here are 4.0e-7, 1.2e-8, 3.8e-10.
+        ! With half of these steps the error is 1.2e-11, and the truth is known to some 4e-12: other processors show another order.
+        ! The errors here are 4.0e-7, 1.2e-8, 3.8e-10.
         call check_order('motorcycle', choose(stepper='radau5'), 6.0_wp, [0.4_wp, 0.2_wp, 0.1_wp], low, high, 1.0e-6_wp, error)
     end subroutine test_radau5
 
@@ -240,7 +240,7 @@ contains
         call check_order('vehicle', choose(stepper='sdirk54'), 10.0_wp, steps, 3.85_wp, 4.15_wp, 1.9e-6_wp, error)
     end subroutine test_vehicle_sdirk54
 
-    !> With a chart every step order five is seen behind the dips, as with RK4.
+    !> With a chart per step order five appears after the dips, as with RK4.
     subroutine test_disk_sdirk54(error)
         type(error_type), allocatable, intent(out) :: error
 
@@ -281,7 +281,7 @@ contains
         call check_order('vehicle', choose(stepper='trapezoid'), 10.0_wp, steps, 1.85_wp, 2.15_wp, 7.0e-3_wp, error)
     end subroutine test_vehicle_trapezoid
 
-    !> Behind the dips the paper's charts are asymptotic for h = 5e-4 and below; with a chart every step order three is seen.
+    !> After the dips the paper's charts are asymptotic for h = 5e-4 and below; with a chart per step order three appears.
     subroutine test_disk_trapezoid(error)
         type(error_type), allocatable, intent(out) :: error
 

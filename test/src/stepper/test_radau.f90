@@ -23,12 +23,12 @@ module test_radau
 
     integer, parameter :: stages(3) = [3, 5, 7]
 
-    !> What was saved of a run.
+    !> State saved during a run.
     type :: row_type
         integer(long), allocatable :: words(:)
     end type row_type
 
-    !> The pendulum by its angle, whose steps no chart bounds.
+    !> The pendulum by its angle, whose steps are not bounded by charts.
     type, extends(model_type) :: angle_type
     contains
         procedure :: define => define_angle
@@ -149,11 +149,11 @@ contains
         value = -pendulum%g/pendulum%length*sin(q)
     end subroutine torque
 
-    !> Fixed steps of a number of stages on a chart at each step: a pendulum through its lowest point, which turns at 2 rad.
+    !> Fixed steps with a number of stages and a chart at each step: a pendulum through its lowest point, which reverses at 2 rad.
     subroutine swing(s, h, n, angle, error)
         integer, intent(in) :: s, n
         real(wp), intent(in) :: h
-        !> Where it is after n steps.
+        !> Angle after n steps.
         real(wp), intent(out) :: angle
         type(error_type), allocatable, intent(inout) :: error
         type(angle_type), target :: model
@@ -234,7 +234,7 @@ contains
         end do
     end subroutine test_orders
 
-    !> Its name, and that it does not go without what it chooses by.
+    !> Its name, and the refusal of fixed steps.
     subroutine test_name(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model
@@ -280,7 +280,7 @@ contains
         end do
     end subroutine test_reference
 
-    !> A run of radau or radau5: its end and what it has cost.
+    !> A run of radau or radau5: its end and its cost.
     subroutine measure(scene, stepper, rtol, t_end, q_end, statistics, error)
         !> A scene, or the slow pendulum on a spring of frequency ratio 1e2 or 1e4, or the motorcycle on a suspension 100 times as
         !> stiff and as damped.
@@ -328,12 +328,12 @@ contains
         call check_no_failure(error, failure)
     end subroutine measure
 
-    !> The same answers as radau5 at a tenth of the tolerance, for less.
+    !> The same results as radau5 at a tenth of the tolerance, for a lower cost.
     subroutine test_tight(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=16), parameter :: scenes(4) = [character(len=16) :: 'slow_1e2', 'slow_1e4', 'motorcycle', 'disk']
         real(wp), parameter :: t_end(4) = [2.0_wp, 2.0_wp, 4.0_wp, 4.0_wp], rtols(2) = [1.0e-8_wp, 1.0e-10_wp]
-        !> Corrections over those of radau5.
+        !> Ratio of the corrections to those of radau5.
         real(wp), parameter :: most(2, 4) = reshape([0.8_wp, 0.5_wp, 0.8_wp, 0.5_wp, 0.7_wp, 0.4_wp, 0.95_wp, 0.6_wp], [2, 4])
         type(statistics_type) :: five, fine, varied
         real(wp), allocatable :: exact(:), q(:), q_five(:)
@@ -355,7 +355,7 @@ contains
         end do
     end subroutine test_tight
 
-    !> Where few digits are asked for, three stages are right; and nothing is lost by looking.
+    !> For few digits three stages are best; and the test of other numbers costs nothing.
     subroutine test_loose(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=16), parameter :: scenes(6) = [character(len=16) :: 'slow_1e2', 'slow_1e4', 'stiff_pendulum', 'motorcycle', &
@@ -418,8 +418,8 @@ contains
         call check_below(error, worst, 100*rtol, 'error between steps')
     end subroutine test_between
 
-    !> Taken up after each of its steps, among them those of all numbers of stages and those before a change, a run goes on as it
-    !> did.
+    !> Continued after each of its steps, including those of all numbers of stages and those before a change, a run is bitwise
+    !> equal.
     subroutine test_checkpoint(error)
         type(error_type), allocatable, intent(out) :: error
         type(pendulum_type), target :: one, two
@@ -427,7 +427,7 @@ contains
         type(failure_type), allocatable :: failure
         integer(long), allocatable :: expected(:), words(:)
         integer, parameter :: n = 70
-        !> What is saved after each step, and how many stages that had.
+        !> State saved after each step, and its number of stages.
         type(row_type) :: saved(n)
         integer :: stages_of(n), i, k
 
@@ -484,8 +484,8 @@ contains
         stages_so_far = statistics%implicit_stages
     end function stages_so_far
 
-    !> The pendulum through its lowest point is thrown back there each time: what it would have been, on one side. After each
-    !> bounce, three stages begin again, and become more.
+    !> The pendulum is reflected at its lowest point each time: the free motion, on one side. After each bounce, the stages begin
+    !> with three again, and increase.
     subroutine test_events(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: rtol = 1.0e-10_wp, t_end = 5.0_wp
@@ -527,7 +527,7 @@ contains
             'angle')
     end subroutine test_events
 
-    !> The chart that books times takes the same course through all numbers of stages, word by word.
+    !> The chart with time measurement gives identical results for all numbers of stages, word by word.
     subroutine test_profile(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: one, two

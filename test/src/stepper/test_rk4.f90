@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of RK4's accuracy: exactness on polynomials, and distances from the reference solutions.
 !>
-!> Bounds are the errors that order and step give, measured, with a margin of two; errors of truncation hardly depend on the
-!> machine. Where rounding and the constraint tolerance dominate, the margin is ten.
+!> Bounds are the measured errors of order and step, with a margin of two; truncation errors hardly depend on the machine. If
+!> rounding and the constraint tolerance dominate, the margin is ten.
 module test_rk4
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
     use extrapolation, only: extrapolate
@@ -126,7 +126,7 @@ contains
         model%power = 1
         model%stiffness = model%m
         call model%define(with_force=.true.)
-        ! With the force t the equilibrium moves as q = t: what oscillates is q - t.
+        ! With the force t the equilibrium moves as q = t: the oscillation is q - t.
         call run(simulation, model, choose(step=h), 0.0_wp, spread(1.0_wp, 1, 3), spread(1.0_wp, 1, 3), 20*h, failure)
         call check_no_failure(error, failure)
         z = cmplx(0.0_wp, h, wp)
@@ -137,11 +137,11 @@ contains
         end do
     end subroutine test_oscillator
 
-    !> Run a scene with default options but the step, and compare with the reference at all its times.
+    !> Run a scene with default options except the step, and compare with the reference at all its times.
     subroutine compare(scene, step, t_end, rows, bounds, error, final_bound)
         character(len=*), intent(in) :: scene
         real(wp), intent(in) :: step, t_end
-        !> How many rows of the table the run must meet.
+        !> Required number of common rows of the table.
         integer, intent(in) :: rows
         !> Bounds for q, qd, and relative for qdd and lambda.
         real(wp), intent(in) :: bounds(4)
@@ -170,14 +170,14 @@ contains
         end associate
     end subroutine compare
 
-    !> At h = 1e-3 what is seen is rounding and the constraint tolerance, 1e-12 of 150 m; 1e-9 is what is promised at t = 10.
+    !> At h = 1e-3 the error is rounding and the constraint tolerance, 1e-12 of 150 m; 1e-9 is guaranteed at t = 10.
     subroutine test_vehicle(error)
         type(error_type), allocatable, intent(out) :: error
 
         call compare('vehicle', 1.0e-3_wp, 10.0_wp, 42, [3.0e-11_wp, 1.0e-11_wp, 2.0e-12_wp, 2.0e-11_wp], error, 1.0e-9_wp)
     end subroutine test_vehicle
 
-    !> Perturbations grow by 1e2 to 1e3 up to t = 10 and peak in the dips; 5e-7 is what is promised at t = 10.
+    !> Perturbations grow by 1e2 to 1e3 up to t = 10 and peak in the dips; 5e-7 is guaranteed at t = 10.
     subroutine test_disk(error)
         type(error_type), allocatable, intent(out) :: error
 
@@ -224,7 +224,7 @@ contains
         call check_close(error, found, lambda, 6.0e-9_wp, 'lambda')
     end subroutine test_knife_edge_closed
 
-    !> The spring's 3132 rad/s need h < 9e-4; at 1e-4 (h lambda = 0.31) the phase of its oscillation of 1e-3 m is off by 1 %.
+    !> The spring's 3132 rad/s need h < 9e-4; at 1e-4 (h lambda = 0.31) the phase error of its oscillation of 1e-3 m is 1 %.
     subroutine test_stiff_pendulum(error)
         type(error_type), allocatable, intent(out) :: error
 
@@ -246,13 +246,13 @@ contains
         call check_no_failure(error, failure)
         call model%motion(2.0_wp, angle + 2*rate, rate, q, qd)
         call simulation%multipliers(lambda)
-        ! (rate h)**4 = 8e-7 times the constants of the method, about 1/20 a radian, times 6 radians and 0.7 m.
+        ! (rate h)**4 = 8e-7 times the constants of the method, about 1/20 per radian, times 6 radians and 0.7 m.
         call check_close(error, simulation%state%q, q, 4.0e-7_wp, 'q')
         call check_close(error, simulation%state%qd, qd, 1.2e-6_wp, 'qd')
         call check_close(error, lambda, [model%m*rate**2], 1.0e-6_wp, 'lambda')
     end subroutine test_falling_pivot
 
-    !> The angle equation knows no constraints; extrapolation of order 16 solves it to rounding.
+    !> The angle equation has no constraints; extrapolation of order 16 solves it to rounding.
     subroutine test_shaken_pivot(error)
         type(error_type), allocatable, intent(out) :: error
         type(moving_pivot_type), target :: model
@@ -283,7 +283,7 @@ contains
         call check_below(error, errors(2)/errors(1), 1.1_wp/16, 'ratio of the errors')
     end subroutine test_shaken_pivot
 
-    !> The stand-in for gamma is noisy, but as good as the reference at h = 1e-3 needs.
+    !> The replacement of gamma is noisy, but as accurate as the reference at h = 1e-3 requires.
     subroutine test_no_gamma(error)
         type(error_type), allocatable, intent(out) :: error
         type(knife_edge_type), target :: knife_edge
@@ -311,7 +311,7 @@ contains
         call check_close(error, simulation%state%q, with_gamma, 1.0e-8_wp, 'q of the moving pivot')
     end subroutine test_no_gamma
 
-    !> n = nh + nd: whatever the step, the constraints fix the motion, and the multipliers carry the forces.
+    !> n = nh + nd: for any step, the constraints determine the motion, and the multipliers balance the forces.
     subroutine test_belt_wheel(error)
         type(error_type), allocatable, intent(out) :: error
         type(belt_wheel_type), target :: model

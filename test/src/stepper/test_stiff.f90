@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Tests of stiff problems: a suspension a thousand times as stiff and as damped as the motorcycle's, out of balance at the start
-!> (eigenvalues -2.7e4 and -10), and a pendulum on a spring that swings with 3132 rad/s and is hardly damped. SDIRK54 damps what it
-!> does not resolve, the trapezoidal rule rings, RK4 fails with a named status.
+!> (eigenvalues -2.7e4 and -10), and a pendulum on a spring that swings with 3132 rad/s and is hardly damped. SDIRK54 damps
+!> unresolved modes, the trapezoidal rule rings, RK4 fails with a status.
 module test_stiff
     use asserts, only: check_below, check_between, check_close, check_failure, check_no_failure, check_stopped, check_text, &
         check_true
@@ -40,8 +40,8 @@ contains
             new_unittest('the-vehicle-keeps-its-matrix-under-error-control', test_kept_under_control)]
     end subroutine collect_stiff
 
-    !> The motorcycle in the equilibrium of its standard suspension, then with k and c times a factor (1000 where it is not given)
-    !> and the same spring length.
+    !> The motorcycle in the equilibrium of its standard suspension, then with k and c times a factor (default 1000) and the same
+    !> spring length.
     subroutine set_up(fork_angle, model, q, qd, factor)
         real(wp), intent(in) :: fork_angle
         type(motorcycle_type), intent(out) :: model
@@ -83,7 +83,7 @@ contains
         end do
     end subroutine record
 
-    !> The fast mode is down to 3 % after a step; then the slow one decays by exp(-k h/c) = 0.905 a step.
+    !> The fast mode is down to 3 % after a step; then the slow one decays by exp(-k h/c) = 0.905 per step.
     subroutine test_suspension_sdirk54(error)
         type(error_type), allocatable, intent(out) :: error
         type(motorcycle_type), target :: model
@@ -123,11 +123,11 @@ contains
             call run(fine, model, options, 0.0_wp, q, qd, 0.5_wp, failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return
-            ! Seen: 2e-9 and 3e-9.
+            ! Measured: 2e-9 and 3e-9.
             call check_close(error, coarse%state%q, fine%state%q, 2.0e-8_wp, 'q')
             call check_close(error, coarse%state%qd, fine%state%qd, 3.0e-8_wp, 'qd')
             statistics = coarse%statistics()
-            ! Seen: 2.4 and 2.3.
+            ! Measured: 2.4 and 2.3.
             call check_below(error, real(statistics%newton_corrections, wp)/real(statistics%implicit_stages, wp), 4.0_wp, &
                 'corrections a stage')
             call check_below(error, max(statistics%position_error, statistics%velocity_error, statistics%acceleration_error), &
@@ -183,7 +183,7 @@ contains
         call check_below(error, abs(simulation%state%qd(10)), 0.6_wp, 'speed of the suspension')
     end subroutine test_suspension_rk4
 
-    !> A pendulum at rest whose spring has its free length, so that the weight makes it swing.
+    !> A pendulum at rest whose spring has its free length, so that it starts to swing under its weight.
     subroutine swing(stepper, step, simulation, acceleration, failure)
         character(len=*), intent(in) :: stepper
         real(wp), intent(in) :: step
@@ -202,7 +202,7 @@ contains
         simulation%model => null()
     end subroutine swing
 
-    !> How much a history alternates: the largest second difference.
+    !> Size of the alternation in a history: the largest second difference.
     pure real(wp) function ripple(history)
         real(wp), intent(in) :: history(:)
         integer :: n
@@ -242,7 +242,7 @@ contains
         do i = 2, size(table%t)
             if (allocated(failure) .or. table%t(i) > 2.0_wp) exit
             call simulation%integrate(table%t(i), failure)
-            ! Seen: 6e-3 at t = 2.
+            ! Measured: 6e-3 at t = 2.
             call check_close(error, simulation%state%q(:2), table%q(:2, i), 1.0e-2_wp, 'positions')
             ! Once the spring is at rest, in the reference by its own damping, exp(-6.3 t), its length is that of the tension.
             if (table%t(i) > 0.9_wp) call check_close(error, simulation%state%q(3:), table%q(3:, i), 5.0e-6_wp, 'lengths')
@@ -250,7 +250,7 @@ contains
         call check_no_failure(error, failure)
     end subroutine test_spring_reference
 
-    !> |R(z)| = 1 - 1e-4 for z = +-31 i: after 200 steps the spring swings as on the first day.
+    !> |R(z)| = 1 - 1e-4 for z = +-31 i: after 200 steps the spring swings undiminished.
     subroutine test_spring_trapezoid(error)
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
@@ -308,12 +308,12 @@ contains
             largest = max(largest, maxval(abs(simulation%state%q - table%q(:, i))))
         end do
         call check_no_failure(error, failure)
-        ! Seen: 0.05 tolerances.
+        ! Measured: 0.05 tolerances.
         call check_below(error, largest, 30*rtol, 'position')
     end subroutine test_light_spring
 
-    !> A spring with frequency sqrt(k/m) = ratio sqrt(g/l) and damping ratio 0.5, stretched by 1e-3 at the start; its length on a
-    !> scale of its own.
+    !> A spring with frequency sqrt(k/m) = ratio sqrt(g/l) and damping ratio 0.5, stretched by 1e-3 at the start; its length has a
+    !> separate scale.
     subroutine pull(ratio, length_scale, rtol, simulation, statistics, error)
         real(wp), intent(in) :: ratio, length_scale, rtol
         type(simulation_type), intent(inout) :: simulation
@@ -348,16 +348,16 @@ contains
         do i = 1, 2
             call pull(1.0e4_wp, merge(1.0_wp, 1.0e-3_wp, i == 1), rtol, simulation, statistics, error)
             if (allocated(error)) return
-            ! Seen: 0.3 tolerances, 0.004.
+            ! Measured: 0.3 tolerances, 0.004.
             call check_below(error, maxval(abs(simulation%state%q - exact)), 30*rtol, 'position')
-            ! Seen: 1e4 and 1e7; on the way there 2500 steps.
+            ! Measured: 1e4 and 1e7; 2500 steps in between.
             call check_below(error, 1.0e3_wp*statistics%smallest_step, statistics%largest_step, 'steps after the transient')
             if (i == 2) call check_below(error, real(statistics%steps, wp), 5.0e3_wp, 'steps')
         end do
     end subroutine test_stiffer_spring
 
-    !> Ratio 1e6: after 1e-6 s this is a rigid pendulum of length 1, but for 1e-8. SDIRK54 with another length scale agrees with
-    !> that to 1.1e-8.
+    !> Ratio 1e6: after 1e-6 s this is a rigid pendulum of length 1, up to 1e-8. SDIRK54 with another length scale agrees with that
+    !> to 1.1e-8.
     subroutine test_stiffest_spring(error)
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
@@ -379,10 +379,10 @@ contains
         end do
         call pull(1.0e6_wp, 1.0e-3_wp, rtol, simulation, statistics, error)
         if (allocated(error)) return
-        ! Seen: 0.5 tolerances.
+        ! Measured: 0.5 tolerances.
         call check_below(error, maxval(abs(simulation%state%q - [sin(y(1)), -cos(y(1)), 1.0_wp])), 30*rtol, 'position')
         call check_below(error, 1.0e3_wp*statistics%smallest_step, statistics%largest_step, 'steps after the transient')
-        ! Seen: 4600; a step as large as the first ones would need 1e13.
+        ! Measured: 4600; a step as large as the first ones would need 1e13.
         call check_below(error, real(statistics%steps, wp), 2.0e4_wp, 'steps')
     contains
         pure function rigid(state) result(rate)
@@ -393,8 +393,8 @@ contains
         end function rigid
     end subroutine test_stiffest_spring
 
-    !> Explicit steppers on suspensions of all degrees of stiffness: what is advised takes less work, counted, and where nothing is
-    !> stiff nothing is advised.
+    !> Explicit steppers on suspensions of all degrees of stiffness: the recommended stepper takes less work, counted, and there is
+    !> no recommendation without stiffness.
     subroutine test_advice(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=6), parameter :: explicit(2) = ['dopri5', 'dop853']
@@ -405,8 +405,8 @@ contains
         type(options_type) :: options
         type(failure_type), allocatable :: failure
         real(wp) :: q(10), qd(10)
-        !> What an evaluation of an implicit run costs, with corrections, matrices and factors, in evaluations of an explicit one:
-        !> measured 4 to 11. Seconds of single runs of some milliseconds tell more of what else the machine does.
+        !> Cost of an evaluation of an implicit run, with corrections, matrices and factors, in evaluations of an explicit one:
+        !> measured 4 to 11. Times of single runs of some milliseconds depend too much on other load.
         real(wp), parameter :: of_implicit = 12.0_wp
         integer :: i, j, k, n_advised
 
@@ -459,7 +459,7 @@ contains
             call check_no_failure(error, failure)
             if (allocated(error)) return
             statistics = simulation%statistics()
-            ! Seen: 2.6, 3.4 and 4.0 tolerances, 31, 85 and 89 steps.
+            ! Measured: 2.6, 3.4 and 4.0 tolerances, 31, 85 and 89 steps.
             call check_close(error, simulation%state%q, fine%state%q, 30*rtol, 'q')
             call check_close(error, simulation%state%qd, fine%state%qd, 30*rtol, 'qd')
             call check_below(error, real(statistics%steps, wp), 200.0_wp, 'steps')
@@ -485,11 +485,11 @@ contains
             call run(simulation, vehicle, controlled(rtol), 0.0_wp, table%q(:, 1), table%qd(:, 1), 10.0_wp, failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return
-            ! Seen: between 1.0 and 1.6 tolerances.
+            ! Measured: between 1.0 and 1.6 tolerances.
             call check_between(error, maxval(abs(simulation%state%q - table%q(:, size(table%t))))/rtol, 0.01_wp, 30.0_wp, &
                 'error over tolerance')
             statistics = simulation%statistics()
-            ! Seen: 0.03 to 0.19 a step, one at the start and one after the breakpoint at least.
+            ! Measured: 0.03 to 0.19 per step, one at the start and one after the breakpoint at least.
             call check_below(error, real(statistics%newton_matrices, wp), 2.0_wp + 0.25_wp*real(statistics%steps, wp), 'matrices')
             call check_true(error, statistics%newton_factorizations > statistics%newton_matrices, 'factorisations of a kept matrix')
         end do
