@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Wraps any model and makes one of its constraint procedures wrong, or noisy, or without a value from a time on.
+!> Wraps any model and makes one of its constraint procedures wrong, or noisy, or undefined outside of a time interval.
 module model_altered
     use tandem, only: model_type, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type, wp
     use terms_at, only: all_terms, get_terms
@@ -9,12 +9,12 @@ module model_altered
     public :: altered_type
 
     type, extends(model_type) :: altered_type
-        !> The row of C that is wrong, and what gamma, nu and one entry of C are multiplied by there.
+        !> Row of C that is wrong, and factors of gamma, nu and one entry of C there.
         integer :: row = 1, column = 1
         real(wp) :: of_gamma = 1.0_wp, of_nu = 1.0_wp, of_jacobian = 1.0_wp
         !> Noise of Phi and C: the largest change of an entry, relative to the largest of its row and to the coordinate scales.
         real(wp) :: noise = 0.0_wp
-        !> Before and behind these times there is no value: what is returned there, and how often it was asked for.
+        !> Times before and after which there is no value; value returned there, and number of such calls.
         real(wp) :: wall(2) = [-huge(1.0_wp), huge(1.0_wp)]
         integer :: n_behind = 0
         class(model_type), pointer, private :: inner => null()
@@ -24,7 +24,7 @@ module model_altered
 
 contains
 
-    !> Take over sizes, names and procedures of a model that is already set up.
+    !> Copy sizes, names and procedures of a model that is already set up.
     subroutine wrap(self, inner)
         class(altered_type), intent(inout) :: self
         class(model_type), intent(in), target :: inner
@@ -78,7 +78,7 @@ contains
         if (iand(need, need_force) /= 0) terms%force = right%force
     end subroutine evaluate
 
-    !> Change every entry of Phi and C in a way that nobody can foresee, the same at the same place.
+    !> Change every entry of Phi and C in an unpredictable way, identical at identical points.
     subroutine add_noise(noise, t, q, terms)
         real(wp), intent(in) :: noise, t, q(:)
         type(terms_type), intent(inout) :: terms
@@ -95,7 +95,7 @@ contains
 
     contains
 
-        !> A number between -1 and 1 from the last digits of the place.
+        !> A number between -1 and 1 from the last digits of the point.
         pure real(wp) function draw(seed)
             integer, intent(in) :: seed
             integer :: k

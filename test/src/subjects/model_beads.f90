@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Beads in the plane, strung on rods from the origin: n = 2 beads, nh = beads. A model of one's own with a pattern of C and M, with
-!> all terms from one procedure or, with `is_single`, by procedures that know of no pattern.
+!> Beads in the plane, strung on rods from the origin: n = 2 beads, nh = beads. A user-defined model with a pattern of C and M, with
+!> all terms from one procedure or, with `is_single`, by procedures that ignore the pattern.
 module model_beads
     use tandem, only: model_type, need_force, need_gamma, need_jacobian, need_mass, need_phi, terms_type, wp
     implicit none (type, external)
@@ -10,7 +10,7 @@ module model_beads
 
     type, extends(model_type) :: beads_type
         real(wp) :: length = 0.3_wp, g = 9.81_wp
-        !> Whether the terms come from single procedures.
+        !> True if the terms come from single procedures.
         logical :: is_single = .false.
     contains
         procedure :: define
@@ -19,7 +19,7 @@ module model_beads
 
 contains
 
-    !> Take so many beads; bead i weighs i kg.
+    !> Set a number of beads; bead i weighs i kg.
     subroutine define(self, beads)
         class(beads_type), intent(inout) :: self
         integer, intent(in) :: beads
@@ -45,7 +45,7 @@ contains
         end if
     end subroutine define
 
-    !> Bead i hangs at 0.2 i rad from the one before it; the string turns by 1 rad/s about the origin.
+    !> Bead i is at 0.2 i rad from the previous one; the string rotates by 1 rad/s about the origin.
     subroutine start(self, q, qd)
         class(beads_type), intent(in) :: self
         real(wp), intent(out) :: q(:), qd(:)
@@ -100,7 +100,7 @@ contains
 
     contains
 
-        !> Where a coordinate stands in C.
+        !> Column of a coordinate in C.
         integer function column(coordinate)
             integer, intent(in) :: coordinate
 

@@ -27,10 +27,10 @@ module model_bricard
     type, extends(model_type) :: bricard_type
         !> Mass of a rod (kg), gravity (m/s^2).
         real(wp) :: m = 1.0_wp, g(3) = [0.0_wp, -9.81_wp, 0.0_wp]
-        !> A row to leave out, 0 for none. Near the cube any row may go: the mechanism is the same and the rank full. But not every
-        !> row has a part in the redundancy everywhere. Those of `y`, `z` and `Euler parameters` vanish at angle = -pi/2, which the
-        !> motion from rest in the cube reaches after 1.25 s: without one of these rows the rank drops to 33 there. The rows
-        !> `axis 2`, numbers 5, 10, ..., 30, can be spared everywhere.
+        !> Row to leave out, 0 for none. Near the cube any row may be dropped: the mechanism is the same and the rank full. But not
+        !> every row takes part in the redundancy everywhere. Those of `y`, `z` and `Euler parameters` vanish at angle = -pi/2,
+        !> which the motion from rest in the cube reaches after 1.25 s: without one of these rows the rank drops to 33 there. The
+        !> rows `axis 2`, numbers 5, 10, ..., 30, can be dropped everywhere.
         integer :: left_out = 0
         integer, allocatable, private :: kept(:)
     contains
@@ -45,9 +45,9 @@ module model_bricard
 
     !> Coordinates, and rows.
     integer, parameter :: n = 35
-    !> Where a rod begins and ends, in its own frame (m).
+    !> Start and end of a rod, in its own frame (m).
     real(wp), parameter :: begins(3) = [-0.5_wp, 0.0_wp, 0.0_wp], ends(3) = [0.5_wp, 0.0_wp, 0.0_wp]
-    !> The joint's axis in the frame of the rod that ends there, and what is perpendicular to it in that of the rod that begins.
+    !> Axis of the joint in the frame of the rod that ends there, and directions perpendicular to it in that of the rod that begins.
     real(wp), parameter :: axis(3) = [0.0_wp, 0.0_wp, 1.0_wp]
     real(wp), parameter :: across(3, 2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [3, 2])
     !> The pose of the ground: x', y', z' = -z, x, -y.

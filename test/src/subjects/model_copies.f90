@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Copies of one mechanism side by side that do not touch each other: a system of any size whose motion is known where that of one
-!> copy is. Constraints may be mixed: each with a part of that of the next copy, which changes nothing but the matrices.
+!> Separate copies of one mechanism side by side: a system of any size with the motion of one copy. Constraints may be mixed: each
+!> with a part of that of the next copy, which changes only the matrices.
 module model_copies
     use tandem, only: model_type, wp
     implicit none (type, external)
@@ -9,10 +9,10 @@ module model_copies
     public :: copies_type
 
     type, extends(model_type) :: copies_type
-        !> The mechanism, with single procedures and holonomic constraints, and how many there are.
+        !> The mechanism, with single procedures and holonomic constraints, and number of copies.
         class(model_type), pointer :: one => null()
         integer :: copies = 1
-        !> The part of the next copy's constraint that is added to each.
+        !> Part of the next copy's constraint that is added to each.
         real(wp) :: mixing = 0.0_wp
     contains
         procedure :: define
@@ -20,7 +20,7 @@ module model_copies
 
 contains
 
-    !> Associate the procedures; `one` and `copies` are set.
+    !> Associate the procedures; `one` and `copies` must be set.
     subroutine define(self)
         class(copies_type), intent(inout) :: self
 

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Two cranks of length 1 on pivots that are 2 apart, their ends joined by a massless rod of length 2, under gravity: q = (x1, y1,
-!> x2, y2), the ends, n = 4, nh = 3, nd = 0. As a parallelogram both cranks turn alike; where they lie flat, Phi_q lacks a rank, as
-!> the crooked motion branches off there.
+!> x2, y2), the ends, n = 4, nh = 3, nd = 0. As a parallelogram both cranks rotate alike; in their flat position Phi_q loses rank,
+!> because the antiparallelogram motion branches off there.
 module model_crank_pair
     use tandem, only: model_type, wp
     implicit none (type, external)

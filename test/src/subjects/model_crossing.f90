@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> A bead on two curves at once, (x^2 + y^2 - 1)(y + k) = 0, the unit circle and the line y = -k: n = 2, nh = 1, nd = 0. Where they
-!> cross, Phi_q vanishes, and a bead on the circle could go on along either. The direction of Phi_q says nothing of that before.
+!> A bead on two curves at once, (x^2 + y^2 - 1)(y + k) = 0, the unit circle and the line y = -k: n = 2, nh = 1, nd = 0. At the
+!> crossings Phi_q vanishes, and a bead on the circle could continue along either. The direction of Phi_q gives no indication
+!> before.
 module model_crossing
     use tandem, only: model_type, wp
     implicit none (type, external)

@@ -9,13 +9,13 @@ module model_curve
 
     public :: curve_type, undefined_stat, undefined_nan
 
-    !> What Phi does below `least_x`: nothing special, a positive status, a NaN.
+    !> Behaviour of Phi below `least_x`: a positive status, a NaN; 0 for neither.
     integer, parameter :: undefined_stat = 1, undefined_nan = 2
 
     type, extends(model_type) :: curve_type
         !> Semi-axes a, b, and the masses of x and y.
         real(wp) :: axes(2) = [2.0_wp, 1.0_wp], masses(2) = 1.0_wp
-        !> Below this x, Phi is as `undefined` says.
+        !> Below this x, Phi behaves according to `undefined`.
         real(wp) :: least_x = -huge(1.0_wp)
         integer :: undefined = 0
     contains

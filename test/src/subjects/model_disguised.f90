@@ -15,7 +15,7 @@ module model_disguised
 
     public :: disguised_type, disguise_names
 
-    !> What `kind` may be.
+    !> Values of `kind`.
     character(len=9), parameter :: disguise_names(6) = [character(len=9) :: 'disguised', 'driven', 'detuned', 'contact', 'pair', &
         'mixed']
 
@@ -63,7 +63,7 @@ contains
         self%potential_energy => potential
     end subroutine define
 
-    !> A consistent state at a time: the velocities of x and y are chosen, zd or wd or both follow.
+    !> A consistent state at a time: the velocities of x and y are given, zd or wd or both follow.
     subroutine start(self, t, q, qd)
         class(disguised_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -89,7 +89,7 @@ contains
         end select
     end subroutine start
 
-    !> f and g; what of them is constant depends on the kind.
+    !> f and g; which of them is constant depends on the kind.
     pure function invariants(self, q) result(values)
         class(disguised_type), intent(in) :: self
         real(wp), intent(in) :: q(4)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A particle on a line with a force, for scenes: m qdd = pull. Its procedures end the process or never return where `fault` says
-!> so.
+!> A particle on a line with a force, for scenes: m qdd = pull. Depending on `fault`, its procedures end the process or never
+!> return.
 module model_faulty
     use tandem, only: model_type, wp
     use tandem_io, only: reader_type, scene_model_type
@@ -12,7 +12,7 @@ module model_faulty
 
     type, extends(model_type) :: faulty_type
         real(wp) :: m = 1.0_wp, pull = 1.0_wp
-        !> 0 none; 1 the process is killed; 2 it leaves; 3 the procedure never returns; 4 the force is no number.
+        !> 0 none; 1 the process is killed; 2 it exits; 3 the procedure never returns; 4 the force is a NaN.
         integer :: fault = 0
     end type faulty_type
 

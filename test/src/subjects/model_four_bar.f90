@@ -58,8 +58,8 @@ contains
         self%provides_derivatives = need_all_derivatives
     end subroutine define
 
-    !> A start at an angle of the crank from AD, with an angular velocity of the crank: a parallelogram (also the flat one) where
-    !> opposite sides are equal, else with C on the left of the way from B to D. The linkage must close there.
+    !> A start at an angle of the crank from AD, with an angular velocity of the crank: a parallelogram (also the flat one) if
+    !> opposite sides are equal, else with C on the left of the line from B to D. The linkage must close there.
     pure subroutine start(self, angle, rate, q, qd)
         class(four_bar_type), intent(in) :: self
         !> Angle (rad) and angular velocity (rad/s) of the crank.
@@ -94,7 +94,7 @@ contains
         qd(7:9) = [self%length(3)/2*phid(3)*normal(phi(3)), phid(3)]
     end subroutine start
 
-    !> Whether opposite sides are equal.
+    !> True if opposite sides are equal.
     pure logical function is_parallelogram(length)
         real(wp), intent(in) :: length(4)
 

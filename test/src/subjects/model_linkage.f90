@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> A chain of three links from the origin to a point on the x axis, q = their angles from that axis: n = 3, nh = 2, nd = 0. It
-!> cannot be closed where the point is too far away; where it is exactly as far as the links reach, Phi_q loses rank.
+!> cannot be closed if the point is too far away; at exactly the reach of the links, Phi_q loses rank.
 module model_linkage
     use tandem, only: model_type, wp
     implicit none (type, external)
@@ -11,7 +11,7 @@ module model_linkage
     type, extends(model_type) :: linkage_type
         !> Lengths of the links, distance of the point.
         real(wp) :: links(3) = [1.0_wp, 1.5_wp, 0.8_wp], distance = 2.0_wp
-        !> How often Phi and Phi_q were called.
+        !> Number of calls of Phi and Phi_q.
         integer :: calls = 0
     contains
         procedure :: define

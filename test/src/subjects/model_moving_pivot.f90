@@ -48,7 +48,7 @@ contains
         self%applied_force => force
     end subroutine define
 
-    !> Where the pivot is, and how it moves.
+    !> Position of the pivot, and its derivatives.
     pure subroutine pivot(self, t, p, pd, pdd)
         class(moving_pivot_type), intent(in) :: self
         real(wp), intent(in) :: t

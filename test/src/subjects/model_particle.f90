@@ -10,7 +10,7 @@ module model_particle
     type, extends(model_type) :: particle_type
         !> Masses along the axes.
         real(wp) :: m(3) = [1.0_wp, 2.0_wp, 4.0_wp]
-        !> The force along each axis is m t**power, less stiffness q.
+        !> The force along each axis is m t**power, minus stiffness q.
         integer :: power = 0
         real(wp) :: stiffness(3) = 0.0_wp
     contains

@@ -10,9 +10,9 @@ module model_pendulum
     type, extends(model_type) :: pendulum_type
         !> Mass, length of the rod in metres, gravity in metres per second squared.
         real(wp) :: m = 2.0_wp, length = 0.8_wp, g = 9.81_wp
-        !> How many units of length make a metre.
+        !> Units of length per metre.
         real(wp) :: units = 1.0_wp
-        !> How often the constraint is given: 2 makes the rows depend on each other.
+        !> Number of copies of the constraint: 2 makes the rows dependent.
         integer :: copies = 1
         !> Factor of the second copy.
         real(wp) :: copy_factor = 1.0_wp

@@ -12,14 +12,14 @@ module model_perturbed
     type, extends(model_type) :: perturbed_type
         !> The term (see `term_name`) or the derivative (see `derivative_name`) that is wrong, 0 for none.
         integer :: term = 0, derivative = 0
-        !> Where (column 1 for a vector) and by how much.
+        !> Place (column 1 for a vector) and amount of the error.
         integer :: row = 1, column = 1
         real(wp) :: amount = 0.0_wp
-        !> True where the lower block of gamma_qd is 2 E2, as (69) has it; right for e = 0 and a constant E_t only.
+        !> True if the lower block of gamma_qd is 2 E2, as in (69); right for e = 0 and a constant E_t only.
         logical :: as_printed = .false.
-        !> What the first row of C is multiplied with, and the third, the fifth ..., what is wrong of it too.
+        !> Factor of the first row of C, and of the third, the fifth ..., including their errors.
         real(wp) :: unit = 1.0_wp
-        !> What the derivatives return as their status from a time on, 0 for success.
+        !> Status of the derivatives from a time on, 0 for success.
         integer :: fault_stat = 0
         real(wp) :: fault_time = 0.0_wp
         class(model_type), pointer, private :: inner => null()
@@ -29,7 +29,7 @@ module model_perturbed
 
 contains
 
-    !> Take over sizes, names and procedures of a model that is already set up.
+    !> Copy sizes, names and procedures of a model that is already set up.
     subroutine wrap(self, inner)
         class(perturbed_type), intent(inout) :: self
         class(model_type), intent(in), target :: inner

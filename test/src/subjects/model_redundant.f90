@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> Wraps any model and appends one row that depends on its others: sum_k factors(k) (row rows(k) of C), by itself or spoiled so
-!> that it contradicts them. Where all rows are holonomic it becomes the last holonomic row, else the last nonholonomic one.
-!> Everything else is passed on: segments, breakpoints, names, energies, fused derivatives. A wrapped model can be wrapped again, so
-!> that the procedures may call themselves.
+!> Wraps any model and appends one row that depends on its others: sum_k factors(k) (row rows(k) of C), unchanged or altered so that
+!> it contradicts them. If all rows are holonomic it becomes the last holonomic row, else the last nonholonomic one. Everything else
+!> is passed on: segments, breakpoints, names, energies, fused derivatives. A wrapped model can be wrapped again, so that the
+!> procedures may call themselves.
 module model_redundant
     use tandem, only: derivatives_type, model_type, need_acceleration_q, need_acceleration_qd, need_dynamics_q, need_dynamics_qd, &
         need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, need_velocity_q, terms_type, wp
@@ -12,7 +12,7 @@ module model_redundant
     public :: redundant_type
 
     type, extends(model_type) :: redundant_type
-        !> What is wrong with the copy's own Phi (holonomic only), nu and gamma; 0 for a consistent one.
+        !> Errors of the copy's own Phi (holonomic only), nu and gamma; 0 for a consistent one.
         real(wp) :: phi_offset = 0.0_wp, nu_offset = 0.0_wp, gamma_offset = 0.0_wp
         !> From the time `growth_from` on, growth*(t - growth_from)**3 is added to the copy's Phi; its nu and gamma follow, those
         !> of a nonholonomic copy as well.
@@ -34,7 +34,7 @@ module model_redundant
 
 contains
 
-    !> Take over a model that is already set up. The offsets and the growth can be set before or after.
+    !> Wrap a model that is already set up. The offsets and the growth can be set before or after.
     subroutine wrap(self, inner, rows, factors, name, as_velocity)
         class(redundant_type), intent(inout), target :: self
         class(model_type), intent(inout), target :: inner
@@ -75,7 +75,7 @@ contains
         if (is_holonomic) self%holonomic_name(self%n_holonomic) = name
         if (.not. is_holonomic) self%nonholonomic_name(self%n_nonholonomic) = name
         self%constant_mass = inner%constant_mass
-        ! What an earlier wrapping left must go.
+        ! Remove names of an earlier wrapping.
         if (allocated(self%coordinate_name)) deallocate (self%coordinate_name)
         if (allocated(self%coordinate_unit)) deallocate (self%coordinate_unit)
         if (allocated(self%coordinate_scale)) deallocate (self%coordinate_scale)
@@ -88,7 +88,7 @@ contains
         if (allocated(inner%nu_jumps)) self%nu_jumps = inner%nu_jumps
         call self%terms%allocate(inner%n, inner%n_holonomic, inner%n_nonholonomic)
         call self%derivatives%allocate(inner%n, inner%n_constraints())
-        ! The new row may have a nu where the wrapped model has none.
+        ! The new row may have a nu even if the wrapped model has none.
         self%provides = ior(inner%provides, need_jacobian + need_nu + need_mass)
         if (self%n_holonomic > 0) self%provides = ior(self%provides, need_phi)
         if (associated(inner%constraint_acceleration)) self%provides = ior(self%provides, need_gamma)
@@ -216,7 +216,7 @@ contains
         end select
     end subroutine evaluate
 
-    !> Those that the wrapped model fuses; its single ones are not passed on, and differences stand in for them.
+    !> The derivatives that the wrapped model fuses; its single ones are not passed on and are replaced by differences.
     recursive subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A uniform rod on a pivot, with the angle as a third coordinate: n = 3, nh = 2, nd = 0. Lengths and an angle meet in one q,
-!> so that an orthonormal basis depends on the unit of length unless `coordinate_scale` takes it out.
+!> A uniform rod on a pivot, with the angle as a third coordinate: n = 3, nh = 2, nd = 0. q contains lengths and an angle, so that
+!> an orthonormal basis depends on the unit of length unless `coordinate_scale` compensates it.
 module model_rod
     use tandem, only: model_type, wp
     implicit none (type, external)
@@ -11,7 +11,7 @@ module model_rod
     type, extends(model_type) :: rod_type
         !> Mass, distance of the centre from the pivot in metres, gravity in metres per second squared.
         real(wp) :: m = 3.0_wp, half = 0.4_wp, g = 9.81_wp
-        !> How many units of length make a metre.
+        !> Units of length per metre.
         real(wp) :: units = 1.0_wp
     contains
         procedure :: define

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> A blade on a wavy floor that rises, in wind: n = 4, nh = 1, nd = 1, with every term and every single derivative procedure
-!> that a model can have. q = (x, y, z, phi); z = wave sin(x) cos(y) + rise t,
-!> sin(phi) xd - cos(phi) yd - arm phid = shear y + swing cos(t); the moment of inertia grows with x.
+!> A blade on a wavy rising floor, in wind: n = 4, nh = 1, nd = 1, with every term and every single derivative procedure that a
+!> model can have. q = (x, y, z, phi); z = wave sin(x) cos(y) + rise t, sin(phi) xd - cos(phi) yd - arm phid = shear y + swing
+!> cos(t); the moment of inertia grows with x.
 module model_skater
     use tandem, only: model_type, wp
     implicit none (type, external)
@@ -16,11 +16,11 @@ module model_skater
     type, extends(model_type) :: skater_type
         !> Mass, moment of inertia, its growth with x**2, gravity.
         real(wp) :: m = 2.0_wp, inertia = 0.5_wp, growth = 0.4_wp, g = 3.0_wp
-        !> Floor, distance of the blade, and the motion of what it stands on.
+        !> Floor, distance of the blade, and motion of the surface.
         real(wp) :: wave = 0.3_wp, rise = 0.2_wp, arm = 0.6_wp, shear = 0.15_wp, swing = 0.25_wp
         !> Stiffness, damping and wind of the applied forces.
         real(wp) :: stiffness = 1.3_wp, damping = 0.7_wp, wind = 0.9_wp
-        !> Name of a procedure whose entry (1, 1) is off by 0.125; empty for none.
+        !> Name of a procedure whose entry (1, 1) is wrong by 0.125; empty for none.
         character(len=24) :: broken = ''
     contains
         procedure :: define
@@ -28,7 +28,7 @@ module model_skater
         procedure, private :: spoil
     end type skater_type
 
-    !> What a broken procedure is off by.
+    !> Error of a broken procedure.
     real(wp), parameter :: amount = 0.125_wp
 
 contains
@@ -73,7 +73,7 @@ contains
         qd(4) = (sin(q(4))*qd(1) - cos(q(4))*qd(2) - self%shear*q(2) - self%swing)/self%arm
     end subroutine start
 
-    !> Put the entry off that is to be wrong.
+    !> Change the entry that is to be wrong.
     subroutine spoil(self, name, value)
         class(skater_type), intent(in) :: self
         character(len=*), intent(in) :: name

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Skates beside each other that do not touch: any number of nonholonomic rows, 3 coordinates each, (x, y, angle), with
-!> sin(angle) xd - cos(angle) yd = 0. One of them may have a row in disguise instead, (2 + sin y) xd = 0: x is constant.
+!> Separate skates side by side: any number of nonholonomic rows, 3 coordinates each, (x, y, angle), with sin(angle) xd - cos(angle)
+!> yd = 0. One of them may have a holonomic row instead, (2 + sin y) xd = 0: x is constant.
 module model_skates
     use tandem, only: model_type, wp
     implicit none (type, external)
@@ -9,7 +9,7 @@ module model_skates
     public :: skates_type
 
     type, extends(model_type) :: skates_type
-        !> How many skates; which of them is in disguise, 0 for none.
+        !> Number of skates; index of the one with the holonomic row, 0 for none.
         integer :: skates = 1, disguised = 0
     contains
         procedure :: define
@@ -18,7 +18,7 @@ module model_skates
 
 contains
 
-    !> Associate the procedures; `skates` is set.
+    !> Associate the procedures; `skates` must be set.
     subroutine define(self)
         class(skates_type), intent(inout) :: self
 
@@ -32,7 +32,7 @@ contains
         self%applied_force => force
     end subroutine define
 
-    !> All at rest but for their spin, each at another angle.
+    !> All at rest except for their spin, each at another angle.
     subroutine start(self, q, qd)
         class(skates_type), intent(in) :: self
         real(wp), intent(out) :: q(:), qd(:)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Wraps any model: counts the calls of each procedure, sets traps where nothing should be called, and misbehaves on request.
+!> Wraps any model: counts the calls of each procedure, sets traps for procedures that must not be called, and fails on request.
 module model_spy
     use tandem, only: model_type, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type, wp
     use terms_at, only: get_terms
@@ -9,10 +9,10 @@ module model_spy
 
     public :: spy_type, calls_type, no_fault, fault_nan, fault_infinity, fault_retry, fault_stop
 
-    !> What a fault does: a NaN or an infinity in the result, a positive or a negative status.
+    !> Kinds of faults: a NaN or an infinity in the result, a positive or a negative status.
     integer, parameter :: no_fault = 0, fault_nan = 1, fault_infinity = 2, fault_retry = 3, fault_stop = 4
 
-    !> How often each procedure of the model was called.
+    !> Number of calls of each procedure of the model.
     type :: calls_type
         integer :: holonomic = 0, holonomic_jacobian = 0, holonomic_rate = 0
         integer :: nonholonomic_jacobian = 0, nonholonomic_rhs = 0, constraint_acceleration = 0
@@ -24,18 +24,18 @@ module model_spy
 
     type, extends(model_type) :: spy_type
         type(calls_type) :: calls
-        !> The term (a need bit) that fails, how, and from which time on.
+        !> Term (a need bit) with the fault, its kind, and its first time.
         integer :: fault_term = 0, fault = no_fault
         real(wp) :: fault_time = 0.0_wp
-        !> The segment between breakpoints in which alone it fails; 0 for any.
+        !> Only segment between breakpoints with the fault; 0 for any.
         integer :: fault_segment = 0
-        !> True where the fault happens once only.
+        !> True if the fault occurs only once.
         logical :: once = .false.
-        !> How often it has happened, and the most often in a row at the same time and coordinates.
+        !> Number of occurrences, and largest number of consecutive ones at the same time and coordinates.
         integer :: n_faults = 0, most_at_a_point = 0
         class(model_type), pointer, private :: inner => null()
         real(wp), private :: last_time = -huge(1.0_wp)
-        !> Coordinates of the last call; those and the time of the last fault, and how often it happened there.
+        !> Coordinates of the last call; those and the time of the last fault, and number of occurrences there.
         real(wp), allocatable, private :: last_q(:), fault_q(:)
         real(wp), private :: time_of_fault = -huge(1.0_wp)
         integer, private :: n_there = 0
@@ -51,7 +51,7 @@ module model_spy
 
 contains
 
-    !> Take over sizes, names and procedures of a model that is already set up.
+    !> Copy sizes, names and procedures of a model that is already set up.
     subroutine wrap(self, inner)
         class(spy_type), intent(inout) :: self
         class(model_type), intent(in), target :: inner
@@ -100,7 +100,7 @@ contains
         if (self%n_nonholonomic == 0) self%nonholonomic_jacobian => trap_matrix
     end subroutine set_traps
 
-    !> Give some terms through `evaluate`, which calls the wrapped model's single procedures.
+    !> Provide some terms by `evaluate`, which calls the wrapped model's single procedures.
     subroutine fuse(self, provides)
         class(spy_type), intent(inout) :: self
         !> The terms, a sum of need bits.
@@ -119,7 +119,7 @@ contains
         if (iand(provides, need_force) /= 0) self%applied_force => null()
     end subroutine fuse
 
-    !> Tell the wrapped model which segment it is in.
+    !> Set the segment of the wrapped model.
     subroutine enter(self, count)
         class(spy_type), intent(inout) :: self
         integer, intent(inout) :: count
@@ -128,7 +128,7 @@ contains
         count = count + 1
     end subroutine enter
 
-    !> Whether the fault happens now.
+    !> True if the fault occurs now.
     logical function is_due(self, term)
         class(spy_type), intent(inout) :: self
         integer, intent(in) :: term
@@ -146,7 +146,7 @@ contains
         self%time_of_fault = self%last_time
     end function is_due
 
-    !> Spoil a vector or its status.
+    !> Alter a vector or its status.
     subroutine upset_vector(self, term, value, stat)
         class(spy_type), intent(inout) :: self
         integer, intent(in) :: term
@@ -170,7 +170,7 @@ contains
         end select
     end subroutine upset_vector
 
-    !> Spoil a matrix or its status.
+    !> Alter a matrix or its status.
     subroutine upset_matrix(self, term, value, stat)
         class(spy_type), intent(inout) :: self
         integer, intent(in) :: term
@@ -178,7 +178,7 @@ contains
         integer, intent(inout) :: stat
         integer :: last
 
-        ! In one expression, gfortran 14 takes another row when it checks bounds.
+        ! In one expression, gfortran 14 with bounds checks uses another row.
         last = size(value, 1)
         call self%upset_vector(term, value(last, :), stat)
     end subroutine upset_matrix
@@ -390,7 +390,7 @@ contains
         end select
     end subroutine spy_evaluate
 
-    !> Exactly the terms that are asked for, from the wrapped model's single procedures.
+    !> Exactly the requested terms, from the wrapped model's single procedures.
     subroutine fused(self, need, t, q, qd, terms, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need

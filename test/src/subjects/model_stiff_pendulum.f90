@@ -13,13 +13,13 @@ module model_stiff_pendulum
         real(wp) :: m = 1.0_wp, l0 = 1.0_wp, g = 9.81_wp
         !> Stiffness and damping.
         real(wp) :: k = 9810000.0_wp, c = 12.52836781069266_wp
-        !> From when on, within `fading` seconds, the stiffness grows a thousandfold, and the damping by the root of that.
+        !> Time from which the stiffness grows a thousandfold within `fading` seconds, and the damping by the root of that.
         real(wp) :: stiffens_at = huge(1.0_wp), fading = 1.0e-2_wp
-        !> From when on that is undone, within the same time.
+        !> Time from which that is undone, within the same duration.
         real(wp) :: softens_at = huge(1.0_wp)
-        !> Whether the third coordinate is the stretch l - l0, which resolves a force that the length does not.
+        !> True if the third coordinate is the stretch l - l0, which resolves a force that the length does not.
         logical :: has_stretch = .false.
-        !> Whether the derivatives are given.
+        !> True if the derivatives are given.
         logical :: has_derivatives = .false.
     contains
         procedure :: define
@@ -48,7 +48,7 @@ contains
         self%provides_derivatives = need_all_derivatives
     end subroutine define
 
-    !> By how much the spring is stiffer than at the start.
+    !> Ratio of the stiffness to that at the start.
     pure real(wp) function times(self, t)
         class(stiff_pendulum_type), intent(in) :: self
         real(wp), intent(in) :: t

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> A particle on the unit circle of the plane z = 0 by three rows of which any motion needs others: with u = (x^2 + y^2 - 1)/2 they
-!> are u, y u + x z and -x u + y z. The rank of C is two everywhere; the first two rows are dependent where x = 0, the last two
-!> nowhere, the first and the last where y = 0. n = 3, nh = 3, nd = 0.
+!> A particle on the unit circle of the plane z = 0 by three rows, the choice of which changes along any motion: with u = (x^2 + y^2
+!> - 1)/2 they are u, y u + x z and -x u + y z. The rank of C is two everywhere; the first two rows are dependent at x = 0, the last
+!> two nowhere, the first and the last at y = 0. n = 3, nh = 3, nd = 0.
 module model_turning_rows
     use tandem, only: model_type, wp
     implicit none (type, external)
@@ -19,7 +19,7 @@ contains
     !> Associate the procedures.
     subroutine define(self, with_gamma)
         class(turning_rows_type), intent(inout) :: self
-        !> Whether the model gives gamma, which differences make otherwise.
+        !> True if the model provides gamma; otherwise differences replace it.
         logical, intent(in) :: with_gamma
 
         self%name = 'turning rows'

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> A ball rolls on a table that turns: n = 6 (x, y and Euler parameters), nh = 1, nd = 2, with nu = (-rate y, rate x). Its centre
-!> runs on a circle at 2/7 of the table's rate. It may turn by any angle in a step, as only that motion of the centre limits the
-!> steps.
+!> A ball rolls on a rotating table: n = 6 (x, y and Euler parameters), nh = 1, nd = 2, with nu = (-rate y, rate x). Its centre
+!> moves on a circle at 2/7 of the table's rate. It may rotate by any angle in a step, because only the motion of its centre limits
+!> the steps.
 module model_turntable
     use tandem, only: model_type, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type, wp
     use tandem_rigid_euler_parameters, only: e_matrix
@@ -45,7 +45,7 @@ contains
         qd = [v0, 0.5_wp*matmul(transpose(e_matrix(q(3:))), omega)]
     end subroutine start
 
-    !> Where its centre is, and how fast.
+    !> Position and velocity of its centre.
     subroutine exact(self, t, r, v)
         class(turntable_type), intent(in) :: self
         real(wp), intent(in) :: t
@@ -57,7 +57,7 @@ contains
         r = r0 + (sin(k*t)*v0 + (1.0_wp - cos(k*t))*[-v0(2), v0(1)])/k
     end subroutine exact
 
-    !> Where the ball touches the table, it is as fast as that.
+    !> The contact point of the ball has the velocity of the table.
     subroutine evaluate(self, need, t, q, qd, terms, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The models that have all their derivatives, each with a start at t = 0: what the tests of implicit steps look at.
+!> Models with all derivatives, each with a start at t = 0, for the tests of implicit steps.
 module subjects
     use model_skater, only: skater_type
     use tandem, only: articulated_vehicle_type, model_type, motorcycle_type, rolling_disk_type, wp

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Checks with messages that show the figure and the bound.
+!> Checks with messages that contain the value and the bound.
 module asserts
     use tandem, only: failure_type => error_type, long, status_name, wp
     use testdrive, only: error_type, test_failed
@@ -10,7 +10,7 @@ module asserts
         check_true
     public :: format_real
 
-    !> Counters come in two kinds.
+    !> Counters have two kinds.
     interface check_count
         module procedure check_count_default
         module procedure check_count_long
@@ -18,7 +18,7 @@ module asserts
 
 contains
 
-    !> Fail unless a condition holds. Unlike the checks of test-drive, those of this module let an earlier failure stand.
+    !> Fail unless a condition holds. Unlike the checks of test-drive, those of this module keep an earlier failure.
     subroutine check_true(error, condition, what)
         type(error_type), allocatable, intent(inout) :: error
         logical, intent(in) :: condition
@@ -32,7 +32,7 @@ contains
     subroutine check_below(error, value, bound, what)
         type(error_type), allocatable, intent(inout) :: error
         real(wp), intent(in) :: value, bound
-        !> What the value is.
+        !> Description of the value.
         character(len=*), intent(in) :: what
 
         if (allocated(error)) return
@@ -125,14 +125,14 @@ contains
         call check_stopped(error, failure, [name], piece)
     end subroutine check_failure
 
-    !> Fail unless tandem reported a failure, with one of some statuses and a message that contains a piece where they are given.
+    !> Fail unless tandem reported a failure, optionally with one of some statuses and a message that contains a piece.
     subroutine check_stopped(error, failure, names, piece, place)
         type(error_type), allocatable, intent(inout) :: error
         type(failure_type), allocatable, intent(in) :: failure
-        !> The names of the statuses that may be.
+        !> Names of the allowed statuses.
         character(len=*), intent(in), optional :: names(:)
         character(len=*), intent(in), optional :: piece
-        !> Which of many runs it is.
+        !> Name of the run among many.
         character(len=*), intent(in), optional :: place
         character(len=:), allocatable :: expected
 
@@ -151,7 +151,7 @@ contains
                 end if
             end if
             if (present(piece)) call check_text(error, failure%message, piece)
-            ! Every message begins with its status, says something and gives advice.
+            ! Every message begins with its status, has a text and gives advice.
             call check_text(error, failure%message, status_name(failure%stat)//': ')
             call check_text(error, failure%message, '; ')
         end if

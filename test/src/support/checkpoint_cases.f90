@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Runs whose state the tests of checkpoints save: on models with a memory, with redundant rows and with breakpoints, and watched by
-!> events that have a memory too.
+!> Runs for the tests of checkpoints: models with internal state, with redundant rows and with breakpoints, and events with internal
+!> state.
 module checkpoint_cases
     use event_kinds, only: bounce_type, new_time_event, time_event_type
     use model_belt_wheel, only: belt_wheel_type
@@ -14,10 +14,10 @@ module checkpoint_cases
 
     public :: case_type, set_up, take_steps
 
-    !> Kicks the motion now and then, a little more each time: an event with a memory, as its model has one.
+    !> Kicks the motion occasionally, with increasing strength: an event with internal state, like its model.
     type, extends(time_event_type) :: kick_type
         real(wp) :: strength = 0.1_wp
-        !> Whether it lists an item that it does not have elsewhere, which is wrong.
+        !> True if it packs an item that it lacks elsewhere, which is an error.
         logical :: lists_more = .false.
     contains
         procedure :: act => kick
@@ -30,7 +30,7 @@ module checkpoint_cases
         procedure :: pack_state => pack_changing
     end type changing_type
 
-    !> A run with all that it needs, so that there can be several at once.
+    !> A run with all its data, so that there can be several at once.
     type :: case_type
         type(simulation_type) :: simulation
         class(model_type), allocatable :: model
@@ -58,7 +58,7 @@ contains
 
         select case (scene)
         case ('redundant')
-            ! A knife edge with its row twice: the choice between them is part of the chart.
+            ! A knife edge with a duplicated row: the choice between the two is part of the chart.
             call new_scene('knife_edge', self%inner)
             call get_start('knife_edge', self%q, self%qd)
             allocate (redundant)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What runs say of procedures of a model that contradict each other.
+!> Reports of runs about contradictory procedures of a model.
 module consistency_checks
     use asserts, only: check_text
     use tandem, only: at_step, failure_type => error_type, find_error_warnings, observer_type, simulation_type, statistics_type, &
@@ -12,11 +12,11 @@ module consistency_checks
 
     public :: check_clean, check_named, looker_type
 
-    !> Looks at every step, where a run looks at few.
+    !> Checks every step, while a run checks few.
     type, extends(observer_type) :: looker_type
         character(len=contradiction_length) :: contradiction = ''
         integer :: looks = 0
-        !> Steps between two looks.
+        !> Number of steps between checks.
         integer :: pause = 1
         integer, private :: steps = 0
     contains
@@ -44,7 +44,7 @@ contains
         if (found /= '') self%contradiction = found
     end subroutine observe
 
-    !> A run must name what contradicts what, and find_error_warnings tell it first.
+    !> A run must report the contradictory procedures, and find_error_warnings must list this first.
     subroutine check_named(error, simulation, failure, piece)
         type(error_type), allocatable, intent(inout) :: error
         type(simulation_type), intent(in) :: simulation
@@ -63,7 +63,7 @@ contains
         call check_text(error, failure%message, piece)
     end subroutine check_named
 
-    !> A run must not say that its model contradicts itself.
+    !> A run must not report a contradiction in its model.
     subroutine check_clean(error, simulation, looker, what)
         type(error_type), allocatable, intent(inout) :: error
         type(simulation_type), intent(in) :: simulation

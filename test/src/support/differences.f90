@@ -14,7 +14,7 @@ module differences
     real(wp), parameter :: weight(3) = [45.0_wp, -9.0_wp, 1.0_wp]/60.0_wp
     !> With h = 1e-2 the truncation h**6/140 f(7) and the rounding eps/h are both about 1e-14 for functions of order one.
     real(wp), parameter :: h = 1.0e-2_wp
-    !> What is asked for, relative to the largest entry: a factor 1e3 above that, and far below any mistake.
+    !> Required accuracy, relative to the largest entry: a factor 1e3 above that, and far below any mistake.
     real(wp), parameter :: tolerance = 1.0e-10_wp
 
 contains
@@ -139,7 +139,7 @@ contains
             model%name//': error of Q_A = -V_q')
     end subroutine check_forces
 
-    !> Numbers from -1 to 1 that are the same in every run and for every compiler.
+    !> Numbers from -1 to 1, identical in every run and with every compiler.
     subroutine random_vector(seed, values)
         !> Changes with every call.
         integer, intent(inout) :: seed

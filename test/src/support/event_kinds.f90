@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Events that the tests share: functions of time, and actions on the state and on the model.
+!> Events for several tests: functions of time, and actions on the state and on the model.
 module event_kinds
     use model_pendulum, only: pendulum_type
     use tandem, only: event_type, failure_type => error_type, model_type, set_error, &
@@ -17,7 +17,7 @@ module event_kinds
         !> 'jump': 1 before `at`, -1 from there on; 'zero'; 'nan' and 'stat' from `at` on.
         character(len=8) :: kind = 'line'
         real(wp) :: at = 0.0_wp, depth = 0.0_wp
-        !> How often it was evaluated.
+        !> Number of evaluations.
         integer :: calls = 0
     contains
         procedure :: evaluate => evaluate_time

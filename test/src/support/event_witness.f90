@@ -7,7 +7,7 @@ module event_witness
 
     public :: witness_type
 
-    !> Remembers the velocity before and after an action, and looks into the step that was cut.
+    !> Stores the velocity before and after an action, and evaluates the shortened step.
     type, extends(observer_type) :: witness_type
         integer :: n_events = 0
         real(wp) :: before(2) = 0.0_wp, after(2) = 0.0_wp, largest_error = 0.0_wp, between = 0.0_wp
@@ -27,7 +27,7 @@ contains
         if (occasion == at_event) then
             self%n_events = self%n_events + 1
             self%before = simulation%state%qd
-            ! Before the event the old gravity counts.
+            ! Before the event the old gravity applies.
             t = simulation%state%t - 0.5_wp*simulation%last_step
             call simulation%look_at(t, error)
             associate (q => simulation%state%q, qd => simulation%state%qd, qdd => simulation%state%qdd)

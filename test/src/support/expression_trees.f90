@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Random expressions as text, and the same ones as trees that are differentiated by the rules of a textbook: a second way to the
-!> derivatives of expressions, which shares nothing with the first one.
+!> Random expressions as text, and the same ones as trees that are differentiated symbolically: an independent computation of the
+!> derivatives of expressions.
 module expression_trees
     use tandem, only: wp
     use tandem_linalg_random, only: random_vector
@@ -10,7 +10,7 @@ module expression_trees
     public :: trees_type
 
     integer, parameter :: most = 400000
-    !> How tightly a text holds together: sums, products, signs, powers, and what needs no parentheses.
+    !> Precedence of a text: sums, products, signs, powers, and atoms without parentheses.
     integer, parameter :: sum_level = 1, product_level = 2, sign_level = 3, power_level = 4, atom_level = 5
 
     type :: string_type
@@ -18,7 +18,7 @@ module expression_trees
         integer :: level = atom_level
     end type string_type
 
-    !> Nodes, each behind its operands. Only those of a random expression have a text.
+    !> Nodes, each after its operands. Only those of a random expression have a text.
     type :: trees_type
         integer :: n = 0, seed = 1
         character(len=8), allocatable :: names(:)
@@ -41,7 +41,7 @@ module expression_trees
 
 contains
 
-    !> Forget all nodes.
+    !> Remove all nodes.
     subroutine clear(self, seed)
         class(trees_type), intent(inout) :: self
         integer, intent(in) :: seed
@@ -53,7 +53,7 @@ contains
         allocate (self%texts(2000))
     end subroutine clear
 
-    !> A node; products with zero and one and sums with zero are left out.
+    !> A node; products with zero and one and sums with zero are simplified.
     recursive integer function node(self, name, left, right) result(place)
         class(trees_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -123,7 +123,7 @@ contains
     !> A random expression of x1, x2 and x3, defined everywhere.
     recursive integer function make_random(self, depth) result(place)
         class(trees_type), intent(inout) :: self
-        !> How deep it may be.
+        !> Largest depth.
         integer, intent(in) :: depth
         integer :: a, b, kind
         character(len=8), parameter :: smooth(6) = ['sin     ', 'cos     ', 'tanh    ', 'atan    ', 'abs     ', 'ramp    ']
@@ -210,7 +210,7 @@ contains
         end function bounded_by_sine
     end function make_random
 
-    !> The text of a node, with the parentheses that it needs and some more.
+    !> Text of a node, with the necessary parentheses and some more.
     subroutine write_text(self, place)
         class(trees_type), intent(inout) :: self
         integer, intent(in) :: place
@@ -249,7 +249,7 @@ contains
 
     contains
 
-        !> An operator between its operands, which need parentheses below some levels.
+        !> An operator between its operands, which need parentheses below given levels.
         subroutine join(level, left_level, right_level)
             integer, intent(in) :: level, left_level, right_level
 
@@ -276,7 +276,7 @@ contains
         text = self%texts(place)%text
     end function text_of
 
-    !> The derivative by a variable, by the rules of a textbook.
+    !> The derivative with respect to a variable, by symbolic rules.
     recursive integer function derivative(self, place, variable) result(d)
         class(trees_type), intent(inout) :: self
         integer, intent(in) :: place, variable
@@ -380,7 +380,7 @@ contains
         end do
     end function along
 
-    !> The values of all nodes at a point, and by how many units of rounding each may be off.
+    !> The values of all nodes at a point, and bounds of their errors in units of rounding.
     subroutine evaluate(self, x)
         class(trees_type), intent(inout) :: self
         real(wp), intent(in) :: x(:)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Runs of a model with a fault in one of its terms, and what a failure leaves behind.
+!> Runs of a model with a fault in one of its terms, and the remaining state after a failure.
 module faulty_runs
     use asserts, only: check_true
     use model_moving_pivot, only: moving_pivot_type
@@ -13,14 +13,14 @@ module faulty_runs
 
     public :: faults, status_of_fault, start_swing, run_with_fault, check_state_left
 
-    !> What a faulty procedure does, and the status that tells of it.
+    !> Faults of a procedure.
     integer, parameter :: faults(4) = [fault_nan, fault_infinity, fault_retry, fault_stop]
     character(len=15), parameter :: status_of_fault(4) = [character(len=15) :: 'not_finite', 'not_finite', 'not_evaluable', &
         'callback_failed']
 
 contains
 
-    !> A pendulum on a moving pivot that asks for M at every point, and its start at t = 0.
+    !> A pendulum on a moving pivot that evaluates M at every point, and its start at t = 0.
     subroutine start_swing(model, q, qd)
         type(moving_pivot_type), intent(inout) :: model
         real(wp), intent(out) :: q(2), qd(2)
@@ -31,14 +31,14 @@ contains
         call model%motion(0.0_wp, 0.3_wp, 1.0_wp, q, qd)
     end subroutine start_swing
 
-    !> Carry that pendulum to t = 0.2, one of its terms faulty on the way.
+    !> Integrate this pendulum to t = 0.2, with a fault in one of its terms.
     subroutine run_with_fault(simulation, spy, model, options, fault, term, time, failure)
         type(simulation_type), intent(inout) :: simulation
-        !> Tells of the fault's calls afterwards; what the pendulum is made of.
+        !> Counts the calls with the fault; parameters of the pendulum.
         type(spy_type), intent(inout), target :: spy
         type(moving_pivot_type), intent(inout), target :: model
         type(options_type), intent(in) :: options
-        !> What happens, in which term (counted from 1), and from which time on.
+        !> Kind of the fault, its term (from 1), and its first time.
         integer, intent(in) :: fault, term
         real(wp), intent(in) :: time
         type(failure_type), allocatable, intent(out) :: failure
@@ -52,7 +52,7 @@ contains
         call run(simulation, spy, options, 0.0_wp, q, qd, 0.2_wp, failure)
     end subroutine run_with_fault
 
-    !> Fail unless the state that was left behind is finite.
+    !> Fail unless the remaining state is finite.
     subroutine check_state_left(error, simulation)
         type(error_type), allocatable, intent(inout) :: error
         type(simulation_type), intent(in) :: simulation

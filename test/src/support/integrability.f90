@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Whether velocity constraints are integrable, by the theorem of Frobenius, from the model's own E and e. Row i is the form
-!> omega_i = E_i dq - e_i dt on the space of (t, q).
+!> Integrability of velocity constraints by the theorem of Frobenius, from the model's own E and e. Row i is the form omega_i = E_i
+!> dq - e_i dt on the space of (t, q).
 module integrability
     use svd, only: get_null_space
     use tandem, only: model_type, terms_type, wp
@@ -12,14 +12,14 @@ module integrability
 
 contains
 
-    !> How far each nonholonomic row is from being integrable at (t, q), on the manifold of the holonomic rows: alone, and
+    !> Defect of the integrability of each nonholonomic row at (t, q), on the manifold of the holonomic rows: individually, and
     !> together with the other nonholonomic rows. It is the largest entry of d omega_i on an orthonormal basis of the common null
-    !> space, against the length of omega_i; zero for an integrable one. (All of `together` must vanish, and not at one point only,
-    !> for the rows to be completely integrable together.)
+    !> space, relative to the length of omega_i; zero for an integrable one. (All of `together` must vanish, and not at one point
+    !> only, for the rows to be completely integrable together.)
     subroutine frobenius_defects(model, t, q, alone, together)
         class(model_type), intent(inout) :: model
         real(wp), intent(in) :: t, q(:)
-        !> One for each nonholonomic row.
+        !> One per nonholonomic row.
         real(wp), allocatable, intent(out) :: alone(:), together(:)
         real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp]
         real(wp), parameter :: factor(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp

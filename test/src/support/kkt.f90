@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> An independent way to solve any model, for the tests: the index-1 equations with multipliers,
-!> [M C'; C 0] [qdd; lambda] = [S + Q_A; -gamma], for (q, qd) in ambient coordinates, unprojected, by extrapolation of order 16.
-!> It shares with the library nothing but the model's own procedures.
+!> An independent solver for any model, for the tests: the index-1 equations with multipliers, [M C'; C 0] [qdd; lambda] = [S + Q_A;
+!> -gamma], for (q, qd) in ambient coordinates, unprojected, by extrapolation of order 16. It uses only the model's own procedures
+!> of the library.
 module kkt
     use extrapolation, only: equation_type, extrapolate
     use tandem, only: model_type, terms_type, wp
@@ -22,8 +22,8 @@ module kkt
 
 contains
 
-    !> Carry (q, qd) from t to t_end, across the breakpoints between; where nu jumps, qd is projected in the mass metric.
-    !> The model must be in its first segment.
+    !> Integrate (q, qd) from t to t_end, across the breakpoints between; at jumps of nu, qd is projected in the mass metric. The
+    !> model must be in its first segment.
     subroutine solve_independently(model, t, t_end, macro_step, q, qd)
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t, t_end

@@ -11,7 +11,7 @@ module large_runs
 
     public :: begin, start, controlled, go_on, check_resumption, check_timed, scenes
 
-    !> What `make_large` makes of several kinds.
+    !> Kinds of mechanisms of `make_large`.
     character(len=14), parameter :: scenes(6) = [character(len=14) :: 'planar_chain', 'spatial_chain', 'four_bars', 'star', &
         'net', 'trailers']
 
@@ -25,7 +25,7 @@ contains
         type(mechanism_type), intent(inout), target :: mechanism
         type(simulation_type), intent(inout) :: simulation
         type(error_type), allocatable, intent(inout) :: error
-        !> Of sliders.
+        !> For sliders.
         real(wp), intent(in), optional :: ratio
         type(failure_type), allocatable :: failure
 
@@ -54,7 +54,7 @@ contains
     pure function controlled(rtol, kind, stepper) result(options)
         real(wp), intent(in) :: rtol
         character(len=*), intent(in) :: kind
-        !> dop853 where it is absent.
+        !> dop853 by default.
         character(len=*), intent(in), optional :: stepper
         type(options_type) :: options
 
@@ -76,7 +76,7 @@ contains
         call check_no_failure(error, failure)
     end subroutine go_on
 
-    !> A run of a scene that is taken up from a checkpoint goes on bitwise.
+    !> A run of a scene that is continued from a checkpoint is bitwise equal.
     subroutine check_resumption(name, options, error)
         character(len=*), intent(in) :: name
         type(options_type), intent(in) :: options
@@ -104,7 +104,7 @@ contains
         call check_count(error, size(found), size(expected), 'words of the state')
     end subroutine check_resumption
 
-    !> A run of a scene whose time is taken has the sparse chart that it would have, and takes the same steps.
+    !> A run of a scene with time measurement has its usual sparse chart, and takes the same steps.
     subroutine check_timed(name, options, error)
         character(len=*), intent(in) :: name
         type(options_type), intent(in) :: options

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What tests of linearised systems share: a scene that is linearised, and comparisons of sets of eigenvalues.
+!> Common parts of tests of linearised systems: a linearised scene, and comparisons of sets of eigenvalues.
 module linearised
     use tandem, only: failure_type => error_type, linearisation_type, simulation_type, wp
     use tandem_io, only: find_scene, read_scene, scene_type
@@ -41,7 +41,7 @@ contains
         if (allocated(failure)) call test_failed(error, failure%message)
     end subroutine linearise_text
 
-    !> Linearise the start as a run accepts it.
+    !> Linearise at the start of a run.
     subroutine linearise_start(scene, it, failure)
         type(scene_type), intent(inout), target :: scene
         type(linearisation_type), intent(inout) :: it
@@ -62,7 +62,7 @@ contains
         distance = minval(abs(values - value))
     end function distance
 
-    !> Whether there is an eigenvalue within a bound.
+    !> True if there is an eigenvalue within a bound.
     pure logical function has_eigenvalue(it, value, bound)
         type(linearisation_type), intent(in) :: it
         complex(wp), intent(in) :: value
@@ -71,11 +71,11 @@ contains
         has_eigenvalue = distance(it%spectrum%values, value) <= bound
     end function has_eigenvalue
 
-    !> All eigenvalues but exact zeros, and but those given as explained by symmetries, are the expected ones, as many of them.
+    !> All eigenvalues except exact zeros and those due to symmetries are the expected ones, in the same number.
     subroutine check_eigenvalues(it, expected, bound, what, error)
         type(linearisation_type), intent(in) :: it
         complex(wp), intent(in) :: expected(:)
-        !> Absolute.
+        !> Absolute bound.
         real(wp), intent(in) :: bound
         character(len=*), intent(in) :: what
         type(error_type), allocatable, intent(inout) :: error

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What the suites of mechanisms share: two bodies to put an element between, the comparison of all procedures with differences, and
-!> runs.
+!> Common parts of the suites of mechanisms: two bodies for an element between them, the comparison of all procedures with
+!> differences, and runs.
 module mechanism_checks
     use asserts, only: check_below, check_count, check_no_failure, check_true, format_real
     use runs, only: run
@@ -13,12 +13,12 @@ module mechanism_checks
 
     public :: draw, verify, check_drawing, go
 
-    !> Differences of fourth order leave about 3e-13 of what they are taken of, which is up to a thousand times the derivative here.
+    !> Differences of fourth order have errors of about 3e-13 of the function, which is up to a thousand times the derivative here.
     real(wp), parameter :: bound = 1.0e-9_wp
 
 contains
 
-    !> Two bodies of any shape, turned in the drawing, with a point each.
+    !> Two bodies of any shape, rotated in the reference configuration, with a point each.
     subroutine draw(mechanism, planar)
         type(mechanism_type), intent(out) :: mechanism
         logical, intent(in) :: planar
@@ -42,7 +42,7 @@ contains
         if (allocated(failure)) error stop 'draw: '//failure%message
     end subroutine draw
 
-    !> Compare all procedures at random states near the drawing.
+    !> Compare all procedures at random states near the reference configuration.
     subroutine verify(mechanism, what, error)
         type(mechanism_type), intent(inout), target :: mechanism
         character(len=*), intent(in) :: what
@@ -66,7 +66,7 @@ contains
         end do
     end subroutine verify
 
-    !> Phi = 0 in the drawing, up to rounding of coordinates of about 1.
+    !> Phi = 0 in the reference configuration, up to rounding of coordinates of about 1.
     subroutine check_drawing(mechanism, what, error)
         type(mechanism_type), intent(inout) :: mechanism
         character(len=*), intent(in) :: what
@@ -83,7 +83,7 @@ contains
         call check_below(error, maxval(abs([0.0_wp, terms%phi])), 1.0e-14_wp, what//': Phi in the drawing')
     end subroutine check_drawing
 
-    !> Carry a mechanism from its drawing to a time, by dop853 or another stepper.
+    !> Integrate a mechanism from its reference configuration to a time, by dop853 or another stepper.
     subroutine go(mechanism, rtol, t_end, simulation, error, stepper, chart_kind)
         type(mechanism_type), intent(inout), target :: mechanism
         real(wp), intent(in) :: rtol, t_end

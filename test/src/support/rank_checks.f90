@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What tests of rank awareness look at in a simulation: its warnings, its motion and its multipliers against those without the
+!> Results of a simulation for tests of rank detection: its warnings, its motion and its multipliers against those without the
 !> redundant rows.
 module rank_checks
     use asserts, only: check_below, check_close
@@ -15,7 +15,7 @@ module rank_checks
 
 contains
 
-    !> How many warnings there are.
+    !> Number of warnings.
     integer function n_warnings(simulation)
         type(simulation_type), intent(in) :: simulation
 
@@ -45,7 +45,7 @@ contains
             call check_below(error, abs(a%t - b%t), 0.0_wp, name//': difference of the times')
             call check_close(error, a%q, b%q, bound*max(1.0_wp, maxval(abs(b%q))), name//': q')
             call check_close(error, a%qd, b%qd, bound*max(1.0_wp, maxval(abs(b%qd))), name//': qd')
-            ! Accelerations carry the condition of D' M D besides; the motorcycle's are large.
+            ! Accelerations also have the condition of D' M D; the motorcycle's are large.
             call check_close(error, a%qdd, b%qdd, 100*bound*max(1.0_wp, maxval(abs(b%qdd))), name//': qdd')
         end associate
     end subroutine check_same_motion

@@ -65,8 +65,8 @@ contains
         call check_below(error, errors(3), 1.0e-12_wp, what//': acceleration error')
     end subroutine check_state
 
-    !> How long a mechanism of one degree of freedom takes from one angle to another, from its geometry and energy alone:
-    !> t = integral of sqrt(m(a)/(2 (E - V(a)))) da, m = q_a' M q_a, by Gauss's rule. The rate must not change its sign on the way.
+    !> Duration of the motion of a mechanism of one degree of freedom from one angle to another, from its geometry and energy alone:
+    !> t = integral of sqrt(m(a)/(2 (E - V(a)))) da, m = q_a' M q_a, by Gauss's rule. The rate must not change its sign.
     real(wp) function travel_time(model, from, to, rate)
         class(model_type), intent(inout) :: model
         !> Angles, and the rate at the first.

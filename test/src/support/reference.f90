@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Reads the reference solutions of test/reference: plain tables, computed with methods that share nothing with tandem.
+!> Reads the reference solutions of test/reference: plain tables, computed with methods independent of tandem.
 module reference
     use tandem, only: wp
     implicit none (type, external)
@@ -7,7 +7,7 @@ module reference
 
     public :: reference_type, read_reference
 
-    !> A reference solution at some times; what it is and how far it can be trusted stands at the head of its file.
+    !> A reference solution at some times; its file begins with a description and its accuracy.
     type :: reference_type
         !> Times (k).
         real(wp), allocatable :: t(:)
@@ -21,7 +21,7 @@ module reference
 
 contains
 
-    !> Read test/reference/NAME.txt; the tests run in the project's root, as fpm has it.
+    !> Read test/reference/NAME.txt; the tests run in the project's root, as with fpm.
     subroutine read_reference(name, table)
         character(len=*), intent(in) :: name
         type(reference_type), intent(out) :: table
@@ -37,7 +37,7 @@ contains
         close (unit)
     end subroutine read_reference
 
-    !> Stand before the first line that is no comment.
+    !> Advance to the first line that is not a comment.
     subroutine skip_comments(unit)
         integer, intent(in) :: unit
         character(len=1) :: first
@@ -49,7 +49,7 @@ contains
         backspace (unit)
     end subroutine skip_comments
 
-    !> The row of a time, 0 where there is none. Times that differ by rounding are the same.
+    !> Row of a time, 0 if there is none. Times that differ by rounding are equal.
     pure integer function find(self, t)
         class(reference_type), intent(in) :: self
         real(wp), intent(in) :: t

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Runs that many tests share.
+!> Runs for several tests.
 module runs
     use model_heavy_top, only: heavy_top_type
     use model_knife_edge, only: knife_edge_type
@@ -12,13 +12,13 @@ module runs
 
     public :: run, run_to, choose, new_scene, get_start, scene_names
 
-    !> The scenes that have a reference solution, and how their tables are called.
+    !> Scenes with a reference solution, and names of their tables.
     character(len=14), parameter :: scene_names(5) = [character(len=14) :: 'vehicle', 'disk', 'heavy_top', 'knife_edge', &
         'stiff_pendulum']
 
 contains
 
-    !> Initialize a simulation and carry it to t_end.
+    !> Initialize a simulation and integrate it to t_end.
     subroutine run(simulation, model, options, t, q, qd, t_end, failure, observer)
         type(simulation_type), intent(inout) :: simulation
         class(model_type), intent(inout), target :: model

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Numbers without a pattern that are the same on every machine.
+!> Numbers without a pattern, identical on every machine.
 module scattered_numbers
     use tandem, only: wp
     implicit none (type, external)

@@ -49,7 +49,7 @@ contains
         allocate (basis, source=v(:, count(s > cut*s(1)) + 1:))
     end subroutine get_null_space
 
-    !> a = u diag(s) v' with all columns of a: zeros in s where a has fewer independent ones. v is orthogonal; a column of u that
+    !> a = u diag(s) v' with all columns of a: zeros in s if a has fewer independent ones. v is orthogonal; a column of u that
     !> belongs to a zero of s is zero.
     subroutine decompose(a, u, s, v)
         real(wp), intent(in) :: a(:, :)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Sweeps for tests: their files put together, run, and compared.
+!> Sweeps for tests: construction of their files, runs, and comparisons.
 module sweeps
     use asserts, only: check_close, check_no_failure, check_true
     use model_faulty, only: faulty_models
@@ -16,10 +16,10 @@ module sweeps
 
     public :: compare, folder, keep, late_type, make_plan, newline, quiet_type, read_text, run_text, varied, vary
 
-    !> Where files of these tests go; removed by `make clean`.
+    !> Folder of the files of these tests; removed by `make clean`.
     character(len=*), parameter :: folder = 'build/test_sweep', newline = new_line('a')
 
-    !> Does not look, but can end the sweep after so many cases.
+    !> Shows nothing, but can end the sweep after a number of cases.
     type, extends(watcher_type) :: quiet_type
         integer(long) :: most = huge(1_long)
         logical :: is_reached = .false.
@@ -28,10 +28,10 @@ module sweeps
         procedure :: stops
     end type quiet_type
 
-    !> A worker that does nothing but tell that its cases are done, all in order, except that it is lost before the first one and
-    !> tells of that one when it has begun anew.
+    !> A worker that only reports its cases as done, all in order, except that it is lost before the first one and reports that one
+    !> after a restart.
     type, extends(team_type) :: late_type
-        !> The cases that it has.
+        !> Its cases.
         integer(long) :: cases(1000) = 0
         integer :: n = 0, told = 0
     contains
@@ -129,11 +129,11 @@ contains
         stops = self%is_reached
     end function stops
 
-    !> The records of two journals are the same but for their times.
+    !> The records of two journals are equal except for their times.
     subroutine compare(error, one, other, keeps)
         type(error_type), allocatable, intent(inout) :: error
         type(sweep_journal_type), intent(inout) :: one, other
-        !> Whether the files stay.
+        !> True to keep the files.
         logical, intent(in), optional :: keeps
         type(record_type) :: first, second
         type(failure_type), allocatable :: failure
@@ -195,7 +195,7 @@ contains
 
     !> Read a sweep of the faulty model.
     subroutine read_text(table, rest, plan, failure)
-        !> What [sweep] has besides the scene, and what follows it.
+        !> Further keys of [sweep] besides the scene, and following text.
         character(len=*), intent(in) :: table, rest
         type(plan_type), intent(out) :: plan
         type(failure_type), allocatable, intent(out) :: failure
@@ -217,11 +217,11 @@ contains
         type(sweep_journal_type), intent(inout) :: journal
         integer, intent(in) :: jobs
         type(failure_type), allocatable, intent(out) :: failure
-        !> End it after so many cases.
+        !> Number of cases after which it ends.
         integer(long), intent(in), optional :: most
-        !> Of the journal.
+        !> Name of the journal.
         character(len=*), intent(in), optional :: name
-        !> Whether with what is there already.
+        !> True to continue an existing journal.
         logical, intent(in), optional :: goes_on
         type(case_runner_type), target :: runner
         type(processes_type) :: team

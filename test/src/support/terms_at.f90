@@ -51,7 +51,7 @@ contains
 
     contains
 
-        !> Whether a term must come from the single procedures.
+        !> True if a term must come from the single procedures.
         logical function wanted(bit)
             integer, intent(in) :: bit
 

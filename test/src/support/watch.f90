@@ -14,7 +14,7 @@ module watch
     !> The largest errors of the three constraint levels over all steps, from the model's own procedures.
     type, extends(observer_type) :: error_watch_type
         real(wp) :: errors(3) = 0.0_wp
-        !> Every so many steps only; the start and the end are always looked at.
+        !> Interval in steps; the start and the end are always evaluated.
         integer :: every = 1
         integer :: looked_at = 0
         integer, private :: steps = 0
@@ -27,15 +27,15 @@ module watch
         type(reference_type) :: table
         !> Largest errors of q, qd, qdd and lambda; the last two relative to the larger of 1 and the largest entry of the row.
         real(wp) :: q = 0.0_wp, qd = 0.0_wp, qdd = 0.0_wp, lambda = 0.0_wp
-        !> A time where the acceleration jumps, so that only q and qd are compared.
+        !> A time at which the acceleration jumps, so that only q and qd are compared.
         real(wp) :: skip_acceleration_at = -huge(1.0_wp)
-        !> How many rows of the table the run has met.
+        !> Number of common rows of the table.
         integer :: met = 0
     contains
         procedure :: observe => observe_reference
     end type reference_watch_type
 
-    !> The total energy, kinetic alone where the model has no potential.
+    !> Total energy, kinetic only if the model has no potential.
     type, extends(observer_type) :: energy_watch_type
         !> The energy at the start, and its largest relative deviation.
         real(wp) :: energy = 0.0_wp, deviation = 0.0_wp
@@ -46,7 +46,7 @@ module watch
 contains
 
     !> Position, velocity and acceleration error of a state, max-norms over the rows of |residual| over the row's natural scale
-    !> sum_j |C_ij| max(|y_j|, s_j) + |right side|, y = q, qd, qdd.
+    !> sum_j |C_ij| max(|y_j|, s_j) + |right-hand side|, y = q, qd, qdd.
     subroutine natural_errors(terms, n_holonomic, scale, q, qd, qdd, errors)
         type(terms_type), intent(in) :: terms
         integer, intent(in) :: n_holonomic
