@@ -337,7 +337,7 @@ contains
             a = own%journal%table%real_at(row, 'error_qd')
             b = given%journal%table%real_at(row, 'error_qd')
             call check_between(error, a/b, 0.9_wp, 1.1_wp, 'ratio of the errors of qd')
-            ! RK4's order is 4; on the way there the first rows may show more.
+            ! RK4's order is 4; the first rows may show more.
             if (row > 3) call check_between(error, own%journal%table%real_at(row, 'order'), 3.8_wp, 4.4_wp, 'order')
             compared = compared + 1
         end do

@@ -175,7 +175,7 @@ contains
         call check_below(error, abs(sum(z(2:, 1)*z(:n - 1, 1))/n), 4/sqrt(real(n, wp)), 'the correlation of neighbours')
     end subroutine test_moments
 
-    !> Each way to draw gives case k the same values forwards, backwards and alone; another seed gives others.
+    !> Each method of drawing gives case k the same values forwards, backwards and alone; another seed gives others.
     subroutine test_numbers(error)
         type(error_type), allocatable, intent(out) :: error
         type(plan_type) :: plan, other
@@ -259,7 +259,7 @@ contains
                 call check_below(error, max(indices(i)%first_error, indices(i)%total_error), 0.06_wp, 'half the interval')
             end do
         end do
-        ! Sobol' points do better than their intervals, which know nothing of them.
+        ! Sobol' points are more accurate than their intervals, which do not depend on them.
         call check_below(error, maxval(abs(indices%first - first)), 0.005_wp, "error of the first order by Sobol' points")
         call check_below(error, maxval(abs(indices%total - total)), 0.005_wp, "error of the total by Sobol' points")
     end subroutine test_indices

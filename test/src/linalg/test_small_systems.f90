@@ -146,7 +146,7 @@ contains
         do i = 2, size(orders)
             k = orders(i)
             allocate (a(k, k), b(k), source=1.0_wp)
-            ! Columns 1 and 2 are nearly the same: the second pivot is 1e-4 of its diagonal entry.
+            ! Columns 1 and 2 are nearly equal: the second pivot is 1e-4 of its diagonal entry.
             do j = 3, k
                 a(:, j) = 0.0_wp
                 a(j, j) = 1.0_wp
@@ -171,7 +171,7 @@ contains
         do n = 0, 13
             call random_vector(seed, weight)
             call random_vector(seed, x)
-            ! Some are zero; what their columns hold must not matter.
+            ! Some are zero; the contents of their columns must have no effect.
             where (weight < -0.5_wp) weight = 0.0_wp
             expected = x + h*matmul(rate(:, :n), weight(:n))
             call combination%set(weight(:n))

@@ -422,7 +422,7 @@ contains
         real(wp), parameter :: speed = 5.0_wp, tilt = pi/10, small = 1.0e-6_wp, t_end = 2.0_wp, g = 9.81_wp
         real(wp), parameter :: rear(3) = [0.0_wp, 0.0_wp, 0.3_wp], frame(3) = [0.3_wp, 0.0_wp, 0.9_wp], &
             fork(3) = [0.9_wp, 0.0_wp, 0.7_wp], front(3) = [1.02_wp, 0.0_wp, 0.35_wp], y(3) = [0.0_wp, 1.0_wp, 0.0_wp]
-        !> Along the steering axis, downwards, which meets the ground 0.08 m before the front contact.
+        !> Along the steering axis, downwards; it intersects the ground 0.08 m before the front contact.
         real(wp), parameter :: steering(3) = [sin(tilt), 0.0_wp, -cos(tilt)], foot(3) = [1.1_wp, 0.0_wp, 0.0_wp]
         real(wp), parameter :: m(2, 2) = reshape([80.81722_wp, 2.31941332208709_wp, 2.31941332208709_wp, 0.29784188199686_wp], &
             [2, 2]), c1(2, 2) = reshape([0.0_wp, -0.85035641456978_wp, 33.86641391492494_wp, 1.68540397397560_wp], [2, 2]), &

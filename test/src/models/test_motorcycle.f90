@@ -48,7 +48,7 @@ contains
             new_unittest('the-steering-makes-the-velocity-jump-at-its-end', test_jump)]
     end subroutine collect_motorcycle
 
-    !> One of four parameter sets: standard, chopper, and two that share no number with the paper's.
+    !> One of four parameter sets: standard, chopper, and two that have no number in common with the paper's.
     subroutine set_parameters(number, model)
         integer, intent(in) :: number
         type(motorcycle_type), intent(out) :: model
