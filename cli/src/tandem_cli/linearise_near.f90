@@ -118,7 +118,7 @@ contains
         end do
     end subroutine print_nearest
 
-    !> Motions with nonzero rates and their rates, at most the first few.
+    !> Motions along which the steady motion continues, with their rates; at most the first few.
     function rates_text(it) result(text)
         type(nearest_type), intent(in) :: it
         character(len=:), allocatable :: text

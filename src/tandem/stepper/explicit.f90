@@ -241,7 +241,7 @@ contains
 
     contains
 
-        !> Starting point of a stage: from the increments at the start of the step, or from the state.
+        !> Point of the next stage, from the increments at the start of the step, or from the state.
         subroutine step_from_start(step, rate_q, rate_qd)
             real(wp), intent(in) :: step
             real(wp), intent(in), contiguous :: rate_q(:), rate_qd(:)
