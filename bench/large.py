@@ -7,11 +7,11 @@ Usage: bench/large.py [--repeats N] [--seconds S] [SCENE [N...]]
 SCENE is planar_chain, spatial_chain, star, four_bars or net, as in test/src/subjects/large_mechanisms.f90, N even for chains; all
 without. Installs exudyn, mujoco, pin, numpy and h5py from PyPI into build/large. The program is build/optimised/tandem, or what TANDEM names: it
 takes rk4 with every stage on the manifold.
-Exudyn integrates the same bodies and joints by generalised alpha, index 3, with a sparse matrix that serves several steps; MuJoCo in
+Exudyn integrates the same bodies and joints by generalised alpha, index 3, with a sparse matrix that is reused for several steps; MuJoCo in
 joint coordinates by RK4; Pinocchio evaluates its articulated-body algorithm four times, without an integrator. These two need trees,
 which four-bars and the net are not.
 The time is that of a run to 0.3 s less that of one to 0.1 s, the best of the repeats, all solvers in turn, on one core. The error is that
-of the centre of the last body at 0.3 s, beside dop853 at 1e-11. A solver that would take longer than S seconds (60) is left out.
+of the centre of the last body at 0.3 s, compared with dop853 at 1e-11. A solver that would take longer than S seconds (60) is omitted.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """Steps on a pendulum whose spring is far stiffer than its motion: SciPy's Radau in polar coordinates, which know of no constraint,
-beside radau5 and sdirk54 of tandem in Cartesian coordinates with the stretch of the spring.
+compared with radau5 and sdirk54 of tandem in Cartesian coordinates with the stretch of the spring.
 
 Usage: bench/stiff_pendulum.py    with an environment that has SciPy and the package of python/ (doc/python.md)
 """
