@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: MIT
 """Dependencies between folders: the `use` statements of all modules of src, io, cli and app as arrows between their folders.
 
-Usage: tools/arrows.py          print each arrow, how many `use` it stands for, and the files that they are in
-       tools/arrows.py write    draw them anew in CONTRIBUTING.md
+Usage: tools/arrows.py          print each arrow, the number of `use` statements, and their files
+       tools/arrows.py write    update them in CONTRIBUTING.md
 
-Files directly below src/tandem are a folder of their own, the base; those that only pass on what others define are the face of a
-package. tools/docs.py checks that there is no circle, and that the drawing is what the sources say.
+Files directly below src/tandem form a folder, the base; those that only re-export names are the face of a
+package. tools/docs.py checks that there is no circle, and that the diagram agrees with the sources.
 """
 
 import re
@@ -37,7 +37,7 @@ def folder(root, path):
 
 
 def find_arrows(root):
-    """From each folder to those that it uses: how often, and in which files."""
+    """From each folder to those that it uses: number of uses, and their files."""
     sources = {}
     for package in ("src", "io/src", "cli/src", "app"):
         for path in sorted((root / package).rglob("*.[fF]90")):

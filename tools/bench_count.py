@@ -3,8 +3,8 @@
 """Counts instructions of short runs, which do not depend on other load of the machine, and their memory allocations, and
 compares with bench/counts.txt.
 
-Usage: tools/bench_count.py PROGRAM            compare; exit code 1 where a step needs more than 3 % more than it did
-       tools/bench_count.py PROGRAM record     write bench/counts.txt anew
+Usage: tools/bench_count.py PROGRAM            compare; exit code 1 if a step needs over 3 % more than before
+       tools/bench_count.py PROGRAM record     write bench/counts.txt
 
 PROGRAM is the program `count` of bench/, without AVX-512, which valgrind does not know. `make bench-count` builds it and calls this.
 Instructions are those of `integrate` as a whole; allocations are the calls of malloc, calloc and realloc in it.
@@ -23,8 +23,8 @@ TOLERANCE = 0.03
 
 
 def allocations(text):
-    """Calls of the allocating functions in a file of callgrind with instructions: how often the first one of each was executed. The
-    file's own counts of calls hold those before `integrate` too."""
+    """Calls of the allocating functions in a file of callgrind with instructions, from the number of executions of the first
+        instruction of each. The file's own counts of calls include those before `integrate`."""
     costs_of, function, is_call = {}, "", False
     for line in text.splitlines():
         if line.startswith("fn="):

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Checks that the benchmarks compile, without a warning: they are a project of their own, and building them takes SUNDIALS.
+"""Checks that the benchmarks compile, without a warning: they are a separate project, and building them requires SUNDIALS.
 
 Usage: tools/check_bench.py FOLDER FLAGS
 

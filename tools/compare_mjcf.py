@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Imported models beside MuJoCo: masses, frames and the accelerations of a free fall from random states.
+"""Imported models compared with MuJoCo: masses, frames and the accelerations of a free fall from random states.
 
 Usage: tools/compare_mjcf.py [FILE...]      files, or all that the packages gymnasium and dm-control ship
 
@@ -41,7 +41,7 @@ def relative(found, expected, least):
 
 
 def state_of(model, random):
-    """A random state, as MuJoCo wants it and by the names of joints."""
+    """A random state, for MuJoCo and by the names of joints."""
     import mujoco
     import numpy as np
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Imported robots beside Pinocchio: masses, frames and the accelerations of a free fall from random states.
+"""Imported robots compared with Pinocchio: masses, frames and the accelerations of a free fall from random states.
 
 Usage: tools/compare_urdf.py [NAME...]      robots of the package example-robot-data whose names begin so; all without
 
 Installs pin, example-robot-data (130 MB) and h5py from PyPI into build/pinocchio. The program is build/tandem, or what TANDEM names. Each
-robot is drawn with its joints at random places and rates, the root held and once as a free body. Prints a line for each and the largest
+robot has its joints at random positions and rates, the root held and once as a free body. Prints a line for each and the largest
 difference, relative to the largest value, of accelerations to 1 m/s^2 or 1 rad/s^2 at least; exit code 1 where one is above 1e-10.
 """
 
@@ -37,7 +37,7 @@ def relative(found, expected, least):
 
 
 def state_of(model, names, random):
-    """Random places and rates of the joints: as tandem and as Pinocchio want them."""
+    """Random positions and rates of the joints, for tandem and for Pinocchio."""
     import numpy as np
     import pinocchio
 

@@ -4,7 +4,7 @@
 
 Usage: tools/docs.py
 
-Its front page begins as README.md does. Scripts and styles are beside the pages, so that they can be read without a network.
+Its front page begins like README.md. Scripts and styles are beside the pages, so that they can be read without a network.
 
 Prints "ok NAME" or "not ok NAME" for each check: folders use each other one way, as CONTRIBUTING.md shows, every public entity
 has a comment, FORD has nothing to warn of, every link between the pages leads somewhere, and no page fetches anything. The exit
@@ -212,7 +212,7 @@ def offered():
 
 
 def set_internals_apart():
-    """In each list, what programs use comes first; the pages of the others, and what is found of them, say what they are."""
+    """Put the names for programs first in each list; mark the pages and search results of the others as internal."""
     known, public = offered(), set()
     for file in (OUTPUT / "lists").glob("*.html"):
         text = file.read_text()

@@ -227,9 +227,9 @@ def build_command_line(build, flags):
 
 
 def build_portable():
-    """The folder with libtandem.a, libtandem.so and the program tandem, which run on any Linux of this kind, and what they need
-    beside them. Without link-time optimisation, which takes minutes, are the library for newer processors and what the program adds:
-    the one is as fast as need be, the other one's time is that of files and lines."""
+    """The folder with libtandem.a, libtandem.so and the program tandem, which run on any Linux of this kind, and their
+    dependencies. The library for newer processors and the sources of the program are compiled without link-time optimisation, which takes
+    minutes: the former is fast enough without it, the latter spends its time on input and output."""
     PORTABLE.mkdir(parents=True, exist_ok=True)
     archive(PORTABLE / "libtandem.a", compile_all(PORTABLE, PORTABLE_FLAGS, [ROOT / "src"]))
     blas = str(build_blas(PORTABLE / "libtandem.a", PORTABLE / "libtandem-blas.so.1"))
@@ -279,7 +279,7 @@ Libs: -L${{libdir}} {run_path(prefix)}-ltandem
 Libs.private: {needed}
 Cflags: -I${{includedir}} -I${{moduledir}}
 """
-    # pkg-config can add to what it prints for the shared library, but not change it: the static one has a file of its own.
+    # pkg-config can add to the output for the shared library, but not change it: the static one has a separate file.
     static = f"""\
 prefix={prefix}
 libdir=${{prefix}}/lib

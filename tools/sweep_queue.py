@@ -4,9 +4,9 @@
 
 Usage: tools/sweep_queue.py [--ranks N] [--case SECONDS] [--spread S] [--words N] [--record SECONDS] [--message SECONDS]
 
-Rank 0 takes what the ranks tell, writes it, and gives them ranges of cases; the rules are those of
+Rank 0 receives the records of the ranks, writes them, and gives them ranges of cases; the rules are those of
 io/src/tandem_io/sweep/schedule.f90 and mpi/src/tandem_mpi/ranks.f90: a range lasts 0.1 s or four delays, each rank has a second
-one waiting, and a rank gathers what it tells for 0.5 ms times the number of ranks. Without arguments, prints the table of
+one waiting, and a rank gathers its records for 0.5 ms times the number of ranks. Without arguments, prints the table of
 doc/sweep.md. Costs: --record for a record that rank 0 takes, checks and writes, --message for a message, both in seconds.
 """
 
@@ -33,8 +33,8 @@ def on_paper(ranks, case, words, record, message):
 
 
 def simulate(ranks, case, spread, record, message, seconds):
-    """Run the queue: each rank works through its ranges, gathers, tells; rank 0 serves one message after the other. The part of the
-    ranks' time in which they work, and that of rank 0, after the first half of the time."""
+    """Run the queue: each rank works through its ranges, gathers, sends; rank 0 handles one message after the other. Returns the
+        share of the ranks' time spent on work, and that of rank 0, after the first half of the time."""
     rng = random.Random(1)
     delay = GATHERING * ranks
     lasting = max(SHORTEST, 4 * delay)
@@ -44,7 +44,7 @@ def simulate(ranks, case, spread, record, message, seconds):
     idle_since = [0.0] * ranks
     worked, served, free_at = 0.0, 0.0, 0.0
     untold = [0] * ranks
-    passed = [0] * ranks  # ranges that are done and not yet told
+    passed = [0] * ranks  # ranges that are done and not yet reported
     since = [0.0] * ranks
     events = []
     begin = seconds / 2
@@ -83,7 +83,7 @@ def simulate(ranks, case, spread, record, message, seconds):
                 heapq.heappush(events, (now + LATENCY, 1, rank, (untold[rank], passed[rank])))
                 untold[rank], passed[rank] = 0, 0
             work(rank, now)
-        elif kind == 1:  # rank 0 is told
+        elif kind == 1:  # rank 0 gets a message
             records, ranges = number
             time = message * (1 + ranges) + records * record
             free_at = max(now, free_at) + time

@@ -5,10 +5,10 @@
 Usage: tools/sweep_speed.py [--cases N] [--rounds N] [--threads A,B]
 
 Runs the disks of bench/disks.toml: by `build/bench/disks` on thread A, by two copies of it at once, one on each thread, by
-`build/optimised/tandem sweep --jobs 1` on thread A, and by `--jobs 2` on both. Two copies have nothing in common but the machine, so what
-they do together over what one does alone is the machine's own limit, to which the speed-up of two jobs is compared. The four take
-turns, so that whoever else uses the machine disturbs all of them alike; ratios are formed within a round, and their median is
-told. A sweep is timed from the start of the program to the end, its table included; a bare loop times itself.
+`build/optimised/tandem sweep --jobs 1` on thread A, and by `--jobs 2` on both. Two copies have only the machine in common, so the ratio
+of their joint throughput to that of one is the limit of the machine, with which the speed-up of two jobs is compared. The four take
+turns, so that other load of the machine disturbs all of them alike; ratios are formed within a round, and their median is
+printed. A sweep is timed from the start of the program to the end, its table included; a bare loop times itself.
 """
 
 import argparse

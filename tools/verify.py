@@ -181,7 +181,7 @@ def unittest_text(lines):
 
 
 def ok_lines(lines):
-    """Lines 'ok NAME' and 'not ok NAME', each a test; other lines that follow a 'not ok' tell about it."""
+    """Lines 'ok NAME' and 'not ok NAME', each a test; other lines after a 'not ok' explain it."""
     count = Count()
     telling = False
     for line in lines:

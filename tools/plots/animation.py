@@ -96,7 +96,7 @@ def draw_vehicle(result, picture):
     bodies = [axes.plot([], [], color=colour, linewidth=2)[0] for colour in (BLUE, ORANGE)]
     wheels, = axes.plot([], [], "o", color="black", markersize=3)
     axes.set(xlabel="x [m]", ylabel="y [m]")
-    # Across, a metre is drawn larger than along: the lane change is 4 m on 150 m.
+    # Across, a metre is longer than along: the lane change is 4 m on 150 m.
     axes.set_ylim(-1.5, 5.5)
     clock = axes.text(0.02, 0.9, "", transform=axes.transAxes)
     outline = np.array([[-1, -0.3], [1, -0.3], [1, 0.3], [-1, 0.3], [-1, -0.3]]) * [half * 0.92, 2.0]

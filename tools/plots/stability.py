@@ -7,7 +7,7 @@ from matplotlib.patches import Patch, Rectangle
 from .files import read_study
 from .style import STEPPERS, plt, save
 
-# A colour and a letter a verdict, light enough for black letters, dark enough to tell apart in grey.
+# A colour and a letter per verdict, light enough for black letters, dark enough to be distinct in grey.
 VERDICTS = {"held": ("#9BD8C4", "h"), "degraded": ("#F6D27A", "d"), "refused": ("#D9D9D9", "r"), "failed": ("#B5B5B5", "f"),
             "wrong": ("#E2622F", "W")}
 MEANINGS = {"held": "held: the error, a part of s + |y|, is within what is allowed",
@@ -87,7 +87,7 @@ def draw(paths, picture):
 
 
 def draw_steps(paths, picture):
-    """Steps under error control against how many times as fast the spring of a slow pendulum is: cases slow_X that are complete."""
+    """Steps under error control against the frequency ratio of the spring of a slow pendulum: complete cases slow_X."""
     c = read_study(paths[0]).columns
     figure, axes = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
     for stepper, (colour, marker) in STEPPERS.items():
