@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Makes scenes of mechanisms from a grammar: elements of every type with the keys of their type, most values of which make sense,
-so that what is drawn together is tried and not only how it is read. Some are right, many are impossible: wheels
-beside their planes, loops that contradict each other, masses of 0, numbers at the ends of the range."""
+so that definitions are tried together and not only read. Some are right, many are impossible: wheels
+off their planes, loops that contradict each other, masses of 0, numbers at the ends of the range."""
 
 JOINTS = "revolute prismatic fixed primitive point_on_line cylindrical spherical universal screw planar point_on_plane".split()
 WHEELS = ["knife_edge", "disk", "sphere", "ellipsoid", "massless"]

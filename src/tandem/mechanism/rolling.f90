@@ -31,8 +31,7 @@ module tandem_mechanism_rolling
         integer :: row = 0
         !> Point and direction in the frame of the body, and their product s' x a'.
         real(wp) :: point(3) = 0.0_wp, across(3) = 0.0_wp, moment(3) = 0.0_wp
-        !> Index of the function by which the direction rotates in the body, 0 if none; the direction at 90 degrees of this
-        !> rotation.
+        !> Index of the function that rotates the direction in the body, 0 if none; the direction after a rotation by 90 degrees.
         integer :: steer = 0
         real(wp) :: towards(3) = 0.0_wp
         !> Last steering angle, its cosine and its sine.
