@@ -154,6 +154,30 @@ class Changing(Mechanism):
                     self.assertGreater(len(names), 20)
                     self.near(file["joints/elbow/angle"][-1], 0.1, 1e-11)
 
+    def test_a_stop_lets_go(self):
+        """An elbow is locked at an angle and freed where the torque of the lock vanishes, be it soon after: there the angle leaves
+        the one that is watched with the third power of the time, at first within rounding, and towards either side."""
+        text = PLANE.replace("[0,", "[1,") + '[initial]\nassemble = true\n\n[time]\nend = 4\n\n' \
+            '[results]\njoints = "all"\nconstraints = "all"\n\n[body.upper]\nmass = 1\ninertia = 0.1\n' \
+            'position = [0.1, -0.5]\nomega = {}\n\n[joint.shoulder]\ntype = "revolute"\n' \
+            'bodies = ["ground", "upper"]\nat = [0, 0]\n\n[body.lower]\nmass = 0.7\ninertia = 0.05\nposition = [0.3, -1.4]\n' \
+            'omega = {}\n\n[joint.elbow]\ntype = "revolute"\nbodies = ["upper", "lower"]\nat = [0.2, -1]\n\n' \
+            '[constraint.stop]\ntype = "coupling"\njoints = ["elbow"]\nfactors = [1]\nlocked = false\n' \
+            + event("hit", "/joints/elbow/angle", -0.1, change="lock stop") \
+            + event("leave", "/constraints/stop/torque", 0.0, change="free stop")
+        n_left = 0
+        for upper, lower in ((-6, -3), (-3, -3), (4, 3), (-6, 3)):
+            scene = self.scene(text.replace("{}", str(upper), 1).replace("{}", str(lower), 1))
+            for stepper, rtol in (("dop853", 1e-10), ("dopri5", 1e-6), ("auto", 1e-7), ("radau5", 1e-7)):
+                settings = [f"solver.stepper={stepper}", f"solver.rtol={rtol}"]
+                with self.subTest((upper, lower), settings=settings), self.went(scene, *settings) as file:
+                    # The torque of a lock that is free is zero from the start on, which is one event.
+                    t, names = file["events/time"][1:], file["events/name"][1:].tolist()
+                    n_left += names.count(b"leave")
+                    self.assertEqual(names, [(b"hit", b"leave")[k % 2] for k in range(len(names))])
+                    self.assertGreater(np.diff(t).min(initial=1), 1e-3)
+        self.assertGreater(n_left, 20)
+
     def test_a_spring_that_changes(self):
         """k = 1 until the mass passes the middle, k = 4 from there."""
         text = SPRING + event("middle", "/sensors/way/way", -1.0, change="force.coil.stiffness = 4", direction="falling")

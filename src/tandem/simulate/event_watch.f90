@@ -27,12 +27,14 @@ module tandem_simulate_event_watch
     !> Below this part of the largest |g| in the step a sample is zero.
     real(wp), parameter :: zero = 1.0e-13_wp
     !> A g that stays below this part of its largest modulus so far may be zero but for rounding, as is the rate of a joint that
-    !> was locked; it counts as zero below so many times the noise of a state.
-    real(wp), parameter :: faint = 1.0e-9_wp, over_noise = 100.0_wp
+    !> was locked.
+    real(wp), parameter :: faint = 1.0e-9_wp
     !> Most zeros of one event in a step: a crossing between all samples, and two at every other extremum.
     integer, parameter :: most_zeros = 2*n_samples
     !> Events without an advance of time, one after the other, before they count as endless.
     integer, parameter :: most_at_once = 100
+    !> Rates of g at an event are measured over this part of a step.
+    real(wp), parameter :: part = 1.0e-3_wp
 
     !> The motion within a step, and the place of it that is looked at.
     type, abstract :: curve_type
@@ -58,7 +60,7 @@ module tandem_simulate_event_watch
         !> Whether it has happened at the current state, so that its zero there does not count again, and in which direction.
         logical :: rests = .false.
         integer :: direction = 0
-        !> A smaller |g| is zero: the noise of the state while it rests, a multiple of that while g is faint.
+        !> While it rests or is faint: a smaller |g| is rounding.
         real(wp) :: noise = 0.0_wp
         !> Whether its action is due; whether the last one has sent g back, which must show until the given time, how far g would
         !> have gone on otherwise, and g before it.
@@ -400,14 +402,15 @@ contains
         if (allocated(self%model%shown)) call move_alloc(self%model%shown, self%shown)
     end subroutine end_measuring
 
-    !> How far rounding of time, state and multipliers may move g. Corrections round on the scale of a coordinate where that exceeds
-    !> its modulus. One pattern of signs may cancel in g, as a common factor of Euler parameters does in angles; two hardly do.
+    !> How far rounding of time, state and multipliers may move g. Integration and corrections leave errors of some last digits, of
+    !> coordinates on their scale where that exceeds their modulus. One pattern of signs may cancel in g, as a common factor of
+    !> Euler parameters does in angles; two hardly do.
     subroutine measure_noise(self, curve, number, noise)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
         integer, intent(in) :: number
         real(wp), intent(out) :: noise
-        real(wp), parameter :: eps = 4*epsilon(1.0_wp)
+        real(wp), parameter :: eps = 40*epsilon(1.0_wp)
         integer, parameter :: runs_of_signs(2) = [1, 2]
         real(wp), dimension(size(curve%state%q)) :: change, scale
         real(wp) :: value, moved
@@ -464,10 +467,11 @@ contains
         end do
     end subroutine act
 
-    !> After actions: have they sent g back to where it came from, at this zero?
+    !> After actions: have they sent g back to where it came from, at this zero? A g that they hold there, as locks do, may go on
+    !> either way when it is let go.
     subroutine judge_actions(self, curve)
         class(event_watch_type), intent(inout) :: self
-        class(curve_type), intent(in) :: curve
+        class(curve_type), intent(inout) :: curve
         real(wp) :: reach_after
         integer :: i
 
@@ -477,11 +481,34 @@ contains
             associate (watched => self%watched(i))
                 watched%is_sent_back = reach_after*watched%direction <= 0.0_wp .and. &
                     abs(watched%value) <= max(1.0e-9_wp*abs(watched%reach), 4*abs(watched%value_before))
+                if (watched%is_sent_back) watched%is_sent_back = .not. is_held(self, curve, i)
                 watched%reach = abs(watched%reach)
                 watched%judged_until = curve%state%t + (curve%t_to - curve%t_from)
             end associate
         end do
     end subroutine judge_actions
+
+    !> True if neither the velocity nor the acceleration of the current state moves g.
+    logical function is_held(self, curve, number)
+        class(event_watch_type), intent(inout) :: self
+        class(curve_type), intent(inout) :: curve
+        integer, intent(in) :: number
+        real(wp) :: h, value, value_ahead, noise
+        integer :: stat
+
+        is_held = .false.
+        call self%measure_noise(curve, number, noise)
+        associate (event => self%watched(number)%event, state => curve%state)
+            ! In a shorter time no acceleration would show.
+            h = part*max(curve%t_to - curve%t_from, part*self%model%time_scale)
+            call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
+            if (stat /= 0) return
+            call event%evaluate(state%t + h, state%q + h*(state%qd + 0.5_wp*h*state%qdd), state%qd + h*state%qdd, self%lambda, &
+                value_ahead, stat)
+            self%evaluations = self%evaluations + 2
+            if (stat == 0) is_held = abs(value_ahead - value) <= noise
+        end associate
+    end function is_held
 
     !> How far g would go in a step as long as the last: a difference along the motion, the multipliers as they are.
     subroutine measure_rate(self, curve, number, reach)
@@ -489,7 +516,6 @@ contains
         class(curve_type), intent(in) :: curve
         integer, intent(in) :: number
         real(wp), intent(out) :: reach
-        real(wp), parameter :: part = 1.0e-3_wp
         real(wp) :: h, value, value_ahead
         integer :: stat
 

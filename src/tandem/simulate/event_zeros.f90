@@ -113,7 +113,6 @@ contains
             if (.not. watched%rests) then
                 if (watched%is_faint(g%largest)) then
                     call self%measure_noise(curve, number, watched%noise)
-                    watched%noise = over_noise*watched%noise
                 else
                     watched%noise = 0.0_wp
                 end if
