@@ -11,14 +11,14 @@
 !> Source: A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119.
 module tandem_analysis_sparse_point
     use tandem_analysis_comoving, only: comoving_type
-    use tandem_analysis_neighbours, only: find_groups, find_neighbours, most_groups
-    use tandem_chart_sparse_order, only: append, list_type, order_nodes
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
+    use tandem_linalg_order, only: list_type
     use tandem_linalg_sparse_lu, only: sparse_lu_type, sparse_matrix_type
     use tandem_model, only: model_type
     use tandem_model_counts, only: counts_type
     use tandem_model_evaluator, only: evaluator_type
+    use tandem_model_neighbours, only: find_groups, find_neighbours, order_unknowns
     use tandem_model_pattern, only: pattern_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
     use tandem_status, only: status_invalid_model, status_not_finite, status_ok, status_singular_mass, status_work_limit
@@ -51,6 +51,10 @@ module tandem_analysis_sparse_point
         real(wp), allocatable :: residual(:)
         !> What terms of it add up to (n).
         real(wp), allocatable :: sizes(:)
+        !> [M/unit, C'; C, 0] and its factors, of the last `find_dependent_rows`.
+        type(sparse_matrix_type) :: ties
+        type(sparse_lu_type) :: of_ties
+        real(wp) :: unit_of_ties = 1.0_wp
         !> Coordinates and rows in their order of elimination (n + m).
         integer, allocatable :: order(:)
         !> The body of each coordinate (n), neighbours of each body, their groups.
@@ -67,6 +71,8 @@ module tandem_analysis_sparse_point
 
     !> The most entries of factors: 2 GB.
     integer, parameter :: most_factor_entries = 80000000
+    !> The most groups of bodies: more would be as good as dense.
+    integer, parameter :: most_groups = 100
     !> K and D are differences with steps of some 1/256 of the scale: of the rounding of forces they make so much.
     real(wp), parameter :: rounding_of_differences = 3000*epsilon(1.0_wp)
     !> A row whose pivot falls to this part of what it was depends on others: an angle of 1e-5, as the sparse chart has it.
@@ -132,50 +138,16 @@ contains
     !> Neighbours, groups, order, and where the entries of the columns stand.
     subroutine set_structure(self)
         class(sparse_point_type), intent(inout) :: self
-        type(list_type), allocatable :: left(:), none(:), rows_of(:)
-        integer, allocatable :: order(:), place_of(:)
-        integer :: b, i, j, k, l, n, first
+        integer :: b, j, k, l, n
 
-        associate (pattern => self%pattern, n_bodies => self%pattern%n_bodies)
+        associate (pattern => self%pattern, first => self%pattern%first)
             call find_neighbours(pattern, self%neighbours)
-            call find_groups(self%neighbours, self%group, self%n_groups)
-            allocate (left, source=self%neighbours)
-            allocate (none(n_bodies), rows_of(n_bodies), order(n_bodies), place_of(n_bodies))
-            call order_nodes(left, none, order)
-            do b = 1, n_bodies
-                place_of(order(b)) = b
-            end do
-            ! A row goes with the first of its bodies.
-            do i = 1, self%m
-                first = 0
-                do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
-                    b = pattern%row_body(k)
-                    if (first == 0) first = b
-                    if (place_of(b) < place_of(first)) first = b
-                end do
-                if (first > 0) call append(rows_of(first), i)
-            end do
-            self%order = spread(0, 1, self%n + self%m)
+            call find_groups(self%neighbours, most_groups, self%group, self%n_groups)
+            call order_unknowns(pattern, self%neighbours, self%order)
             self%body_of = spread(0, 1, self%n)
             self%start = spread(1, 1, self%n + 1)
-            n = 0
-            do i = 1, n_bodies
-                b = order(i)
-                do j = pattern%first(b), pattern%first(b + 1) - 1
-                    n = n + 1
-                    self%order(n) = j
-                    self%body_of(j) = b
-                end do
-                do k = 1, rows_of(b)%n
-                    n = n + 1
-                    self%order(n) = self%n + rows_of(b)%item(k)
-                end do
-            end do
-            ! Rows that touch nothing.
-            do i = 1, self%m
-                if (pattern%row_start(i + 1) > pattern%row_start(i)) cycle
-                n = n + 1
-                self%order(n) = self%n + i
+            do b = 1, pattern%n_bodies
+                self%body_of(first(b):first(b + 1) - 1) = b
             end do
             do l = 1, 2
                 n = 0
@@ -251,7 +223,7 @@ contains
 
         call add_forces(self, self%lambda, self%frame%turned(self%rest), self%residual)
         self%sizes = abs(self%evaluator%terms%force)
-        call add_reactions(self, self%lambda, self%sizes, of_moduli=.true.)
+        call self%pattern%add_transposed(self%evaluator%terms%jacobian, self%lambda, .true., self%sizes)
         if (.not. self%frame%moves) return
         call self%pattern%multiply_mass(self%evaluator%terms%mass, self%frame%turned(self%rest), inertia)
         self%sizes = self%sizes + abs(inertia)
@@ -288,30 +260,8 @@ contains
         residual = 0.0_wp
         if (self%frame%moves) call self%pattern%multiply_mass(self%evaluator%terms%mass, acceleration, residual)
         residual = residual - self%evaluator%terms%force
-        call add_reactions(self, lambda, residual, of_moduli=.false.)
+        call self%pattern%add_transposed(self%evaluator%terms%jacobian, lambda, .false., residual)
     end subroutine add_forces
-
-    !> force := force + C' lambda.
-    subroutine add_reactions(self, lambda, force, of_moduli)
-        class(sparse_point_type), intent(in) :: self
-        real(wp), intent(in) :: lambda(:)
-        real(wp), intent(inout) :: force(:)
-        logical, intent(in) :: of_moduli
-        real(wp) :: part
-        integer :: i, j, k
-
-        associate (pattern => self%pattern, jacobian => self%evaluator%terms%jacobian)
-            do i = 1, self%m
-                do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
-                    do j = pattern%first(pattern%row_body(k)), pattern%first(pattern%row_body(k) + 1) - 1
-                        part = jacobian(i, pattern%column(j))*lambda(i)
-                        if (of_moduli) part = abs(part)
-                        force(j) = force(j) + part
-                    end do
-                end do
-            end do
-        end associate
-    end subroutine add_reactions
 
     !> Find the rows that depend on others, and the acceleration (n) from rest with the multipliers that go with it.
     subroutine find_dependent_rows(self, acceleration, stat)
@@ -319,36 +269,41 @@ contains
         real(wp), allocatable, intent(out) :: acceleration(:)
         !> A status code.
         integer, intent(out) :: stat
+        complex(wp), parameter :: mass_only(3) = [(1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)]
         type(sparse_matrix_type) :: a
-        type(sparse_lu_type) :: lu
         integer, allocatable :: order(:)
         real(wp) :: unit
         logical :: may_leave(self%n + self%m)
         integer :: i
 
         self%is_out = .false.
-        call self%assemble([(1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)], a, order, unit)
+        call self%assemble(mass_only, a, order, unit)
         may_leave = [(i > self%n, i=1, self%n + self%m)]
-        call lu%factor(a, order, most_factor_entries, stat, may_leave, least_pivot)
+        call self%of_ties%factor(a, order, most_factor_entries, stat, may_leave, least_pivot)
         if (stat < 0) then
             stat = status_work_limit
             return
-        else if (stat > 0 .or. any(lu%left_rows <= self%n)) then
+        else if (stat > 0 .or. any(self%of_ties%left_rows <= self%n)) then
             stat = status_singular_mass
             return
         end if
-        self%is_out(lu%left_rows - self%n) = .true.
+        self%is_out(self%of_ties%left_rows - self%n) = .true.
         if (any(self%is_out)) then
-            call self%assemble([(1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)], a, order, unit)
-            call lu%factor(a, order, most_factor_entries, stat)
+            call self%assemble(mass_only, a, order, unit)
+            call self%of_ties%factor(a, order, most_factor_entries, stat)
             if (stat /= 0) then
                 stat = status_singular_mass
                 return
             end if
         end if
+        self%ties%n = a%n
+        call move_alloc(a%start, self%ties%start)
+        call move_alloc(a%row, self%ties%row)
+        call move_alloc(a%value, self%ties%value)
+        self%unit_of_ties = unit
         allocate (acceleration(self%n))
         associate (terms => self%evaluator%terms)
-            call self%solve(a, lu, unit, terms%force, -terms%gamma, acceleration, self%lambda)
+            call self%solve(self%ties, self%of_ties, self%unit_of_ties, terms%force, -terms%gamma, acceleration, self%lambda)
         end associate
     end subroutine find_dependent_rows
 

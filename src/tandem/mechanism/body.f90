@@ -132,11 +132,12 @@ contains
         pure subroutine add(matrix, block)
             real(wp), intent(inout) :: matrix(:, :)
             real(wp), intent(in) :: block(4, 4)
-            integer :: i, k
+            integer :: c, i, k
 
             do k = 1, 4
+                c = derivatives%column_of(pose%turn + k - 1)
                 do i = 1, 4
-                    matrix(pose%turn + i - 1, pose%turn + k - 1) = matrix(pose%turn + i - 1, pose%turn + k - 1) + block(i, k)
+                    matrix(pose%turn + i - 1, c) = matrix(pose%turn + i - 1, c) + block(i, k)
                 end do
             end do
         end subroutine add

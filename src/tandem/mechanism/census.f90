@@ -6,6 +6,7 @@ module tandem_mechanism_census
     use tandem_linalg_dependence, only: split_rows
     use tandem_mechanism, only: mechanism_type
     use tandem_mechanism_joint, only: name_length
+    use tandem_model_sparse_rows, only: sparse_rows_type
     use tandem_model_terms, only: need_jacobian, terms_type
     implicit none (type, external)
     private
@@ -30,6 +31,10 @@ module tandem_mechanism_census
 
     !> Rows of unit length are dependent if the remainder of one is smaller than this, as in the rank decision of charts.
     real(wp), parameter :: dependent = 1.0e-10_wp
+    !> Rows whose squared distances from each other are above this part of their squared lengths do not depend on each other.
+    real(wp), parameter :: clearly = 1.0e-6_wp
+    !> Full matrices of more coordinates take minutes.
+    integer, parameter :: most_full = 1000
 
 contains
 
@@ -40,39 +45,101 @@ contains
         real(wp), intent(in) :: t, q(:), qd(:)
         type(census_type), intent(out) :: census
         integer, intent(out) :: stat
-        type(terms_type) :: terms
-        real(wp), allocatable :: combination(:, :), ones(:)
-        integer, allocatable :: kept(:), dropped(:)
-        integer :: i, k, m, n
+        logical, allocatable :: is_redundant(:)
+        integer :: i, k, m, n, rank, rank_of_phi
 
         stat = 0
         m = mechanism%n_constraints()
         n = count(.not. mechanism%is_idle())
         census%position_freedom = n
         census%velocity_freedom = n
-        allocate (census%elements(0), dropped(0))
+        allocate (census%elements(0))
         if (m == 0) return
-        allocate (terms%jacobian(m, mechanism%n))
+        call find_redundant(mechanism, t, q, qd, rank_of_phi, rank, is_redundant, stat)
+        if (stat /= 0) return
+        census%position_freedom = n - rank_of_phi
+        census%velocity_freedom = n - rank
+        do i = 1, m
+            k = element_of(mechanism, i, census)
+            associate (element => census%elements(k))
+                if (i <= mechanism%n_holonomic) element%n_position = element%n_position + 1
+                if (i > mechanism%n_holonomic) element%n_velocity = element%n_velocity + 1
+                if (is_redundant(i)) element%n_redundant = element%n_redundant + 1
+            end associate
+        end do
+    end subroutine take_census
+
+    !> The ranks of Phi_q and of C, and which rows repeat others. Sparse factors say at once that there are none; those that
+    !> there are, are chosen by full matrices, as long as these are not too large.
+    subroutine find_redundant(mechanism, t, q, qd, rank_of_phi, rank, is_redundant, stat)
+        class(mechanism_type), intent(inout) :: mechanism
+        real(wp), intent(in) :: t, q(:), qd(:)
+        integer, intent(out) :: rank_of_phi, rank
+        logical, allocatable, intent(out) :: is_redundant(:)
+        integer, intent(out) :: stat
+        type(terms_type) :: terms
+        type(sparse_rows_type) :: rows
+        real(wp) :: ones(mechanism%n)
+        logical :: is_known
+
+        ones = 1.0_wp
+        rank_of_phi = 0
+        is_known = allocated(mechanism%pattern)
+        if (is_known) then
+            allocate (terms%jacobian(mechanism%n_constraints(), mechanism%pattern%width), source=0.0_wp)
+            terms%is_compressed = .true.
+            call mechanism%evaluate(need_jacobian, t, q, qd, terms, stat)
+            if (stat /= 0) return
+            associate (pattern => mechanism%pattern)
+                call rows%initialize(pattern)
+                call rows%factor(pattern, terms%jacobian, pattern%column, ones, mechanism%n_constraints(), stat)
+                is_known = stat == 0 .and. (mechanism%n > most_full .or. (rows%rank == mechanism%n_constraints() .and. &
+                    rows%least > clearly))
+                if (is_known) then
+                    is_redundant = rows%is_out
+                    rank = rows%rank
+                    rank_of_phi = mechanism%n_holonomic
+                    if (rank < mechanism%n_constraints()) then
+                        call rows%factor(pattern, terms%jacobian, pattern%column, ones, mechanism%n_holonomic, stat)
+                        rank_of_phi = rows%rank
+                    end if
+                end if
+            end associate
+            deallocate (terms%jacobian)
+            stat = 0
+        end if
+        if (.not. is_known) call split(mechanism, t, q, qd, rank_of_phi, rank, is_redundant, stat)
+    end subroutine find_redundant
+
+    !> The same by full matrices.
+    subroutine split(mechanism, t, q, qd, rank_of_phi, rank, is_redundant, stat)
+        class(mechanism_type), intent(inout) :: mechanism
+        real(wp), intent(in) :: t, q(:), qd(:)
+        integer, intent(out) :: rank_of_phi, rank
+        logical, allocatable, intent(out) :: is_redundant(:)
+        integer, intent(out) :: stat
+        type(terms_type) :: terms
+        real(wp), allocatable :: combination(:, :)
+        real(wp) :: ones(mechanism%n)
+        integer, allocatable :: kept(:), dropped(:)
+
+        ones = 1.0_wp
+        rank_of_phi = 0
+        rank = 0
+        allocate (is_redundant(mechanism%n_constraints()), source=.false.)
+        allocate (terms%jacobian(mechanism%n_constraints(), mechanism%n), source=0.0_wp)
         call mechanism%evaluate(need_jacobian, t, q, qd, terms, stat)
         if (stat /= 0) return
-        allocate (ones(mechanism%n), source=1.0_wp)
         associate (nh => mechanism%n_holonomic)
             if (nh > 0) then
                 call split_rows(terms%jacobian(:nh, :), ones, nh, dependent, kept, dropped, combination)
-                census%position_freedom = n - size(kept)
+                rank_of_phi = size(kept)
             end if
             call split_rows(terms%jacobian, ones, nh, dependent, kept, dropped, combination)
-            census%velocity_freedom = n - size(kept)
-            do i = 1, m
-                k = element_of(mechanism, i, census)
-                associate (element => census%elements(k))
-                    if (i <= nh) element%n_position = element%n_position + 1
-                    if (i > nh) element%n_velocity = element%n_velocity + 1
-                    if (any(dropped == i)) element%n_redundant = element%n_redundant + 1
-                end associate
-            end do
         end associate
-    end subroutine take_census
+        rank = size(kept)
+        is_redundant(dropped) = .true.
+    end subroutine split
 
     !> Index of the element of a row, whose name begins with that of the element; all norms of Euler parameters are one element.
     integer function element_of(mechanism, row, census) result(k)

@@ -20,13 +20,15 @@ contains
             derivatives)
         do i = 1, size(self%turning)
             k = self%before_norms + i
-            associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn)
-                if (iand(need, need_velocity_q) /= 0) derivatives%velocity_q(k, turn:turn + 3) = p(:, 1)
-                if (iand(need, need_acceleration_q) /= 0) derivatives%acceleration_q(k, turn:turn + 3) = p(:, 2)
-                if (iand(need, need_acceleration_qd) /= 0) derivatives%acceleration_qd(k, turn:turn + 3) = 2*p(:, 1)
+            ! Coordinates of a body have columns that follow each other.
+            associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn, &
+                column => derivatives%column_of(self%pose(self%turning(i))%turn))
+                if (iand(need, need_velocity_q) /= 0) derivatives%velocity_q(k, column:column + 3) = p(:, 1)
+                if (iand(need, need_acceleration_q) /= 0) derivatives%acceleration_q(k, column:column + 3) = p(:, 2)
+                if (iand(need, need_acceleration_qd) /= 0) derivatives%acceleration_qd(k, column:column + 3) = 2*p(:, 1)
                 if (iand(need, need_dynamics_q) /= 0) then
-                    do j = turn, turn + 3
-                        derivatives%dynamics_q(j, j) = derivatives%dynamics_q(j, j) + lambda(k)
+                    do j = 0, 3
+                        derivatives%dynamics_q(turn + j, column + j) = derivatives%dynamics_q(turn + j, column + j) + lambda(k)
                     end do
                 end if
             end associate

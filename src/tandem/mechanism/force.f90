@@ -299,7 +299,7 @@ contains
         type(derivatives_type), intent(inout) :: derivatives
         real(wp) :: x(0:2, 6), gradient(n_local, 0:2, 6), second(n_local, n_local, 6), by_q(n_local, n_local), &
             by_qd(n_local, n_local), f
-        integer :: i, j, k, c(n_local)
+        integer :: i, j, k, c(n_local), column(n_local)
 
         do i = 1, size(bushings)
             associate (it => bushings(i), n => bushings(i)%n)
@@ -318,8 +318,9 @@ contains
                     end do
                 end do
                 c = columns(pose(it%coordinates(1)%first), pose(it%coordinates(1)%second))
-                if (iand(need, need_dynamics_q) /= 0) call add_block(c, 1.0_wp, by_q, derivatives%dynamics_q)
-                if (iand(need, need_dynamics_qd) /= 0) call add_block(c, 1.0_wp, by_qd, derivatives%dynamics_qd)
+                column = derivatives%column_of(c)
+                if (iand(need, need_dynamics_q) /= 0) call add_block(c, column, 1.0_wp, by_q, derivatives%dynamics_q)
+                if (iand(need, need_dynamics_qd) /= 0) call add_block(c, column, 1.0_wp, by_qd, derivatives%dynamics_qd)
             end associate
         end do
     end subroutine differentiate_bushings

@@ -220,7 +220,7 @@ contains
                 end do
                 if (one%n_turn == 4) block(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4) = -2*e_transposed_gradient(n(:, 0))
                 if (two%n_turn == 4) block(turn_2 + 1:turn_2 + 4, turn_2 + 1:turn_2 + 4) = 2*t_matrix(glide%moment)
-                call add_block(c, lambda(glide%row), block, derivatives%dynamics_q)
+                call add_block(c, derivatives%column_of(c), lambda(glide%row), block, derivatives%dynamics_q)
             end associate
         end do
     end subroutine differentiate_glides
@@ -241,9 +241,11 @@ contains
         integer, intent(in) :: need, row, c(n_local)
         real(wp), intent(in) :: v_q(n_local), v_q_rate(n_local), e_rate(n_local)
         type(derivatives_type), intent(inout) :: derivatives
+        integer :: column(n_local)
 
-        if (iand(need, need_velocity_q) /= 0) call put_row(c, v_q, row, derivatives%velocity_q)
-        if (iand(need, need_acceleration_q) /= 0) call put_row(c, v_q_rate, row, derivatives%acceleration_q)
-        if (iand(need, need_acceleration_qd) /= 0) call put_row(c, v_q + e_rate, row, derivatives%acceleration_qd)
+        column = derivatives%column_of(c)
+        if (iand(need, need_velocity_q) /= 0) call put_row(column, v_q, row, derivatives%velocity_q)
+        if (iand(need, need_acceleration_q) /= 0) call put_row(column, v_q_rate, row, derivatives%acceleration_q)
+        if (iand(need, need_acceleration_qd) /= 0) call put_row(column, v_q + e_rate, row, derivatives%acceleration_qd)
     end subroutine put_nonholonomic
 end module tandem_mechanism_glide

@@ -110,7 +110,7 @@ contains
         type(coordinate_type), intent(inout) :: coordinates(:)
         type(derivatives_type), intent(inout) :: derivatives
         real(wp) :: h(4, 4), b(3, 4), moment(3), push(6), value
-        integer :: i, j, k
+        integer :: i, j, k, l
 
         do i = 1, size(loads)
             associate (load => loads(i), body => pose(loads(i)%body), d => derivatives%dynamics_q)
@@ -126,8 +126,9 @@ contains
                 if (load%in_body) then
                     b = gradient_matrix(body, 0, push(1:3))
                     do j = 1, body%n_turn
+                        l = derivatives%column_of(body%turn + j - 1)
                         do k = 1, body%n_place
-                            d(body%place + k - 1, body%turn + j - 1) = d(body%place + k - 1, body%turn + j - 1) - b(k, j)
+                            d(body%place + k - 1, l) = d(body%place + k - 1, l) - b(k, j)
                         end do
                     end do
                     ! In the plane the moment of a force fixed to the body is constant.
@@ -139,8 +140,9 @@ contains
                     if (body%n_turn == 4) h = h + 2*e_transposed_gradient(push(4:6))
                 end if
                 do j = 1, body%n_turn
+                    l = derivatives%column_of(body%turn + j - 1)
                     do k = 1, body%n_turn
-                        d(body%turn + k - 1, body%turn + j - 1) = d(body%turn + k - 1, body%turn + j - 1) - h(k, j)
+                        d(body%turn + k - 1, l) = d(body%turn + k - 1, l) - h(k, j)
                     end do
                 end do
             end associate
@@ -159,7 +161,7 @@ contains
         real(wp), intent(out) :: value
         type(derivatives_type), intent(inout) :: derivatives
         real(wp) :: unit(6), along(3), row(4), by_q(n_local), by_qd(n_local)
-        integer :: i, j, c(n_local)
+        integer :: i, j, l, c(n_local)
 
         call formula%read_state(t, pose, coordinates, .false.)
         call formula%evaluate_gradient(value)
@@ -170,8 +172,9 @@ contains
             call formula%variable_gradient(i, pose, coordinates, by_q, by_qd, c)
             do j = 1, n_local
                 if (c(j) == 0) cycle
-                if (iand(need, need_dynamics_q) /= 0) call add(derivatives%dynamics_q(:, c(j)), formula%by(i)*by_q(j))
-                if (iand(need, need_dynamics_qd) /= 0) call add(derivatives%dynamics_qd(:, c(j)), formula%by(i)*by_qd(j))
+                l = derivatives%column_of(c(j))
+                if (iand(need, need_dynamics_q) /= 0) call add(derivatives%dynamics_q(:, l), formula%by(i)*by_q(j))
+                if (iand(need, need_dynamics_qd) /= 0) call add(derivatives%dynamics_qd(:, l), formula%by(i)*by_qd(j))
             end do
         end do
 

@@ -311,7 +311,7 @@ contains
                 block(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4) = h
                 block(turn_1 + 1:turn_1 + 4, place_2 + 1) = gradient_of(body, 0, wheel%along, e(:, 0))
                 block(place_2 + 1, turn_1 + 1:turn_1 + 4) = block(turn_1 + 1:turn_1 + 4, place_2 + 1) + matmul(w_x(:, 0), e_p)
-                call add_block(c, lambda(wheel%row), block, derivatives%dynamics_q)
+                call add_block(c, derivatives%column_of(c), lambda(wheel%row), block, derivatives%dynamics_q)
             end associate
         end do
     end subroutine differentiate_massless_wheels

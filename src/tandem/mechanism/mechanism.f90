@@ -326,6 +326,7 @@ contains
         if (allocated(self%pattern)) then
             call list_coupled(self)
             self%evaluate_stiffness => evaluate_stiffness
+            self%compresses_derivatives = .true.
         end if
         call list_quantities(self)
         self%counts_turns = .not. self%planar .and. (size(self%torsions) + size(self%formulas) + size(self%couplings) > 0 .or. &

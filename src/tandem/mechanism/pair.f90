@@ -89,11 +89,12 @@ contains
     end subroutine add_row
 
     !> matrix := matrix + weight block.
-    pure subroutine add_block(c, weight, block, matrix)
-        integer, intent(in) :: c(n_local)
+    pure subroutine add_block(c, column, weight, block, matrix)
+        !> The rows of the block's entries, 0 for one that goes nowhere, and their columns.
+        integer, intent(in) :: c(n_local), column(n_local)
         real(wp), intent(in) :: weight, block(n_local, n_local)
         real(wp), intent(inout) :: matrix(:, :)
-        integer :: at(n_local), i, j, k, n
+        integer :: at(n_local), i, j, k, l, n
 
         ! Entries with a column.
         n = 0
@@ -104,9 +105,10 @@ contains
         end do
         do k = 1, n
             j = at(k)
+            l = column(j)
             !GCC$ UNROLL 2
             do i = 1, n
-                matrix(c(at(i)), c(j)) = matrix(c(at(i)), c(j)) + weight*block(at(i), j)
+                matrix(c(at(i)), l) = matrix(c(at(i)), l) + weight*block(at(i), j)
             end do
         end do
     end subroutine add_block
@@ -130,11 +132,13 @@ contains
         !> The row's multiplier.
         real(wp), intent(in) :: lambda
         type(derivatives_type), intent(inout) :: derivatives
+        integer :: column(n_local)
 
-        if (iand(need, need_velocity_q) /= 0) call put_row(c, gradient(:, 1), row, derivatives%velocity_q)
-        if (iand(need, need_acceleration_q) /= 0) call put_row(c, gradient(:, 2), row, derivatives%acceleration_q)
-        if (iand(need, need_acceleration_qd) /= 0) call put_row(c, 2*gradient(:, 1), row, derivatives%acceleration_qd)
-        if (iand(need, need_dynamics_q) /= 0) call add_block(c, lambda, second, derivatives%dynamics_q)
+        column = derivatives%column_of(c)
+        if (iand(need, need_velocity_q) /= 0) call put_row(column, gradient(:, 1), row, derivatives%velocity_q)
+        if (iand(need, need_acceleration_q) /= 0) call put_row(column, gradient(:, 2), row, derivatives%acceleration_q)
+        if (iand(need, need_acceleration_qd) /= 0) call put_row(column, 2*gradient(:, 1), row, derivatives%acceleration_qd)
+        if (iand(need, need_dynamics_q) /= 0) call add_block(c, column, lambda, second, derivatives%dynamics_q)
     end subroutine put_holonomic
 
     !> Add a weighted scalar function as part of a holonomic row that is a sum of them.
@@ -142,11 +146,13 @@ contains
         integer, intent(in) :: need, row, c(n_local)
         real(wp), intent(in) :: weight, gradient(n_local, 0:2), second(n_local, n_local), lambda
         type(derivatives_type), intent(inout) :: derivatives
+        integer :: column(n_local)
 
-        if (iand(need, need_velocity_q) /= 0) call add_row(c, weight, gradient(:, 1), row, derivatives%velocity_q)
-        if (iand(need, need_acceleration_q) /= 0) call add_row(c, weight, gradient(:, 2), row, derivatives%acceleration_q)
-        if (iand(need, need_acceleration_qd) /= 0) call add_row(c, 2*weight, gradient(:, 1), row, derivatives%acceleration_qd)
-        if (iand(need, need_dynamics_q) /= 0) call add_block(c, lambda*weight, second, derivatives%dynamics_q)
+        column = derivatives%column_of(c)
+        if (iand(need, need_velocity_q) /= 0) call add_row(column, weight, gradient(:, 1), row, derivatives%velocity_q)
+        if (iand(need, need_acceleration_q) /= 0) call add_row(column, weight, gradient(:, 2), row, derivatives%acceleration_q)
+        if (iand(need, need_acceleration_qd) /= 0) call add_row(column, 2*weight, gradient(:, 1), row, derivatives%acceleration_qd)
+        if (iand(need, need_dynamics_q) /= 0) call add_block(c, column, lambda*weight, second, derivatives%dynamics_q)
     end subroutine add_holonomic
 
     !> Add the gradient blocks of a force -f(x, xd) x_q along a scalar coordinate x.
@@ -158,16 +164,18 @@ contains
         real(wp), intent(in) :: f(0:2)
         type(derivatives_type), intent(inout) :: derivatives
         real(wp) :: block(n_local, n_local)
+        integer :: column(n_local)
 
+        column = derivatives%column_of(c)
         if (iand(need, need_dynamics_q) /= 0) then
             block = f(0)*second
             call add_outer(1.0_wp, gradient(:, 0), f(1)*gradient(:, 0) + f(2)*gradient(:, 1), block)
-            call add_block(c, 1.0_wp, block, derivatives%dynamics_q)
+            call add_block(c, column, 1.0_wp, block, derivatives%dynamics_q)
         end if
         if (iand(need, need_dynamics_qd) /= 0) then
             block = 0.0_wp
             call add_outer(f(2), gradient(:, 0), gradient(:, 0), block)
-            call add_block(c, 1.0_wp, block, derivatives%dynamics_qd)
+            call add_block(c, column, 1.0_wp, block, derivatives%dynamics_qd)
         end if
     end subroutine put_force
 end module tandem_mechanism_pair

@@ -183,17 +183,18 @@ contains
         real(wp), intent(in) :: g(:), lambda
         type(derivatives_type), intent(inout) :: derivatives
         real(wp) :: value, rate
-        integer :: k, j, m
+        integer :: k, j, l, m
 
         call formula%read_state(t, pose, coordinates, .true.)
         call formula%pieces%evaluate_gradient_along(formula%x, formula%v, value, rate, formula%by, formula%by_rate)
         if (iand(need, need_acceleration_qd) /= 0) then
             do m = 1, size(g)
-                derivatives%acceleration_qd(row, c + m - 1) = derivatives%acceleration_qd(row, c + m - 1) + rate*g(m)
+                l = derivatives%column_of(c + m - 1)
+                derivatives%acceleration_qd(row, l) = derivatives%acceleration_qd(row, l) + rate*g(m)
             end do
         end if
         do k = 1, size(formula%variables)
-            j = column(formula%variables(k), pose)
+            j = derivatives%column_of(column(formula%variables(k), pose))
             if (j == 0) cycle
             if (iand(need, need_velocity_q) /= 0) derivatives%velocity_q(row, j) = derivatives%velocity_q(row, j) + v*formula%by(k)
             if (iand(need, need_acceleration_q) /= 0) derivatives%acceleration_q(row, j) = &
@@ -222,15 +223,18 @@ contains
         real(wp), intent(in) :: lambda
         type(derivatives_type), intent(inout) :: derivatives
         real(wp) :: value, rate, curve, by_p(4), rate_by_p(4)
+        integer :: l
 
         call formula%pieces%evaluate_along(formula%x, formula%v, value, rate, curve)
         by_p = -e_transposed_product(pose(velocity%of)%p(:, 1), twice_axis(velocity))
         rate_by_p = -e_transposed_product(qdd(c:c + 3), twice_axis(velocity))
-        if (iand(need, need_velocity_q) /= 0) derivatives%velocity_q(row, c:c + 3) = derivatives%velocity_q(row, c:c + 3) + &
+        ! Coordinates of a body have columns that follow each other.
+        l = derivatives%column_of(c)
+        if (iand(need, need_velocity_q) /= 0) derivatives%velocity_q(row, l:l + 3) = derivatives%velocity_q(row, l:l + 3) + &
             value*by_p
-        if (iand(need, need_acceleration_q) /= 0) derivatives%acceleration_q(row, c:c + 3) = &
-            derivatives%acceleration_q(row, c:c + 3) + value*rate_by_p + rate*by_p
-        if (iand(need, need_dynamics_q) /= 0) derivatives%dynamics_q(c:c + 3, c:c + 3) = &
-            derivatives%dynamics_q(c:c + 3, c:c + 3) + lambda*value*e_transposed_gradient(twice_axis(velocity))
+        if (iand(need, need_acceleration_q) /= 0) derivatives%acceleration_q(row, l:l + 3) = &
+            derivatives%acceleration_q(row, l:l + 3) + value*rate_by_p + rate*by_p
+        if (iand(need, need_dynamics_q) /= 0) derivatives%dynamics_q(c:c + 3, l:l + 3) = &
+            derivatives%dynamics_q(c:c + 3, l:l + 3) + lambda*value*e_transposed_gradient(twice_axis(velocity))
     end subroutine add_turning
 end module tandem_mechanism_rate_row

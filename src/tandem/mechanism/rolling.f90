@@ -130,7 +130,7 @@ contains
         type(derivatives_type), intent(inout) :: derivatives
         real(wp) :: v_q(n_local), v_q_rate(n_local), e_rate(n_local), b(3, 4), h(4, 4)
         real(wp) :: across(3), moment(3), across_t(3), moment_t(3)
-        integer :: c(n_local), i, j, k
+        integer :: c(n_local), i, j, k, l
 
         do i = 1, size(edges)
             associate (edge => edges(i), body => pose(edges(i)%body), d => derivatives%dynamics_q)
@@ -160,11 +160,12 @@ contains
                 h = 0.0_wp
                 if (body%n_turn == 4) h = 2*lambda(edge%row)*t_matrix(moment)
                 do j = 1, body%n_turn
+                    l = derivatives%column_of(body%turn + j - 1)
                     do k = 1, body%n_place
-                        d(body%place + k - 1, body%turn + j - 1) = d(body%place + k - 1, body%turn + j - 1) + b(k, j)
+                        d(body%place + k - 1, l) = d(body%place + k - 1, l) + b(k, j)
                     end do
                     do k = 1, body%n_turn
-                        d(body%turn + k - 1, body%turn + j - 1) = d(body%turn + k - 1, body%turn + j - 1) + h(k, j)
+                        d(body%turn + k - 1, l) = d(body%turn + k - 1, l) + h(k, j)
                     end do
                 end do
             end associate
@@ -427,10 +428,12 @@ contains
                     end do
                 end associate
                 do k = 1, 4
-                    do j = 1, 4
-                        derivatives%dynamics_q(body%turn + j - 1, body%turn + k - 1) = &
-                            derivatives%dynamics_q(body%turn + j - 1, body%turn + k - 1) + h(j, k)
-                    end do
+                    associate (column => derivatives%column_of(body%turn + k - 1))
+                        do j = 1, 4
+                            derivatives%dynamics_q(body%turn + j - 1, column) = &
+                                derivatives%dynamics_q(body%turn + j - 1, column) + h(j, k)
+                        end do
+                    end associate
                 end do
             end associate
         end do

@@ -38,21 +38,43 @@ module tandem_model_derivatives
         real(wp), allocatable :: velocity_q(:, :), acceleration_q(:, :), acceleration_qd(:, :)
         !> (M qdd + C' lambda - S - Q_A)_q and -(S + Q_A)_qd (n, n).
         real(wp), allocatable :: dynamics_q(:, :), dynamics_qd(:, :)
+        !> The column of each coordinate in the five matrices (n), where they are compressed: coordinates share a column if no row
+        !> of any of them has entries of both. Not allocated where column j is that of coordinate j.
+        integer, allocatable :: column(:)
     contains
-        procedure :: allocate => allocate_derivatives
+        procedure :: allocate => allocate_derivatives, column_of
     end type derivatives_type
 
 contains
 
     !> Allocate every derivative with zeros.
-    pure subroutine allocate_derivatives(self, n, m)
+    pure subroutine allocate_derivatives(self, n, m, column)
         class(derivatives_type), intent(inout) :: self
         !> Numbers of coordinates and of constraints.
         integer, intent(in) :: n, m
+        !> The columns of the coordinates (n); compresses the matrices. Only for models with `compresses_derivatives`.
+        integer, intent(in), optional :: column(:)
+        integer :: width
 
         if (allocated(self%velocity_q)) deallocate (self%velocity_q, self%acceleration_q, self%acceleration_qd, &
             self%dynamics_q, self%dynamics_qd)
-        allocate (self%velocity_q(m, n), self%acceleration_q(m, n), self%acceleration_qd(m, n), source=0.0_wp)
-        allocate (self%dynamics_q(n, n), self%dynamics_qd(n, n), source=0.0_wp)
+        if (allocated(self%column)) deallocate (self%column)
+        width = n
+        if (present(column)) then
+            allocate (self%column(n), source=column)
+            width = maxval(column)
+        end if
+        allocate (self%velocity_q(m, width), self%acceleration_q(m, width), self%acceleration_qd(m, width), source=0.0_wp)
+        allocate (self%dynamics_q(n, width), self%dynamics_qd(n, width), source=0.0_wp)
     end subroutine allocate_derivatives
+
+    !> The column of a coordinate; 0 of none.
+    elemental integer function column_of(self, coordinate) result(column)
+        class(derivatives_type), intent(in) :: self
+        !> Its number, or 0.
+        integer, intent(in) :: coordinate
+
+        column = coordinate
+        if (allocated(self%column) .and. coordinate > 0) column = self%column(coordinate)
+    end function column_of
 end module tandem_model_derivatives

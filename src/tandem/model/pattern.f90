@@ -48,7 +48,7 @@ module tandem_model_pattern
         !> large systems; repetitions are allowed, 0 is the ground; not allocated: none.
         integer, allocatable :: coupled(:, :)
     contains
-        procedure :: build, tell_meeting, find_fault, multiply, multiply_mass, add_row_scales, block_of
+        procedure :: build, tell_meeting, find_fault, multiply, add_transposed, multiply_mass, add_row_scales, block_of
         procedure, private :: colour
     end type pattern_type
 
@@ -309,6 +309,28 @@ contains
             end do
         end do
     end subroutine multiply
+
+    !> y := y + C'x, or with `of_moduli` y + |C'| |x|.
+    pure subroutine add_transposed(self, jacobian, x, of_moduli, y)
+        class(pattern_type), intent(in) :: self
+        !> Compressed C (m, width), x (m).
+        real(wp), intent(in) :: jacobian(:, :), x(:)
+        logical, intent(in) :: of_moduli
+        !> (n)
+        real(wp), intent(inout) :: y(:)
+        real(wp) :: part
+        integer :: i, j, k
+
+        do i = 1, self%n_rows
+            do k = self%row_start(i), self%row_start(i + 1) - 1
+                do j = self%first(self%row_body(k)), self%first(self%row_body(k) + 1) - 1
+                    part = jacobian(i, self%column(j))*x(i)
+                    if (of_moduli) part = abs(part)
+                    y(j) = y(j) + part
+                end do
+            end do
+        end do
+    end subroutine add_transposed
 
     !> M x.
     pure subroutine multiply_mass(self, mass, x, y)

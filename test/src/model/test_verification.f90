@@ -2,18 +2,23 @@
 !> Tests of the comparison of all procedures of a model with differences: right ones pass, wrong ones are named.
 module test_verification
     use asserts, only: check_close, check_count, check_no_failure, check_text, check_true, format_real
+    use large_mechanisms, only: make_large
     use model_moving_pivot, only: moving_pivot_type
     use model_perturbed, only: perturbed_type
     use model_skater, only: single_names, skater_type
     use subjects, only: new_subject, subject_names
     use tandem, only: derivative_name, failure_type => error_type, finding_type, model_type, n_derivatives, rolling_disk_type, &
-        status_name, term_name, verify_model, wp
+        expression_type, mechanism_type, parse_expression, status_name, term_name, verify_model, wp
+    use tandem_model_derivatives, only: derivatives_type
     use testdrive, only: error_type, new_unittest, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
 
     public :: collect_verification
+
+    !> The procedure that `spoiled` calls.
+    procedure(spoiled), pointer :: right => null()
 
 contains
 
@@ -33,7 +38,10 @@ contains
             new_unittest('verification-of-fast-motions-and-late-times', test_verify_fast), &
             new_unittest('verification-says-that-time-is-too-coarse', test_verify_late), &
             new_unittest('verification-of-rows-in-any-units', test_verify_units), &
-            new_unittest('verification-finds-a-mass-that-is-not-constant', test_verify_constant)]
+            new_unittest('verification-finds-a-mass-that-is-not-constant', test_verify_constant), &
+            new_unittest('verification-of-many-bodies', test_verify_large), &
+            new_unittest('verification-names-a-wrong-entry-among-many-bodies', test_verify_large_wrong), &
+            new_unittest('verification-sees-what-the-pattern-does-not-tell', test_verify_beyond_pattern)]
     end subroutine collect_verification
 
     subroutine test_verify(error)
@@ -58,8 +66,111 @@ contains
         end do
     end subroutine test_verify
 
-    !> Every other row in units that make it vast or tiny: right ones pass, and an entry that is wrong by the same part of the row
-    !> as in units of one is found.
+    !> Mechanisms of more coordinates than are compared by full matrices: all that small ones are asked is right.
+    subroutine test_verify_large(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), parameter :: names(7) = [character(len=14) :: 'planar_chain', 'spatial_chain', 'four_bars', 'net', &
+            'trailers', 'sprung_chain', 'sprung_plane']
+        type(mechanism_type), allocatable, target :: small, large
+        type(finding_type), allocatable :: findings(:), few(:)
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+        integer :: i, k
+
+        do k = 1, size(names)
+            allocate (small, large)
+            call make_large(names(k), 9, small, failure)
+            call check_no_failure(error, failure)
+            allocate (q(small%n), qd(small%n))
+            call small%start(q, qd)
+            call verify_model(small, 0.5_wp, q, qd, 1, few, failure)
+            call check_no_failure(error, failure)
+            deallocate (q, qd)
+            call make_large(names(k), 80, large, failure)
+            call check_no_failure(error, failure)
+            call check_true(error, large%n > 200, trim(names(k))//': coordinates')
+            allocate (q(large%n), qd(large%n))
+            call large%start(q, qd)
+            call verify_model(large, 0.5_wp, q, qd, 2, findings, failure)
+            call check_no_failure(error, failure)
+            call check_count(error, size(findings), size(few), trim(names(k))//': findings')
+            if (allocated(error)) return
+            do i = 1, size(findings)
+                call check_text(error, findings(i)%name, trim(few(i)%name))
+                call check_true(error, findings(i)%passed .and. findings(i)%error < 1.0e-9_wp, trim(names(k))//': '// &
+                    trim(findings(i)%name)//', error '//format_real(findings(i)%error))
+            end do
+            deallocate (q, qd, small, large)
+        end do
+    end subroutine test_verify_large
+
+    !> One entry of the derivatives of the forces of a chain is wrong: row and coordinate are named, though columns are shared.
+    subroutine test_verify_large_wrong(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: model
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+
+        call make_large('spatial_chain', 40, model, failure)
+        call check_no_failure(error, failure)
+        allocate (q(model%n), qd(model%n))
+        call model%start(q, qd)
+        right => model%evaluate_derivatives
+        model%evaluate_derivatives => spoiled
+        call verify_model(model, 0.5_wp, q, qd, 2, findings, failure)
+        call check_no_failure(error, failure)
+        call check_findings(findings, 'evaluate_derivatives: dynamics_q', 152, 150, 20.0_wp, error)
+    end subroutine test_verify_large_wrong
+
+    !> The derivatives of a model with a wrong entry.
+    subroutine spoiled(self, need, t, q, qd, qdd, lambda, derivatives, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        integer, intent(out) :: stat
+
+        call right(self, need, t, q, qd, qdd, lambda, derivatives, stat)
+        associate (column => derivatives%column_of(150))
+            derivatives%dynamics_q(152, column) = derivatives%dynamics_q(152, column) + 20
+        end associate
+    end subroutine spoiled
+
+    !> A row at velocity level whose coefficient depends on a body that it does not touch: right, as full matrices show.
+    subroutine test_verify_beyond_pattern(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: n_bodies = 72
+        type(mechanism_type), target :: model
+        type(expression_type) :: coefficient(1)
+        type(finding_type), allocatable :: findings(:)
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: q(:), qd(:)
+        character(len=8) :: name
+        integer :: i
+
+        model%planar = .true.
+        do i = 1, n_bodies
+            write (name, '("b",i0)') i
+            call model%add_body(name, 1.0_wp, [real(i, wp), 0.0_wp], failure, inertia=[0.1_wp])
+            call check_no_failure(error, failure)
+        end do
+        call parse_expression(coefficient(1), '1 + sin(b70.y)', model%variable_names(), failure)
+        call check_no_failure(error, failure)
+        call model%add_rate_row('row', ['b1.vx'], coefficient, failure)
+        call check_no_failure(error, failure)
+        call model%define(failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        allocate (q(model%n), qd(model%n))
+        call model%start(q, qd)
+        call verify_model(model, 0.5_wp, q, qd, 1, findings, failure)
+        call check_no_failure(error, failure)
+        call check_true(error, all(findings%passed), 'all procedures: '//trim(wrong_name(findings)))
+    end subroutine test_verify_beyond_pattern
+
+    !> Every other row in units that make it vast or tiny: right ones pass, and an entry that is wrong by as much of the row as in
+    !> units of one is found.
     subroutine test_verify_units(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: units(5) = [1.0_wp, 1.0e-200_wp, 1.0e-30_wp, 1.0e30_wp, 1.0e200_wp]

@@ -13,7 +13,7 @@ module tandem_chart_sparse_analysis
     use tandem_model_pattern, only: pattern_type
     use tandem_chart_sparse_blocks, only: most_coordinates, of_any_blocks, of_rigid_body, of_single_blocks
     use tandem_chart_sparse_inverses, only: side_by_side
-    use tandem_chart_sparse_order, only: append, list_type, order_nodes
+    use tandem_linalg_order, only: append, list_type, order_nodes
     implicit none (type, external)
     private
 

@@ -7,7 +7,7 @@
 !> `tandem_chart_sparse_analysis` holds instead, since all their rows would wait and then be each other's neighbours.
 module tandem_chart_sparse_newton_analysis
     use tandem_chart_sparse_analysis, only: analysis_type, sorted
-    use tandem_chart_sparse_order, only: append, list_type, order_nodes
+    use tandem_linalg_order, only: append, list_type, order_nodes
     use tandem_model_stiffness, only: stiffness_type
     implicit none (type, external)
     private

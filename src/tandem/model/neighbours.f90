@@ -2,16 +2,13 @@
 !> Which bodies of a large mechanism are neighbours, and groups of bodies whose columns of a matrix can be found together.
 !>
 !> Source: A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119.
-module tandem_analysis_neighbours
-    use tandem_chart_sparse_order, only: append, list_type
+module tandem_model_neighbours
+    use tandem_linalg_order, only: append, list_type, order_nodes
     use tandem_model_pattern, only: pattern_type
     implicit none (type, external)
     private
 
-    public :: find_neighbours, find_groups, most_groups
-
-    !> The most groups of bodies: more would be as good as dense.
-    integer, parameter :: most_groups = 100
+    public :: find_neighbours, find_groups, order_unknowns
 
 contains
 
@@ -65,9 +62,11 @@ contains
         end function is_as_before
     end subroutine find_neighbours
 
-    !> Groups of bodies that have no neighbour in common, and are none of each other.
-    pure subroutine find_groups(neighbours, group, n_groups)
+    !> Groups of bodies that have no neighbour in common, and are none of each other. Ends with more groups than the most that are
+    !> wanted, when bodies are left over.
+    pure subroutine find_groups(neighbours, most, group, n_groups)
         type(list_type), intent(in) :: neighbours(:)
+        integer, intent(in) :: most
         integer, allocatable, intent(out) :: group(:)
         integer, intent(out) :: n_groups
         integer, allocatable :: taken_by(:)
@@ -90,7 +89,56 @@ contains
             end do
             group(b) = g
             n_groups = max(n_groups, g)
-            if (n_groups > most_groups) return
+            if (n_groups > most) return
         end do
     end subroutine find_groups
-end module tandem_analysis_neighbours
+
+    !> Coordinates and rows in an order of elimination that leaves few entries: by bodies, each row with the first of its bodies.
+    subroutine order_unknowns(pattern, neighbours, order)
+        type(pattern_type), intent(in) :: pattern
+        type(list_type), intent(in) :: neighbours(:)
+        !> Coordinates by their numbers, rows by theirs behind those of the coordinates (n + m).
+        integer, allocatable, intent(out) :: order(:)
+        type(list_type), allocatable :: left(:), none(:), rows_of(:)
+        integer, allocatable :: of_bodies(:), place_of(:)
+        integer :: b, i, j, k, l, n, n_coordinates, first
+
+        associate (n_bodies => pattern%n_bodies)
+            allocate (left, source=neighbours)
+            allocate (none(n_bodies), rows_of(n_bodies), of_bodies(n_bodies), place_of(n_bodies))
+            call order_nodes(left, none, of_bodies)
+            do b = 1, n_bodies
+                place_of(of_bodies(b)) = b
+            end do
+            do i = 1, pattern%n_rows
+                first = 0
+                do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
+                    b = pattern%row_body(k)
+                    if (first == 0) first = b
+                    if (place_of(b) < place_of(first)) first = b
+                end do
+                if (first > 0) call append(rows_of(first), i)
+            end do
+            n_coordinates = pattern%first(n_bodies + 1) - 1
+            allocate (order(n_coordinates + pattern%n_rows))
+            n = 0
+            do l = 1, n_bodies
+                b = of_bodies(l)
+                do j = pattern%first(b), pattern%first(b + 1) - 1
+                    n = n + 1
+                    order(n) = j
+                end do
+                do k = 1, rows_of(b)%n
+                    n = n + 1
+                    order(n) = n_coordinates + rows_of(b)%item(k)
+                end do
+            end do
+            ! Rows that touch nothing.
+            do i = 1, pattern%n_rows
+                if (pattern%row_start(i + 1) > pattern%row_start(i)) cycle
+                n = n + 1
+                order(n) = n_coordinates + i
+            end do
+        end associate
+    end subroutine order_unknowns
+end module tandem_model_neighbours

@@ -3,7 +3,7 @@
 !> degree). Neighbours of what is gone become each other's, and these lists are the structure of the factor. Of blocks with as many,
 !> the one that has waited longest goes: a chain is eliminated from both of its ends in turn, so that a processor has two blocks to
 !> work on of which neither waits for the other.
-module tandem_chart_sparse_order
+module tandem_linalg_order
     implicit none (type, external)
     private
 
@@ -183,4 +183,4 @@ contains
         end do
         mark(node) = 0
     end subroutine join
-end module tandem_chart_sparse_order
+end module tandem_linalg_order

@@ -1,0 +1,493 @@
+! SPDX-License-Identifier: MIT
+!> Derivatives of the terms of a model by differences, with which its procedures are compared. Coordinates that change no row and
+!> no force in common are displaced together, so that the number of evaluations does not grow with that of the bodies.
+module tandem_model_reference
+    use tandem_kinds, only: wp
+    use tandem_linalg_random, only: random_vector
+    use tandem_model, only: model_type
+    use tandem_model_counts, only: counts_type
+    use tandem_model_evaluator, only: evaluator_type
+    use tandem_model_structure, only: structure_type
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
+    use tandem_status, only: status_not_evaluable, status_ok
+    implicit none (type, external)
+    private
+
+    public :: reference_type, least_size, of_phi, of_c_qd, of_c_qdd, of_nu, of_gamma, of_mass, of_reaction, of_force
+
+    !> Parts that are differentiated: of the rows, and of the forces.
+    integer, parameter :: of_phi = 1, of_c_qd = 2, of_c_qdd = 3, of_nu = 4, of_gamma = 5, n_of_rows = 5
+    integer, parameter :: of_mass = 1, of_reaction = 2, of_force = 3, n_of_forces = 3
+
+    !> They are 8 (f(1) - f(-1)) - (f(2) - f(-2)) over 12 h, summed up so that nothing is left of a constant, however large, also
+    !> where a product is fused with a sum: sum := factor sum + sign f(place).
+    real(wp), parameter :: place(4) = [-1.0_wp, 1.0_wp, 2.0_wp, -2.0_wp]
+    real(wp), parameter :: sign_of(4) = [-1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp], factor(4) = [1.0_wp, 1.0_wp, 8.0_wp, 1.0_wp]
+    real(wp), parameter :: divisor = 12.0_wp
+    !> Steps in coordinates need not be shortened where they seem to leave no more than this; derivatives that are smaller than
+    !> the second number count as being of that size.
+    real(wp), parameter :: enough = 3.0e-11_wp, least_size = 1.0e-3_wp
+
+    !> Steps in time, from the longest by these factors. How fast a model changes with time is not known before: by its
+    !> neighbours one of them shows that it is neither too long nor lost in the rounding of t. The longest one is no simple fraction
+    !> of a second, where a motion with so many periods a second would seem to rest.
+    integer, parameter :: n_steps = 14
+    real(wp), parameter :: longest_step = 0.2887_wp, next_step = 0.25_wp
+
+    !> Values of all parts: of the rows (m, parts), and of the forces (n, parts).
+    type :: values_type
+        real(wp), allocatable :: rows(:, :), forces(:, :)
+    end type values_type
+
+    !> A state, and the derivatives there, every part by itself.
+    type :: reference_type
+        type(structure_type) :: structure
+        !> Time, coordinates, velocities, accelerations, coordinate scales (n), multipliers (m).
+        real(wp) :: t = 0.0_wp, time_scale = 1.0_wp
+        real(wp), allocatable :: q(:), qd(:), qdd(:), scale(:), lambda(:)
+        !> The scale of each row of C: its largest entry by that of its coordinate.
+        real(wp), allocatable :: row_scale(:)
+        !> By q (m, width, parts) and (n, width, parts); by qd of gamma (m, width) and of the forces (n, width).
+        real(wp), allocatable :: rows_q(:, :, :), forces_q(:, :, :), gamma_qd(:, :), force_qd(:, :)
+        !> By time: Phi_t (nh) and gamma (m), and what differences may leave of these.
+        real(wp), allocatable :: phi_t(:), gamma(:)
+        real(wp) :: phi_t_doubt = 0.0_wp, gamma_doubt = 0.0_wp
+        !> Values of the parts, their differences, those of second order, and the largest values.
+        type(values_type), private :: values, now, lower, largest
+    contains
+        procedure :: initialize, find_row_scales, differentiate, check_structure
+        procedure, private :: differentiate_together, take_differences, line_up, keep
+    end type reference_type
+
+contains
+
+    !> Take a model, for which `evaluator` was initialised in the form of the structure.
+    subroutine initialize(self, model, structure)
+        class(reference_type), intent(inout) :: self
+        class(model_type), intent(in) :: model
+        type(structure_type), intent(in) :: structure
+        integer :: m
+
+        m = model%n_constraints()
+        self%structure = structure
+        self%time_scale = model%time_scale
+        self%scale = model%scales()
+        if (allocated(self%rows_q)) deallocate (self%rows_q, self%forces_q, self%gamma_qd, self%force_qd, self%phi_t, self%gamma)
+        allocate (self%rows_q(m, structure%width, n_of_rows), self%gamma_qd(m, structure%width), self%phi_t(model%n_holonomic), &
+            self%gamma(m), self%forces_q(model%n, structure%width, n_of_forces), self%force_qd(model%n, structure%width), &
+            source=0.0_wp)
+        self%row_scale = spread(1.0_wp, 1, m)
+        call allocate_values(self%values)
+        call allocate_values(self%now)
+        call allocate_values(self%lower)
+        call allocate_values(self%largest)
+
+    contains
+
+        pure subroutine allocate_values(values)
+            type(values_type), intent(inout) :: values
+
+            if (allocated(values%rows)) deallocate (values%rows, values%forces)
+            allocate (values%rows(m, n_of_rows), values%forces(model%n, n_of_forces), source=0.0_wp)
+        end subroutine allocate_values
+    end subroutine initialize
+
+    !> The scales of the rows of C, 1 for a row without an entry.
+    subroutine find_row_scales(self, model, evaluator, counts, stat)
+        class(reference_type), intent(inout) :: self
+        class(model_type), intent(in) :: model
+        type(evaluator_type), intent(inout) :: evaluator
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        real(wp) :: largest
+        integer :: i, k
+
+        self%row_scale = 1.0_wp
+        call evaluator%evaluate(need_jacobian, self%t, self%q, self%q, counts, stat)
+        if (stat /= 0) return
+        do i = 1, size(self%row_scale)
+            if (evaluator%terms%is_compressed) then
+                largest = 0.0_wp
+                associate (pattern => model%pattern)
+                    do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
+                        associate (first => pattern%first(pattern%row_body(k)), last => pattern%first(pattern%row_body(k) + 1) - 1)
+                            largest = max(largest, maxval(abs(evaluator%terms%jacobian(i, pattern%column(first): &
+                                pattern%column(last)))*self%scale(first:last)))
+                        end associate
+                    end do
+                end associate
+            else
+                largest = maxval(abs(evaluator%terms%jacobian(i, :))*self%scale)
+            end if
+            ! A NaN in it is found where the terms are compared.
+            if (largest > 0.0_wp .and. largest <= huge(1.0_wp)) self%row_scale(i) = largest
+        end do
+    end subroutine find_row_scales
+
+    !> Differences of every term at the state.
+    subroutine differentiate(self, model, evaluator, counts, stat)
+        class(reference_type), intent(inout) :: self
+        class(model_type), intent(in) :: model
+        type(evaluator_type), intent(inout) :: evaluator
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        integer :: k
+
+        self%rows_q = 0.0_wp
+        self%forces_q = 0.0_wp
+        self%gamma_qd = 0.0_wp
+        self%force_qd = 0.0_wp
+        self%phi_t = 0.0_wp
+        self%gamma = 0.0_wp
+        do k = 1, self%structure%n_directions
+            associate (columns => self%structure%direction(self%structure%start(k):self%structure%start(k + 1) - 1))
+                call self%differentiate_together(model, evaluator, .false., columns, counts, stat)
+                if (stat == 0) call self%differentiate_together(model, evaluator, .true., columns, counts, stat)
+            end associate
+            if (stat /= 0) return
+        end do
+        associate (nh => model%n_holonomic, t => self%t, q => self%q, qd => self%qd)
+            if (nh > 0) call differentiate_in_time(evaluator, t, model%time_scale, .false., q, qd, self%row_scale(:nh), &
+                self%phi_t, self%phi_t_doubt, counts, stat)
+            if (stat /= 0 .or. size(self%gamma) == 0) return
+            call differentiate_in_time(evaluator, t, 1.0_wp/max(1.0_wp/model%time_scale, &
+                maxval(abs(qd)/max(abs(q), self%scale))), .true., q, qd, self%row_scale, self%gamma, self%gamma_doubt, counts, stat)
+        end associate
+    end subroutine differentiate
+
+    !> The derivatives of all terms by some coordinates or velocities that change nothing in common. A step that suits the scale of
+    !> one is too long where the model bends
+    !> within a small part of that, as a spring of some centimetres does among coordinates in metres. Differences of second order
+    !> show it: those of fourth order are off by about the square of what these differ by. Then the step is shortened, and each
+    !> part is kept where truncation and rounding together are least. What the model says of its derivatives is not looked at.
+    subroutine differentiate_together(self, model, evaluator, by_qd, columns, counts, stat)
+        class(reference_type), intent(inout) :: self
+        class(model_type), intent(in) :: model
+        type(evaluator_type), intent(inout) :: evaluator
+        !> Whether by the velocities, and the numbers of the coordinates.
+        logical, intent(in) :: by_qd
+        integer, intent(in) :: columns(:)
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        real(wp), parameter :: step = epsilon(1.0_wp)**0.2_wp
+        integer, parameter :: most_shorter = 5
+        real(wp) :: moved(model%n), doubt(n_of_rows + n_of_forces, size(columns))
+        logical :: is_done(size(columns))
+        integer :: c, k
+
+        stat = 0
+        doubt = huge(1.0_wp)
+        is_done = .false.
+        do k = 0, most_shorter
+            moved = 0.0_wp
+            do c = 1, size(columns)
+                if (is_done(c)) cycle
+                associate (j => columns(c))
+                    if (by_qd) then
+                        moved(j) = step*next_step**k*max(abs(self%qd(j)), self%scale(j)/self%time_scale)
+                    else
+                        moved(j) = step*next_step**k*max(abs(self%q(j)), self%scale(j))
+                    end if
+                end associate
+            end do
+            call self%take_differences(model, evaluator, by_qd, moved, counts, stat)
+            if (stat /= 0) return
+            do c = 1, size(columns)
+                if (.not. is_done(c)) call self%keep(model%n_holonomic, by_qd, columns(c), moved(columns(c)), k == 0, &
+                    doubt(:, c), is_done(c))
+            end do
+            if (all(is_done)) exit
+        end do
+    end subroutine differentiate_together
+
+    !> Sums of differences, for the four places of a displacement, of all parts that change with it.
+    subroutine take_differences(self, model, evaluator, by_qd, displacement, counts, stat)
+        class(reference_type), intent(inout) :: self
+        class(model_type), intent(in) :: model
+        type(evaluator_type), intent(inout) :: evaluator
+        logical, intent(in) :: by_qd
+        !> (n)
+        real(wp), intent(in) :: displacement(:)
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        real(wp) :: q(model%n), qd(model%n)
+        integer :: i
+
+        self%now%rows = 0.0_wp
+        self%now%forces = 0.0_wp
+        self%largest%rows = 0.0_wp
+        self%largest%forces = 0.0_wp
+        q = self%q
+        qd = self%qd
+        do i = 1, size(place)
+            if (by_qd) then
+                qd = self%qd + place(i)*displacement
+                call evaluator%evaluate(need_gamma + need_force, self%t, q, qd, counts, stat)
+            else
+                q = self%q + place(i)*displacement
+                call evaluator%evaluate(need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force, self%t, q, qd, &
+                    counts, stat)
+            end if
+            if (stat == 0) call evaluator%add_friction(self%t, q, qd, self%lambda, stat)
+            if (stat /= 0) return
+            call self%line_up(model, evaluator, by_qd)
+            self%now%rows = factor(i)*self%now%rows + sign_of(i)*self%values%rows
+            self%now%forces = factor(i)*self%now%forces + sign_of(i)*self%values%forces
+            self%largest%rows = max(self%largest%rows, abs(self%values%rows))
+            self%largest%forces = max(self%largest%forces, abs(self%values%forces))
+            if (i == 2) self%lower = self%now
+        end do
+    end subroutine take_differences
+
+    !> What differences are taken of.
+    subroutine line_up(self, model, evaluator, by_qd)
+        class(reference_type), intent(inout) :: self
+        class(model_type), intent(in) :: model
+        type(evaluator_type), intent(in) :: evaluator
+        logical, intent(in) :: by_qd
+
+        associate (terms => evaluator%terms, rows => self%values%rows, forces => self%values%forces)
+            rows(:, of_gamma) = terms%gamma
+            forces(:, of_force) = terms%force
+            if (by_qd) return
+            rows(:model%n_holonomic, of_phi) = terms%phi
+            rows(:, of_nu) = terms%nu
+            call evaluator%times_jacobian(self%qd, .false., rows(:, of_c_qd))
+            call evaluator%times_jacobian(self%qdd, .false., rows(:, of_c_qdd))
+            if (terms%is_compressed) then
+                call model%pattern%multiply_mass(terms%mass, self%qdd, forces(:, of_mass))
+                forces(:, of_reaction) = 0.0_wp
+                call model%pattern%add_transposed(terms%jacobian, self%lambda, .false., forces(:, of_reaction))
+            else
+                forces(:, of_mass) = matmul(terms%mass, self%qdd)
+                forces(:, of_reaction) = matmul(self%lambda, terms%jacobian)
+            end if
+        end associate
+    end subroutine line_up
+
+    !> Keep the differences of a coordinate, part by part, where they leave less than those before.
+    subroutine keep(self, nh, by_qd, j, h, is_first, doubt, is_done)
+        class(reference_type), intent(inout) :: self
+        integer, intent(in) :: nh
+        logical, intent(in) :: by_qd
+        !> The coordinate and its displacement.
+        integer, intent(in) :: j
+        real(wp), intent(in) :: h
+        !> Whether there are none before: if they are NaN, it shall be seen.
+        logical, intent(in) :: is_first
+        !> What those before leave.
+        real(wp), intent(inout) :: doubt(:)
+        !> Whether shorter steps gain nothing.
+        logical, intent(out) :: is_done
+        integer :: column, l
+
+        is_done = .true.
+        associate (s => self%structure, set => self%structure%set(j))
+            column = s%column(j)
+            associate (rows => s%rows(s%row_start(set):s%row_start(set + 1) - 1), &
+                forces => s%forces(s%force_start(set):s%force_start(set + 1) - 1))
+                if (by_qd) then
+                    call choose(rows, of_gamma, self%now%rows, self%lower%rows, self%largest%rows, 1, self%gamma_qd(:, column), &
+                        self%row_scale)
+                    call choose(forces, of_force, self%now%forces, self%lower%forces, self%largest%forces, 2, &
+                        self%force_qd(:, column))
+                    return
+                end if
+                do l = 1, n_of_rows
+                    if (l == of_phi .and. nh == 0) cycle
+                    call choose(rows, l, self%now%rows, self%lower%rows, self%largest%rows, l, self%rows_q(:, column, l), &
+                        self%row_scale)
+                end do
+                do l = 1, n_of_forces
+                    call choose(forces, l, self%now%forces, self%lower%forces, self%largest%forces, n_of_rows + l, &
+                        self%forces_q(:, column, l))
+                end do
+            end associate
+        end associate
+
+    contains
+
+        !> One part.
+        subroutine choose(places, part, now, lower, largest, number, entries, unit)
+            integer, intent(in) :: places(:), part, number
+            real(wp), intent(in) :: now(:, :), lower(:, :), largest(:, :)
+            real(wp), intent(inout) :: entries(:)
+            !> 1 where absent.
+            real(wp), intent(in), optional :: unit(:)
+            real(wp) :: size_of, off, rounding, truncation, u, value
+            integer :: i, k
+
+            if (size(places) == 0) return
+            size_of = least_size
+            off = 0.0_wp
+            rounding = 0.0_wp
+            u = 1.0_wp
+            do i = 1, size(places)
+                k = places(i)
+                if (present(unit)) u = unit(k)
+                value = now(k, part)/(divisor*h)
+                size_of = max(size_of, abs(value)/u)
+                off = max(off, abs(value - lower(k, part)/(2*h))/u)
+                rounding = max(rounding, largest(k, part)/u)
+            end do
+            truncation = (off/size_of)**2
+            rounding = epsilon(h)*rounding/(h*size_of)
+            if (is_first .or. truncation + rounding < doubt(number)) then
+                do i = 1, size(places)
+                    entries(places(i)) = now(places(i), part)/(divisor*h)
+                end do
+                doubt(number) = truncation + rounding
+            end if
+            if (truncation > max(enough, rounding)) is_done = .false.
+        end subroutine choose
+    end subroutine keep
+
+    !> Whether the derivatives times a random direction are what differences along it say, so that no coordinate changes more than
+    !> the structure lets it. After `differentiate`.
+    subroutine check_structure(self, model, evaluator, counts, holds, stat)
+        class(reference_type), intent(inout) :: self
+        class(model_type), intent(in) :: model
+        type(evaluator_type), intent(inout) :: evaluator
+        type(counts_type), intent(inout) :: counts
+        logical, intent(out) :: holds
+        integer, intent(out) :: stat
+        real(wp), parameter :: step = epsilon(1.0_wp)**0.2_wp
+        !> Steps may be too long at first.
+        integer, parameter :: most_shorter = 3
+        real(wp), dimension(model%n) :: displacement, direction, ones
+        integer :: k, l, seed
+
+        seed = 54321
+        direction = random_vector(seed, model%n)
+        ones = 1.0_wp
+        do k = 0, most_shorter
+            displacement = step*next_step**k*self%scale*direction
+            call self%take_differences(model, evaluator, .false., displacement, counts, stat)
+            if (stat /= 0) return
+            holds = .true.
+            do l = 1, n_of_rows
+                if (holds) holds = is_product(self%structure%row_start, self%structure%rows, self%rows_q(:, :, l), &
+                    self%now%rows(:, l), self%largest%rows(:, l), self%row_scale)
+            end do
+            do l = 1, n_of_forces
+                if (holds) holds = is_product(self%structure%force_start, self%structure%forces, self%forces_q(:, :, l), &
+                    self%now%forces(:, l), self%largest%forces(:, l), ones)
+            end do
+            displacement = displacement/self%time_scale
+            call self%take_differences(model, evaluator, .true., displacement, counts, stat)
+            if (stat /= 0) return
+            if (holds) holds = is_product(self%structure%row_start, self%structure%rows, self%gamma_qd, &
+                self%now%rows(:, of_gamma), self%largest%rows(:, of_gamma), self%row_scale)
+            if (holds) holds = is_product(self%structure%force_start, self%structure%forces, self%force_qd, &
+                self%now%forces(:, of_force), self%largest%forces(:, of_force), ones)
+            if (holds) return
+        end do
+
+    contains
+
+        !> Whether differences are the product of a matrix with the displacement.
+        logical function is_product(start, changed, matrix, now, largest, unit) result(is)
+            !> Which rows the sets of coordinates change.
+            integer, intent(in) :: start(:), changed(:)
+            real(wp), intent(in) :: matrix(:, :), now(:), largest(:), unit(:)
+            !> A smaller part of the largest entry than procedures are judged by.
+            real(wp), parameter :: bound = 1.0e-7_wp
+            real(wp), dimension(size(now)) :: product, sizes
+            integer :: i, j, k
+
+            product = 0.0_wp
+            sizes = 0.0_wp
+            associate (s => self%structure)
+                do j = 1, model%n
+                    do k = start(s%set(j)), start(s%set(j) + 1) - 1
+                        i = changed(k)
+                        product(i) = product(i) + matrix(i, s%column(j))*displacement(j)
+                        sizes(i) = sizes(i) + abs(matrix(i, s%column(j))*displacement(j))
+                    end do
+                end do
+            end associate
+            is = .true.
+            if (size(now) == 0) return
+            is = all(abs(now/divisor - product) <= bound*unit*max(maxval(sizes/unit), least_size*maxval(abs(displacement))) + &
+                100*epsilon(1.0_wp)*largest)
+        end function is_product
+    end subroutine check_structure
+
+    !> Add the value at a place to the differences.
+    pure subroutine add(i, value, differences)
+        !> Number of the place.
+        integer, intent(in) :: i
+        real(wp), intent(in) :: value(:)
+        real(wp), intent(inout) :: differences(:)
+
+        differences = factor(i)*differences + sign_of(i)*value
+    end subroutine add
+
+    !> Phi_t, or d/dt (C qd - nu) along qd, by the step that agrees best with the next longer one.
+    subroutine differentiate_in_time(evaluator, t, share, of_velocity, q, qd, row_scale, rate, doubt, counts, stat)
+        type(evaluator_type), intent(inout) :: evaluator
+        !> Time, and the part of the steps to take.
+        real(wp), intent(in) :: t, share
+        !> Whether to differentiate C qd - nu.
+        logical, intent(in) :: of_velocity
+        !> Coordinates, velocities, and the scales of the rows.
+        real(wp), intent(in) :: q(:), qd(:), row_scale(:)
+        !> The derivative, and by how much it may be wrong on those scales, as it differs from that of the next longer step and by
+        !> rounding.
+        real(wp), intent(inout) :: rate(:)
+        real(wp), intent(out) :: doubt
+        type(counts_type), intent(inout) :: counts
+        !> That of the last step, where none could be taken with the next longer one; not_evaluable where steps are lost in the
+        !> rounding of t.
+        integer, intent(out) :: stat
+        real(wp) :: now(size(rate)), last(size(rate)), values(size(rate)), change, largest, h, wanted
+        logical :: is_taken
+        integer :: i, k, last_stat
+
+        is_taken = .false.
+        doubt = huge(1.0_wp)
+        stat = status_ok
+        last_stat = status_not_evaluable
+        wanted = longest_step*share
+        do k = 1, n_steps
+            ! One that is added to t without rounding.
+            h = (t + wanted) - t
+            if (.not. h > 0.0_wp) exit
+            now = 0.0_wp
+            largest = 1.0_wp
+            do i = 1, 4
+                call evaluator%evaluate(merge(need_jacobian + need_nu, need_phi, of_velocity), t + place(i)*h, &
+                    q + merge(place(i)*h, 0.0_wp, of_velocity)*qd, qd, counts, stat)
+                if (stat /= 0) exit
+                if (of_velocity) then
+                    call evaluator%times_jacobian(qd, .false., values)
+                    values = values - evaluator%terms%nu
+                else
+                    values = evaluator%terms%phi
+                end if
+                call add(i, values, now)
+                largest = max(largest, maxval(abs(values)/row_scale))
+            end do
+            now = now/(divisor*h)
+            ! A long step may reach where a model has no value.
+            if (stat == 0 .and. last_stat == 0) then
+                ! And what rounding may be, of the values and of t in the model: two steps may agree by chance.
+                change = maxval(abs(now - last)/row_scale) + maxval(abs(now)/row_scale)*spacing(t)/h + epsilon(h)*largest/h
+                ! The first one without a comparison: if all are NaN, it shall be seen.
+                if (change < doubt .or. .not. is_taken) rate = now
+                if (change < doubt) doubt = change
+                is_taken = .true.
+            end if
+            last = now
+            last_stat = stat
+            wanted = next_step*wanted
+        end do
+        if (is_taken) then
+            stat = status_ok
+        else if (stat == status_ok) then
+            stat = status_not_evaluable
+            evaluator%failed_term = 'differences in time'
+        end if
+    end subroutine differentiate_in_time
+
+end module tandem_model_reference
