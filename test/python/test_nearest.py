@@ -79,6 +79,60 @@ end = 1
 """
 
 
+# Rods that hang from two supports, in the shape of a V at the start; n is even.
+CATENARY = """
+[scene]
+model = "mechanism"
+planar = true
+[parameters]
+n = 4
+[gravity]
+vector = [0, -9.81]
+[body.rod1]
+mass = 1
+inertia = "1/12"
+position = [0.3, -0.4]
+angle = "-atan(4/3)"
+[joint.pin1]
+type = "revolute"
+bodies = ["ground", "rod1"]
+at = [0, 0]
+[repeat.down]
+count = "n/2 - 1"
+first = 2
+[repeat.down.body."rod{i}"]
+mass = 1
+inertia = "1/12"
+position = ["0.6*(i - 0.5)", "-0.8*(i - 0.5)"]
+angle = "-atan(4/3)"
+[repeat.down.joint."pin{i}"]
+type = "revolute"
+bodies = ["rod{i - 1}", "rod{i}"]
+at = ["0.6*(i - 1)", "-0.8*(i - 1)"]
+[repeat.up]
+count = "n/2"
+first = "n/2 + 1"
+[repeat.up.body."rod{i}"]
+mass = 1
+inertia = "1/12"
+position = ["0.6*(i - 0.5)", "-0.8*(n - i + 0.5)"]
+angle = "atan(4/3)"
+[repeat.up.joint."pin{i}"]
+type = "revolute"
+bodies = ["rod{i - 1}", "rod{i}"]
+at = ["0.6*(i - 1)", "-0.8*(n - i + 1)"]
+[repeat.end]
+count = 1
+first = "n"
+[repeat.end.joint."last{i}"]
+type = "revolute"
+bodies = ["rod{i}", "ground"]
+at = ["0.6*i", 0]
+[time]
+end = 1
+"""
+
+
 def frequencies(n):
     """Of small angles a from the vertical: (n - max(i, j) + 1/2) a_j'' + (n - i + 1/3) a_i'' + g (n - i + 1/2) a_i = 0."""
     i = np.arange(1, n + 1)
@@ -131,6 +185,28 @@ class Nearest(Case):
         found = np.array(sorted(im for re, im in said["eigenvalues"] if im > 0)[:3])
         ratio = (9.81**2 + 9) ** 0.25 / 9.81**0.5
         self.assertLess(np.max(np.abs(found / frequencies(400)[:3] / ratio - 1)), 1e-9)
+
+    def test_where_long_chains_hang(self):
+        """From the horizontal to the straight chain below the pivot, in a number of steps that does not grow with the chain."""
+        for n in (20, 80, 400):
+            still = ["--set", f"parameters.n={n}", "--set", "parameters.w=0", "--set", "gravity.vector=[0, -9.81]"]
+            rest = json.loads(self.tandem("equilibrium", self.scene(ROTOR), *still, "--json").stdout)
+            q = np.array(rest["q"]).reshape(-1, 3)
+            self.assertLess(np.max(np.abs(q[:, 0])), 1e-9 * n)
+            self.assertLess(np.max(np.abs(q[:, 1] + np.arange(n) + 0.5)), 1e-9 * n)
+            self.assertLess(np.max(np.abs(np.exp(1j * q[:, 2]) + 1j)), 1e-9)
+            self.assertLess(rest["relaxations"], 80)
+
+    def test_chains_between_two_supports(self):
+        """The rods of a catenary: the tangents of their angles grow by the weight of a rod over the pull at the supports."""
+        for n in (20, 120):
+            rest = json.loads(self.tandem("equilibrium", self.scene(CATENARY), "--set", f"parameters.n={n}", "--json").stdout)
+            angle = np.array(rest["q"])[2::3]
+            growth = np.diff(np.tan(angle))
+            self.assertGreater(np.min(growth), 0)
+            self.assertLess(np.max(growth) / np.min(growth) - 1, 1e-8)
+            self.assertGreater(np.min(np.cos(angle)), 0)
+            self.assertAlmostEqual(np.sum(np.cos(angle)), 0.6 * n, delta=1e-9 * n)
 
     def test_a_rotor_of_1000_bodies(self):
         """Rods one behind the other that turn about a pivot, in coordinates that go along: of small angles a between them and the radius

@@ -9,13 +9,14 @@
 !> Newton's iteration with corrections of least norm leads to the nearest one of a family, stable or not; it is damped by the
 !> natural monotonicity test, in which units do not matter (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 4.4).
 !> Where it ends nowhere, an equilibrium is sought by going along the forces, in steps over the absolute curvatures of the
-!> potential, which finds a stable one from afar; then Newton's iteration again. A steady motion is approached by least squares
+!> potential or, of models with a pattern, by implicit ones (`sparse_settling.f90`), which finds a stable one from afar; then
+!> Newton's iteration again. A steady motion is approached by least squares
 !> of the residual with a bound on the step (D. W. Marquardt, J. SIAM 11, 1963). From any steady motion steps along its family lead
 !> to the one nearest to the start. All of it is bounded work.
 module tandem_analysis_settling
     use tandem_analysis_closeness, only: find_way_nearer, squared_distance
     use tandem_analysis_point, only: point_type
-    use tandem_analysis_sparse_settling, only: moved_reason, settle_sparsely
+    use tandem_analysis_sparse_settling, only: moved_reason, relax_sparsely, settle_sparsely
     use tandem_analysis_sparse_steady, only: find_steady_sparsely
     use tandem_analysis_symmetry, only: symmetry_type
     use tandem_error, only: error_type, set_error, to_text
@@ -98,7 +99,9 @@ contains
             self%q = q
             ! Each part may do as much.
             point%n_bases = 0
-            call self%relax(point, t, stat)
+            has_form = allocated(model%pattern)
+            if (has_form) call relax_sparsely(model, t, self%q, self%relaxations, has_form, stat)
+            if (.not. has_form) call self%relax(point, t, stat)
             if (stat == status_ok) then
                 point%n_bases = 0
                 call self%iterate(point, t, .false., stat)

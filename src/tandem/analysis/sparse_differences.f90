@@ -14,7 +14,10 @@ contains
 
     module procedure differentiate
         integer :: g, l
+        logical :: rough
 
+        rough = .false.
+        if (present(is_rough)) rough = is_rough
         self%stiffness = 0.0_wp
         self%damping = 0.0_wp
         if (self%m > self%nh .and. .not. allocated(self%turning)) allocate (self%turning(self%m, self%pattern%width), &
@@ -23,8 +26,8 @@ contains
         associate (first => self%pattern%first)
             do g = 1, self%n_groups
                 do l = 1, maxval(first(2:) - first(:size(first) - 1), mask=self%group == g)
-                    call difference(self, g, l, .false., self%stiffness, stat)
-                    if (stat == status_ok .and. with_damping) call difference(self, g, l, .true., self%damping, stat)
+                    call difference(self, g, l, .false., rough, self%stiffness, stat)
+                    if (stat == status_ok .and. with_damping) call difference(self, g, l, .true., rough, self%damping, stat)
                     if (stat /= status_ok) return
                 end do
             end do
@@ -34,10 +37,10 @@ contains
     end procedure differentiate
 
     !> The columns of coordinate l of the bodies of a group.
-    subroutine difference(self, g, l, by_qd, columns, stat)
+    subroutine difference(self, g, l, by_qd, is_rough, columns, stat)
         type(sparse_point_type), intent(inout) :: self
         integer, intent(in) :: g, l
-        logical, intent(in) :: by_qd
+        logical, intent(in) :: by_qd, is_rough
         real(wp), intent(inout) :: columns(:)
         integer, intent(out) :: stat
         real(wp), dimension(self%n) :: direction, change
@@ -49,7 +52,7 @@ contains
             j = self%pattern%first(b) + l - 1
             if (self%group(b) == g .and. j < self%pattern%first(b + 1)) direction(j) = self%scale(j)
         end do
-        call difference_along(self, direction, step, by_qd, change, change_of_rows, stat)
+        call difference_along(self, direction, step, by_qd, is_rough, change, change_of_rows, stat)
         if (stat /= status_ok) return
         if (.not. by_qd) then
             ! Of the bodies of a row one is in the group.
@@ -71,20 +74,22 @@ contains
 
     !> The derivative of C' lambda - S - Q_A, and by q that of C X q - nu of rows at velocity level, along a direction; where it
     !> moves with M (L X q + 2 L qd).
-    subroutine difference_along(self, direction, h, by_qd, change, change_of_rows, stat)
+    subroutine difference_along(self, direction, h, by_qd, is_rough, change, change_of_rows, stat)
         type(sparse_point_type), intent(inout) :: self
         real(wp), intent(in) :: direction(:), h
-        logical, intent(in) :: by_qd
+        logical, intent(in) :: by_qd, is_rough
         real(wp), intent(out) :: change(:), change_of_rows(:)
         integer, intent(out) :: stat
         real(wp), dimension(self%n) :: q, qd, more, residual
-        real(wp) :: rows(self%m)
+        real(wp) :: rows(self%m), factor
         integer :: i, need
 
         change = 0.0_wp
         change_of_rows = 0.0_wp
         need = need_force + merge(0, need_jacobian + need_nu, by_qd) + merge(need_mass, 0, self%frame%moves)
-        do i = 1, size(place)
+        ! The two places in the middle are those of second order.
+        do i = merge(size(place)/2, 1, is_rough), merge(size(place)/2 + 1, size(place), is_rough)
+            factor = merge(0.5_wp*place(i), weight(i), is_rough)/h
             q = self%q
             more = 0.0_wp
             if (by_qd) more = place(i)*h*direction
@@ -102,10 +107,10 @@ contains
                 if (self%m > self%nh) then
                     call self%pattern%multiply(self%evaluator%terms%jacobian, qd, .false., rows)
                     rows = rows - self%evaluator%terms%nu
-                    change_of_rows(self%nh + 1:) = change_of_rows(self%nh + 1:) + weight(i)/h*rows(self%nh + 1:)
+                    change_of_rows(self%nh + 1:) = change_of_rows(self%nh + 1:) + factor*rows(self%nh + 1:)
                 end if
             end if
-            change = change + weight(i)/h*residual
+            change = change + factor*residual
         end do
         if (.not. sum(abs(change)) + sum(abs(change_of_rows)) <= huge(1.0_wp)) stat = status_not_finite
     end subroutine difference_along
@@ -119,7 +124,7 @@ contains
 
         seed = 1234567
         direction = self%scale*random_vector(seed, self%n)
-        call difference_along(self, direction, step/8, .false., change, rows, stat)
+        call difference_along(self, direction, step/8, .false., .false., change, rows, stat)
         if (stat == status_ok) then
             call multiply_columns(self, self%stiffness, direction, product, sizes)
             sizes = sizes + self%sizes
@@ -137,7 +142,7 @@ contains
                     return
                 end if
             end if
-            call difference_along(self, direction, step/8, .true., change, rows, stat)
+            call difference_along(self, direction, step/8, .true., .false., change, rows, stat)
         end if
         if (stat == status_ok) then
             call multiply_columns(self, self%damping, direction, product, sizes)

@@ -80,12 +80,14 @@ module tandem_analysis_sparse_point
 
     interface
         !> K and D for the multipliers that the point has.
-        module subroutine differentiate(self, with_damping, stat)
+        module subroutine differentiate(self, with_damping, stat, is_rough)
             implicit none (type, external)
             class(sparse_point_type), intent(inout) :: self
             logical, intent(in) :: with_damping
             !> A status code.
             integer, intent(out) :: stat
+            !> Whether differences of second order do, for a quarter of the work.
+            logical, intent(in), optional :: is_rough
         end subroutine differentiate
 
         !> Whether K and D times a random direction are what differences along it say: forces between bodies that the model does not
@@ -263,23 +265,22 @@ contains
         call self%pattern%add_transposed(self%evaluator%terms%jacobian, lambda, .false., residual)
     end subroutine add_forces
 
-    !> Find the rows that depend on others, and the acceleration (n) from rest with the multipliers that go with it.
-    subroutine find_dependent_rows(self, acceleration, stat)
+    !> Find the rows that depend on others, and the acceleration (n) from rest with the multipliers that go with it; with a metric D
+    !> in the place of M what D^-1 makes of the forces that the rows leave.
+    subroutine find_dependent_rows(self, acceleration, stat, metric)
         class(sparse_point_type), intent(inout) :: self
         real(wp), allocatable, intent(out) :: acceleration(:)
         !> A status code.
         integer, intent(out) :: stat
-        complex(wp), parameter :: mass_only(3) = [(1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)]
-        type(sparse_matrix_type) :: a
-        integer, allocatable :: order(:)
-        real(wp) :: unit
-        logical :: may_leave(self%n + self%m)
+        !> The diagonal of D (n).
+        real(wp), intent(in), optional :: metric(:)
         integer :: i
+        logical :: may_leave(self%n + self%m)
+        real(wp) :: gamma(self%m)
 
         self%is_out = .false.
-        call self%assemble(mass_only, a, order, unit)
         may_leave = [(i > self%n, i=1, self%n + self%m)]
-        call self%of_ties%factor(a, order, most_factor_entries, stat, may_leave, least_pivot)
+        call factor_ties(may_leave)
         if (stat < 0) then
             stat = status_work_limit
             return
@@ -289,22 +290,40 @@ contains
         end if
         self%is_out(self%of_ties%left_rows - self%n) = .true.
         if (any(self%is_out)) then
-            call self%assemble(mass_only, a, order, unit)
-            call self%of_ties%factor(a, order, most_factor_entries, stat)
+            may_leave = .false.
+            call factor_ties(may_leave)
             if (stat /= 0) then
                 stat = status_singular_mass
                 return
             end if
         end if
-        self%ties%n = a%n
-        call move_alloc(a%start, self%ties%start)
-        call move_alloc(a%row, self%ties%row)
-        call move_alloc(a%value, self%ties%value)
-        self%unit_of_ties = unit
+        gamma = self%evaluator%terms%gamma
+        if (present(metric)) gamma = 0.0_wp
         allocate (acceleration(self%n))
-        associate (terms => self%evaluator%terms)
-            call self%solve(self%ties, self%of_ties, self%unit_of_ties, terms%force, -terms%gamma, acceleration, self%lambda)
-        end associate
+        call self%solve(self%ties, self%of_ties, self%unit_of_ties, self%evaluator%terms%force, -gamma, acceleration, self%lambda)
+
+    contains
+
+        !> Those of the rows that are not out.
+        subroutine factor_ties(may_leave)
+            logical, intent(in) :: may_leave(:)
+            complex(wp), parameter :: zero = (0.0_wp, 0.0_wp), one = (1.0_wp, 0.0_wp)
+            type(sparse_matrix_type) :: a
+            integer, allocatable :: order(:)
+            real(wp) :: unit
+
+            if (present(metric)) then
+                call self%assemble([zero, zero, zero], a, order, unit, metric)
+            else
+                call self%assemble([one, zero, zero], a, order, unit)
+            end if
+            call self%of_ties%factor(a, order, most_factor_entries, stat, may_leave(:a%n), least_pivot)
+            self%ties%n = a%n
+            call move_alloc(a%start, self%ties%start)
+            call move_alloc(a%row, self%ties%row)
+            call move_alloc(a%value, self%ties%value)
+            self%unit_of_ties = unit
+        end subroutine factor_ties
     end subroutine find_dependent_rows
 
     !> y = A x of one of the three matrices, and |A| |x|.
@@ -342,14 +361,16 @@ contains
 
     !> [(cm M + cd D + ck K)/unit, C'; C, 0] without rows that are left out, those of C over their lengths; below, rows at velocity
     !> level are C + ck/cd (C X q - nu)_q where cd is not zero.
-    subroutine assemble(self, c, a, order, unit)
+    subroutine assemble(self, c, a, order, unit, diagonal)
         class(sparse_point_type), intent(in) :: self
         complex(wp), intent(in) :: c(3)
         type(sparse_matrix_type), intent(inout) :: a
         !> Of its columns.
         integer, allocatable, intent(out) :: order(:)
         real(wp), intent(out) :: unit
-        complex(wp) :: value
+        !> What is added to the diagonal of the first block (n).
+        real(wp), intent(in), optional :: diagonal(:)
+        complex(wp) :: value, block(size(self%row))
         integer, allocatable :: next(:), number(:)
         integer :: i, j, k, pass, total
         real(wp) :: length
@@ -365,19 +386,24 @@ contains
             number(i) = total
         end do
         order = pack(number(self%order), number(self%order) > 0)
-        unit = 0.0_wp
-        do k = 1, size(self%row)
-            unit = max(unit, abs(c(1)*self%mass(k) + c(2)*self%damping(k) + c(3)*self%stiffness(k)))
-        end do
+        block = c(1)*self%mass + c(2)*self%damping + c(3)*self%stiffness
+        if (present(diagonal)) then
+            do j = 1, self%n
+                do k = self%start(j), self%start(j + 1) - 1
+                    if (self%row(k) == j) block(k) = block(k) + diagonal(j)
+                end do
+            end do
+        end if
+        unit = maxval(size_of(block))
         if (.not. unit > 0.0_wp) unit = 1.0_wp
+        block = block/unit
         a%n = total
         allocate (next(total + 1), source=0)
         associate (pattern => self%pattern, jacobian => self%evaluator%terms%jacobian)
             do pass = 1, 2
                 do j = 1, self%n
                     do k = self%start(j), self%start(j + 1) - 1
-                        value = (c(1)*self%mass(k) + c(2)*self%damping(k) + c(3)*self%stiffness(k))/unit
-                        if (abs(value) > 0.0_wp) call put(self%row(k), j, value)
+                        if (size_of(block(k)) > 0.0_wp) call put(self%row(k), j, block(k))
                     end do
                 end do
                 do i = 1, self%m
@@ -386,10 +412,10 @@ contains
                     do k = pattern%row_start(i), pattern%row_start(i + 1) - 1
                         do j = pattern%first(pattern%row_body(k)), pattern%first(pattern%row_body(k) + 1) - 1
                             value = jacobian(i, pattern%column(j))/length
-                            if (abs(value) > 0.0_wp) call put(j, number(self%n + i), value)
+                            if (size_of(value) > 0.0_wp) call put(j, number(self%n + i), value)
                             if (i > self%nh .and. abs(c(2)) > 0.0_wp) value = value + &
                                 c(3)/c(2)*self%turning(i, pattern%column(j))/length
-                            if (abs(value) > 0.0_wp) call put(number(self%n + i), j, value)
+                            if (size_of(value) > 0.0_wp) call put(number(self%n + i), j, value)
                         end do
                     end do
                 end do
@@ -405,6 +431,13 @@ contains
         end associate
 
     contains
+
+        !> A size without a square root.
+        elemental real(wp) function size_of(number)
+            complex(wp), intent(in) :: number
+
+            size_of = abs(real(number, wp)) + abs(aimag(number))
+        end function size_of
 
         subroutine put(row, column, entry)
             integer, intent(in) :: row, column

@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> Equilibria of large mechanisms: Newton's iteration with the sparse matrix [K, C'; C, 0], damped by the natural monotonicity test
-!> (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 4.4); where that ends nowhere, the motion without inertia
-!> M q' = forces, by implicit steps with mu M + K that grow as it comes to rest (C. T. Kelley, D. E. Keyes, SIAM J. Numer. Anal. 35,
-!> 1998), which finds a stable one, and Newton's iteration again.
+!> (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 4.4). Where that ends nowhere or would go far, the motion
+!> without inertia D q' = forces, by implicit steps with mu D + K, each of which goes downhill, with a mu that falls as it comes to
+!> rest (C. T. Kelley, D. E. Keyes, SIAM J. Numer. Anal. 35, 1998), which finds a stable one, and Newton's iteration again. D
+!> measures turns rather than places: by M the far end of a chain would have to wait until a bend has gone through all of it.
 !>
 !> Rows at velocity level hold: the coordinates go where they let them.
 module tandem_analysis_sparse_settling
@@ -10,12 +11,12 @@ module tandem_analysis_sparse_settling
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_linalg_sparse_lu, only: sparse_lu_type, sparse_matrix_type
-    use tandem_model, only: model_type
+    use tandem_model, only: label_length, model_type
     use tandem_status, only: status_no_equilibrium, status_ok, status_work_limit
     implicit none (type, external)
     private
 
-    public :: moved_reason, settle_sparsely
+    public :: moved_reason, relax_sparsely, settle_sparsely
 
     !> Why a mechanism rests nowhere, behind what a message says of it.
     character(len=*), parameter :: moved_reason = '; its constraints move it, so that it cannot rest'
@@ -51,11 +52,15 @@ contains
         has_form = .not. allocated(error)
         if (allocated(error)) return
         start = q
-        call iterate(point, t, q, iterations, stat)
+        call iterate(point, t, .true., q, iterations, stat)
         if (stat == status_no_equilibrium) then
             q = start
             call relax(point, t, q, relaxations, stat)
-            if (stat == status_ok) call iterate(point, t, q, iterations, stat)
+            if (stat == status_ok) call iterate(point, t, .false., q, iterations, stat)
+        end if
+        if (stat == status_no_equilibrium) then
+            q = start
+            call iterate(point, t, .false., q, iterations, stat)
         end if
         associate (moves => any(abs(point%evaluator%terms%nu) > 0.0_wp))
             if (stat /= status_ok .and. stat /= status_no_equilibrium) then
@@ -68,15 +73,39 @@ contains
         end associate
     end subroutine settle_sparsely
 
+    !> Only go with the forces, to where Newton's iteration may begin.
+    subroutine relax_sparsely(model, t, q, relaxations, has_form, stat)
+        class(model_type), intent(inout), target :: model
+        real(wp), intent(in) :: t
+        !> The start, and where it leads (n).
+        real(wp), intent(inout) :: q(:)
+        integer, intent(inout) :: relaxations
+        !> Whether the model has a sparse form.
+        logical, intent(out) :: has_form
+        !> A status code.
+        integer, intent(out) :: stat
+        type(sparse_point_type), allocatable :: point
+        type(error_type), allocatable :: error
+
+        stat = status_no_equilibrium
+        allocate (point)
+        call point%initialize(model, error)
+        has_form = .not. allocated(error)
+        if (has_form) call relax(point, t, q, relaxations, stat)
+    end subroutine relax_sparsely
+
     !> Newton's iteration.
-    subroutine iterate(point, t, q, iterations, stat)
+    subroutine iterate(point, t, stays_near, q, iterations, stat)
         type(sparse_point_type), intent(inout) :: point
         real(wp), intent(in) :: t
+        !> Whether to end where steps must be made much shorter: from there on it may go to any equilibrium, however far.
+        logical, intent(in) :: stays_near
         real(wp), intent(inout) :: q(:)
         integer, intent(inout) :: iterations
         integer, intent(out) :: stat
         type(sparse_matrix_type) :: a
         type(sparse_lu_type) :: lu
+        real(wp), parameter :: least_factor = 0.2_wp
         real(wp), allocatable :: acceleration(:)
         real(wp), dimension(size(q)) :: step, next, from
         real(wp), dimension(point%m) :: more, unused, lambda
@@ -90,7 +119,10 @@ contains
         is_last = .false.
         do i = 1, most_iterations
             iterations = iterations + 1
-            call factor_at(point, 0.0_wp, a, lu, unit, stat)
+            call point%differentiate(.false., stat)
+            if (stat /= status_ok) return
+            call point%balance()
+            call factor_with(point, spread(0.0_wp, 1, point%n), a, lu, unit, stat)
             if (stat /= status_ok) return
             call correct(point, a, lu, unit, step, more)
             length = maxval(abs(step/point%scale))
@@ -116,15 +148,16 @@ contains
                 end if
                 factor = factor/2
             end do
-            if (tries > 30) exit
+            if (tries > 30 .or. (stays_near .and. factor < least_factor)) exit
         end do
         stat = status_no_equilibrium
     end subroutine iterate
 
-    !> The factors of [mu M + K, C'; C, 0] at the point, with its residual.
-    subroutine factor_at(point, mu, a, lu, unit, stat)
-        type(sparse_point_type), intent(inout) :: point
-        real(wp), intent(in) :: mu
+    !> The factors of [mu D + K, C'; C, 0] at the point, whose K is known.
+    subroutine factor_with(point, diagonal, a, lu, unit, stat)
+        type(sparse_point_type), intent(in) :: point
+        !> That of mu D (n).
+        real(wp), intent(in) :: diagonal(:)
         type(sparse_matrix_type), intent(inout) :: a
         type(sparse_lu_type), intent(inout) :: lu
         real(wp), intent(out) :: unit
@@ -133,14 +166,12 @@ contains
         integer, allocatable :: order(:)
         integer :: info
 
-        call point%differentiate(.false., stat)
-        if (stat /= status_ok) return
-        call point%balance()
-        call point%assemble([cmplx(mu, 0.0_wp, wp), (0.0_wp, 0.0_wp), (1.0_wp, 0.0_wp)], a, order, unit)
+        stat = status_ok
+        call point%assemble([(0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (1.0_wp, 0.0_wp)], a, order, unit, diagonal)
         call lu%factor(a, order, most_factor_entries, info)
         if (info < 0) stat = status_work_limit
         if (info > 0) stat = status_no_equilibrium
-    end subroutine factor_at
+    end subroutine factor_with
 
     !> The correction of coordinates and multipliers.
     subroutine correct(point, a, lu, unit, step, more)
@@ -157,53 +188,150 @@ contains
         call point%solve(a, lu, unit, -point%residual, g, step, more)
     end subroutine correct
 
-    !> Go with the forces to a place where they are nearly in balance.
+    !> Go downhill with the forces to a place where they are nearly in balance. A step is taken where it stays near the constraints,
+    !> and where the forces along it do work at both of its ends together; else it is tried again with a larger mu. So a matrix that
+    !> is not positive definite, or a linearisation that does not reach as far, makes steps shorter, but leads nowhere else.
     subroutine relax(point, t, q, relaxations, stat)
         type(sparse_point_type), intent(inout) :: point
         real(wp), intent(in) :: t
         real(wp), intent(inout) :: q(:)
         integer, intent(inout) :: relaxations
         integer, intent(out) :: stat
+        !> The part of the work at the start that may be lost at the end, and factors of mu for steps that are too long, for those
+        !> at whose end the forces have changed much, and for others.
+        real(wp), parameter :: least_work = -0.5_wp, much = 0.25_wp, shorter = 4.0_wp, longer = 0.5_wp, much_longer = 0.2_wp
+        !> The lengths of the first step, of the longest one, and of one that ends the search, in weighed coordinates.
+        real(wp), parameter :: first_length = 0.05_wp, longest_step = 0.5_wp, no_step = 1.0e-6_wp
         type(sparse_matrix_type) :: a
         type(sparse_lu_type) :: lu
-        real(wp), allocatable :: acceleration(:)
-        real(wp), dimension(size(q)) :: step
-        real(wp), dimension(point%m) :: more
-        real(wp) :: unit, mu, length, before, now
+        real(wp), allocatable :: pull(:)
+        real(wp), dimension(size(q)) :: step, from, force, weight
+        real(wp), dimension(point%m) :: more, lambda
+        logical :: is_out(point%m)
+        real(wp) :: unit, mu, length, before, after
         integer :: i, tries
 
-        mu = 0.0_wp
-        before = 0.0_wp
+        call point%look(t, q, stat)
+        if (stat /= status_ok) return
+        call weigh(point, weight)
+        call point%find_dependent_rows(pull, stat, weight**2)
+        if (stat == status_ok) call return_to_rows(point, t, weight, huge(1.0_wp), q, stat)
+        if (stat == status_ok) call point%find_dependent_rows(pull, stat, weight**2)
+        if (stat /= status_ok) return
+        mu = max(maxval(abs(weight*pull))/first_length, tiny(1.0_wp))
         do i = 1, most_relaxations
             relaxations = relaxations + 1
-            call point%look(t, q, stat)
-            ! The multipliers are those of the forces here.
-            if (stat == status_ok) call point%find_dependent_rows(acceleration, stat)
+            call point%differentiate(.false., stat, is_rough=.true.)
             if (stat /= status_ok) return
-            now = maxval(abs(acceleration/point%scale))
-            if (i == 1) then
-                mu = max(10*now, tiny(1.0_wp))
-            else
-                ! Longer steps as it comes to rest.
-                mu = mu*min(1.0_wp, max(0.25_wp, now/max(before, tiny(1.0_wp))))
-            end if
-            before = now
+            call point%balance()
+            from = q
+            force = weight**2*pull
+            lambda = point%lambda
+            is_out = point%is_out
             do tries = 1, 30
-                call factor_at(point, mu, a, lu, unit, stat)
-                length = huge(1.0_wp)
+                if (tries > 1) then
+                    q = from
+                    point%lambda = lambda
+                    point%is_out = is_out
+                    call point%look(t, q, stat)
+                    if (stat /= status_ok) return
+                    call point%balance()
+                end if
+                call factor_with(point, mu*weight**2, a, lu, unit, stat)
+                if (stat == status_work_limit) return
                 if (stat == status_ok) then
                     call correct(point, a, lu, unit, step, more)
-                    length = maxval(abs(step/point%scale))
-                else if (stat /= status_no_equilibrium) then
-                    return
+                    length = maxval(abs(weight*step))
+                    before = dot_product(force, step)
+                    if (length <= longest_step .and. before > 0.0_wp) then
+                        q = q + step
+                        call return_to_rows(point, t, weight, length, q, stat)
+                        if (stat == status_ok) call point%find_dependent_rows(pull, stat, weight**2)
+                        if (stat == status_ok) then
+                            after = dot_product(weight**2*pull, q - from)
+                            if (after >= least_work*before .or. length <= no_step) exit
+                        end if
+                    end if
                 end if
-                if (length <= longest*(1 + maxval(abs(q/point%scale)))) exit
-                mu = 4*mu
+                mu = shorter*mu
             end do
             if (tries > 30) exit
-            q = q + step
-            if (length <= 1.0e-6_wp) return
+            if (length <= no_step) return
+            if (tries == 1) mu = mu*merge(much_longer, longer, after > much*before)
         end do
         stat = status_no_equilibrium
     end subroutine relax
+
+    !> Weights of the coordinates where steps are measured: 1 over their scales and over how far coordinates of the same unit reach.
+    !> Places of a long chain move as far as its bars turn.
+    subroutine weigh(point, weight)
+        type(sparse_point_type), intent(in) :: point
+        real(wp), intent(out) :: weight(:)
+        real(wp) :: reach
+        character(len=label_length) :: units(point%n)
+        logical :: is_done(point%n)
+        integer :: i
+
+        do i = 1, point%n
+            units(i) = point%model%unit_of_coordinate(i)
+        end do
+        is_done = .false.
+        do i = 1, point%n
+            if (is_done(i)) cycle
+            reach = 1 + maxval(abs(point%q/point%scale), mask=units == units(i))
+            where (units == units(i))
+                weight = 1/(point%scale*reach)
+                is_done = .true.
+            end where
+        end do
+    end subroutine weigh
+
+    !> Bring coordinates onto the rows of Phi, with the factors of the last `find_dependent_rows` as long as they do; look at the
+    !> point there.
+    subroutine return_to_rows(point, t, weight, length, q, stat)
+        type(sparse_point_type), intent(inout) :: point
+        !> Time; weights of the coordinates (n), and how far they have come: corrections of more than half of that are too long.
+        real(wp), intent(in) :: t, weight(:), length
+        real(wp), intent(inout) :: q(:)
+        !> no_equilibrium where the rows are out of reach.
+        integer, intent(out) :: stat
+        integer, parameter :: most = 20
+        !> Corrections of this part of the size of the coordinates end the iteration; factors serve as long as each correction is
+        !> at most the second part of the one before.
+        real(wp), parameter :: part_of_size = 1.0e-10_wp, fast = 0.1_wp
+        real(wp), allocatable :: unused_pull(:)
+        real(wp), dimension(size(q)) :: step, none
+        real(wp) :: g(point%m), unused(point%m), correction, last, moved
+        integer :: i
+
+        none = 0.0_wp
+        moved = 0.0_wp
+        last = huge(1.0_wp)
+        do i = 1, most
+            call point%look(t, q, stat)
+            if (stat /= status_ok) return
+            call correct_rows()
+            if (correction > fast*last) then
+                call point%find_dependent_rows(unused_pull, stat, weight**2)
+                if (stat /= status_ok) return
+                call correct_rows()
+            end if
+            if (correction <= part_of_size*(1 + maxval(abs(weight*q)))) return
+            moved = moved + correction
+            if (.not. moved <= 0.5_wp*length) exit
+            last = correction
+            q = q + step
+        end do
+        stat = status_no_equilibrium
+
+    contains
+
+        !> The shortest correction in weighed coordinates.
+        subroutine correct_rows()
+            g = 0.0_wp
+            g(:point%nh) = -point%evaluator%terms%phi
+            call point%solve(point%ties, point%of_ties, point%unit_of_ties, none, g, step, unused)
+            correction = maxval(abs(weight*step))
+        end subroutine correct_rows
+    end subroutine return_to_rows
 end module tandem_analysis_sparse_settling
