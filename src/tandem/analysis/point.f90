@@ -4,10 +4,10 @@
 !>
 !> All of it is in scaled coordinates q / scale, so that the bases do not depend on units. Costs n^3: for set-up, not for steps.
 module tandem_analysis_point
+    use tandem_analysis_row_space, only: row_space_type
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_linalg_cholesky, only: cholesky_type
-    use tandem_linalg_singular, only: singular_type
     use tandem_model, only: model_type
     use tandem_model_counts, only: counts_type
     use tandem_model_derivatives, only: derivatives_type
@@ -50,7 +50,7 @@ module tandem_analysis_point
         type(evaluator_type), private :: evaluator
         type(differences_type), private :: differences
         type(derivatives_type), private :: derivatives
-        type(singular_type), private :: of_phi, of_c
+        type(row_space_type), private :: of_phi, of_c
         type(cholesky_type), private :: reduced_mass
         !> 1 over the length of each row of C.
         real(wp), allocatable :: row_scale(:)
@@ -59,6 +59,7 @@ module tandem_analysis_point
         procedure :: vary_acceleration, differentiate
         procedure :: apply_right_inverse, apply_position_inverse, restore_position
         procedure :: set_acceleration, size_of_acceleration, add_hidden_sizes, describe
+        procedure, private :: factor_positions, finish_bases
     end type point_type
 
 contains
@@ -86,8 +87,13 @@ contains
         self%differences%is_central = .true.
         call self%derivatives%allocate(self%n, self%m)
         self%idle = pack([(i, i=1, self%n)], model%is_idle())
-        call self%of_phi%allocate(self%nh + size(self%idle), self%n)
-        call self%of_c%allocate(self%m + size(self%idle), self%n)
+        if (allocated(model%pattern) .and. size(self%idle) == 0) then
+            call self%of_phi%initialize(self%nh, self%n, model%pattern)
+            if (self%m > self%nh) call self%of_c%initialize(self%m, self%n, model%pattern)
+        else
+            call self%of_phi%initialize(self%nh + size(self%idle), self%n)
+            if (self%m > self%nh) call self%of_c%initialize(self%m + size(self%idle), self%n)
+        end if
         self%has_gradients = self%differences%has_all_derivatives()
     end subroutine initialize
 
@@ -149,26 +155,57 @@ contains
     !> V, W, and what R and the multipliers need.
     subroutine make_bases(self)
         class(point_type), intent(inout) :: self
-        real(wp), allocatable :: rows(:, :)
-        integer :: i, last
+
+        call self%factor_positions()
+        call self%finish_bases()
+    end subroutine make_bases
+
+    !> Factor Phi_q.
+    subroutine factor_positions(self)
+        class(point_type), intent(inout) :: self
 
         self%n_bases = self%n_bases + 1
-        last = self%m + size(self%idle)
-        ! Coordinates that take no part are held by rows behind the others.
-        allocate (rows(last, self%n), source=0.0_wp)
-        do i = 1, self%m
+        if (allocated(self%model%pattern)) then
+            call self%of_phi%factor(rows_of(self, self%nh), self%model%pattern)
+        else
+            call self%of_phi%factor(rows_of(self, self%nh))
+        end if
+    end subroutine factor_positions
+
+    !> V and W, where Phi_q is factored.
+    subroutine finish_bases(self)
+        class(point_type), intent(inout) :: self
+
+        call self%of_phi%get_null_basis(self%v)
+        self%nv = size(self%v, 2)
+        if (self%m == self%nh) then
+            self%w = self%v
+        else
+            if (allocated(self%model%pattern)) then
+                call self%of_c%factor(rows_of(self, self%m), self%model%pattern)
+            else
+                call self%of_c%factor(rows_of(self, self%m))
+            end if
+            call self%of_c%get_null_basis(self%w)
+        end if
+        self%nw = size(self%w, 2)
+    end subroutine finish_bases
+
+    !> The first rows of C, each over its length. Coordinates that take no part are held by rows behind them.
+    pure function rows_of(self, k) result(rows)
+        class(point_type), intent(in) :: self
+        integer, intent(in) :: k
+        real(wp) :: rows(k + size(self%idle), self%n)
+        integer :: i
+
+        do i = 1, k
             rows(i, :) = self%row_scale(i)*self%jacobian(i, :)
         end do
+        rows(k + 1:, :) = 0.0_wp
         do i = 1, size(self%idle)
-            rows(self%m + i, self%idle(i)) = 1.0_wp
+            rows(k + i, self%idle(i)) = 1.0_wp
         end do
-        call self%of_phi%factor(rows([(i, i=1, self%nh), (i, i=self%m + 1, last)], :))
-        call self%of_phi%get_null_basis(self%v)
-        call self%of_c%factor(rows)
-        call self%of_c%get_null_basis(self%w)
-        self%nv = size(self%v, 2)
-        self%nw = size(self%w, 2)
-    end subroutine make_bases
+    end function rows_of
 
     !> x (n, k) = R b for b (m, k): the displacements of least norm for which the rows of C change by b.
     subroutine apply_right_inverse(self, b, x)
@@ -181,7 +218,11 @@ contains
         rows = 0.0_wp
         do j = 1, size(b, 2)
             rows(:self%m) = self%row_scale*b(:, j)
-            call self%of_c%solve(rows, x(:, j))
+            if (self%m == self%nh) then
+                call self%of_phi%solve(rows, x(:, j))
+            else
+                call self%of_c%solve(rows, x(:, j))
+            end if
         end do
     end subroutine apply_right_inverse
 
@@ -214,19 +255,20 @@ contains
         do i = 1, limit
             call self%evaluate(t, q, qd, stat)
             if (stat /= status_ok) return
-            ! Bases of the point before serve as long as they bring what is left down fast.
+            ! Factors of the point before serve as long as they bring what is left down fast.
             is_new = i == 1
-            if (is_new) call self%make_bases()
+            if (is_new) call self%factor_positions()
             call self%apply_position_inverse(-self%phi, correction)
             length = maxval(abs(correction))
             if (length > 0.1_wp*last .and. .not. is_new) then
-                call self%make_bases()
+                call self%factor_positions()
                 is_new = .true.
                 call self%apply_position_inverse(-self%phi, correction)
                 length = maxval(abs(correction))
             end if
             if (length <= 1.0e-13_wp*(1 + maxval(abs(q/self%scale)))) then
-                if (.not. is_new) call self%make_bases()
+                if (.not. is_new) call self%factor_positions()
+                call self%finish_bases()
                 return
             end if
             if (length > most) exit
@@ -243,7 +285,11 @@ contains
         real(wp) :: y(self%m + size(self%idle))
 
         self%qdd = qdd
-        call self%of_c%solve_transposed(self%force - matmul(self%mass, qdd/self%scale), y)
+        if (self%m == self%nh) then
+            call self%of_phi%solve_transposed(self%force - matmul(self%mass, qdd/self%scale), y)
+        else
+            call self%of_c%solve_transposed(self%force - matmul(self%mass, qdd/self%scale), y)
+        end if
         self%lambda = self%row_scale*y(:self%m)
     end subroutine set_acceleration
 

@@ -217,11 +217,14 @@ contains
         real(wp), intent(inout) :: rows(:, :)
         integer, intent(out) :: stat
         real(wp), dimension(point%n) :: x, x_rate, x_curve
+        real(wp), dimension(point%n, size(self%motions)) :: forces, size_of_forces
         real(wp) :: sizes(size(rows, 1)), of_time(size(rows, 1)), least
-        integer :: k, level, ends(4)
+        integer :: j, k, level, ends(4)
 
         rows = 0.0_wp
         sizes = 0.0_wp
+        forces = 0.0_wp
+        size_of_forces = 0.0_wp
         ends = [0, point%nh, point%nh + point%m, point%nh + point%m + point%nw]
         do k = 1, size(self%motions)
             x = 0.0_wp
@@ -233,19 +236,25 @@ contains
             x = x/point%scale
             x_rate = x_rate/point%scale
             x_curve = x_curve/point%scale
-            associate (of_phi => rows(:ends(2), k), of_c => rows(ends(2) + 1:ends(3), k), of_m => rows(ends(3) + 1:ends(4), k))
-                of_phi = matmul(point%jacobian(:point%nh, :), x)
-                of_c = matmul(point%velocity_q, x) + matmul(point%jacobian, x_rate)
-                of_m = matmul(transpose(point%w), matmul(point%dynamics_q, x) + matmul(point%dynamics_qd, x_rate) + &
-                    matmul(point%mass, x_curve))
+            ! Most fields move one body: columns of the others are left out.
+            associate (of_phi => rows(:ends(2), k), of_c => rows(ends(2) + 1:ends(3), k))
+                do j = 1, point%n
+                    if (abs(x(j)) > 0.0_wp) then
+                        of_phi = of_phi + point%jacobian(:point%nh, j)*x(j)
+                        of_c = of_c + point%velocity_q(:, j)*x(j)
+                        forces(:, k) = forces(:, k) + point%dynamics_q(:, j)*x(j)
+                    end if
+                    if (abs(x_rate(j)) > 0.0_wp) then
+                        of_c = of_c + point%jacobian(:, j)*x_rate(j)
+                        forces(:, k) = forces(:, k) + point%dynamics_qd(:, j)*x_rate(j)
+                    end if
+                    if (abs(x_curve(j)) > 0.0_wp) forces(:, k) = forces(:, k) + point%mass(:, j)*x_curve(j)
+                end do
             end associate
-            associate (of_phi => sizes(:ends(2)), of_c => sizes(ends(2) + 1:ends(3)), of_m => sizes(ends(3) + 1:ends(4)))
-                of_phi = max(of_phi, matmul(abs(point%jacobian(:point%nh, :)), abs(x)))
-                of_c = max(of_c, matmul(abs(point%velocity_q), abs(x)) + matmul(abs(point%jacobian), abs(x_rate)))
-                of_m = max(of_m, matmul(transpose(abs(point%w)), matmul(abs(point%dynamics_q), abs(x)) + &
-                    matmul(abs(point%dynamics_qd), abs(x_rate)) + matmul(abs(point%mass), abs(x_curve))))
-            end associate
+            call size_field(x, x_rate, x_curve, sizes, size_of_forces(:, k))
         end do
+        rows(ends(3) + 1:ends(4), :size(self%motions)) = matmul(transpose(point%w), forces)
+        sizes(ends(3) + 1:ends(4)) = max(0.0_wp, maxval(matmul(transpose(abs(point%w)), size_of_forces), dim=2))
         of_time = 0.0_wp
         if (point%has_gradients) then
             call differentiate_by_time(point, of_time(:ends(4)), stat)
@@ -265,6 +274,34 @@ contains
                 end do
             end associate
         end do
+
+    contains
+
+        !> The sizes of the terms of a field.
+        pure subroutine size_field(x, x_rate, x_curve, sizes, size_of_forces)
+            real(wp), intent(in) :: x(:), x_rate(:), x_curve(:)
+            real(wp), intent(inout) :: sizes(:)
+            real(wp), intent(inout) :: size_of_forces(:)
+            real(wp) :: of_phi(point%nh), of_c(point%m)
+            integer :: j
+
+            of_phi = 0.0_wp
+            of_c = 0.0_wp
+            do j = 1, point%n
+                if (abs(x(j)) > 0.0_wp) then
+                    of_phi = of_phi + abs(point%jacobian(:point%nh, j)*x(j))
+                    of_c = of_c + abs(point%velocity_q(:, j)*x(j))
+                    size_of_forces = size_of_forces + abs(point%dynamics_q(:, j)*x(j))
+                end if
+                if (abs(x_rate(j)) > 0.0_wp) then
+                    of_c = of_c + abs(point%jacobian(:, j)*x_rate(j))
+                    size_of_forces = size_of_forces + abs(point%dynamics_qd(:, j)*x_rate(j))
+                end if
+                if (abs(x_curve(j)) > 0.0_wp) size_of_forces = size_of_forces + abs(point%mass(:, j)*x_curve(j))
+            end do
+            sizes(:ends(2)) = max(sizes(:ends(2)), of_phi)
+            sizes(ends(2) + 1:ends(3)) = max(sizes(ends(2) + 1:ends(3)), of_c)
+        end subroutine size_field
     end subroutine add_rows
 
     !> The derivatives of Phi, C qd - nu and W'(M qdd + C' lambda - S - Q_A) with respect to time alone, from gradients and gamma

@@ -6,11 +6,11 @@
 module tandem_linalg_singular
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: rank_tolerance
-    use tandem_linalg_lapack, only: dgesdd, dgesvd, dsyev
+    use tandem_linalg_lapack, only: dgeqp3, dgesdd, dgesvd, dorgqr, dsyev
     implicit none (type, external)
     private
 
-    public :: singular_type, decompose_in, decompose_symmetric
+    public :: singular_type, decompose_in, decompose_symmetric, orthonormalise
 
     !> Size from which divide and conquer is faster (2 to 3 times at 160 to 370).
     integer, parameter :: large = 64
@@ -20,7 +20,7 @@ module tandem_linalg_singular
         integer :: rank = 0
         real(wp), allocatable :: values(:)
         integer, private :: m = 0, n = 0
-        !> A = U diag(values) V'; U (m, m), V' (n, n), a copy of A.
+        !> A = U diag(values) V'; U (m, min(m, n)), of more columns than rows (m, m), V' (n, n), a copy of A.
         real(wp), allocatable, private :: u(:, :), vt(:, :), matrix(:, :), work(:)
         integer, allocatable, private :: integers(:)
     contains
@@ -39,8 +39,8 @@ contains
         self%m = m
         self%n = n
         if (allocated(self%u)) deallocate (self%u, self%vt, self%matrix, self%work, self%values, self%integers)
-        allocate (self%u(m, m), self%vt(n, n), self%matrix(m, n), self%values(min(m, n)), source=0.0_wp)
-        ! Sufficient for the blocked forms.
+        allocate (self%u(m, min(m, n)), self%vt(n, n), self%matrix(m, n), self%values(min(m, n)), source=0.0_wp)
+        ! Enough for the blocked forms.
         allocate (self%work(64*(m + n + 1) + merge(4*min(m, n)**2, 0, min(m, n) >= large)), source=0.0_wp)
         allocate (self%integers(merge(8*min(m, n), 0, min(m, n) >= large)), source=0)
     end subroutine allocate_singular
@@ -62,11 +62,11 @@ contains
             return
         end if
         if (min(self%m, self%n) < large) then
-            call dgesvd('A', 'A', self%m, self%n, self%matrix, self%m, self%values, self%u, self%m, self%vt, self%n, &
+            call dgesvd('S', 'A', self%m, self%n, self%matrix, self%m, self%values, self%u, self%m, self%vt, self%n, &
                 self%work, size(self%work), info)
         else
-            call dgesdd('A', self%m, self%n, self%matrix, self%m, self%values, self%u, self%m, self%vt, self%n, &
-                self%work, size(self%work), self%integers, info)
+            call dgesdd(merge('S', 'A', self%m >= self%n), self%m, self%n, self%matrix, self%m, self%values, self%u, self%m, &
+                self%vt, self%n, self%work, size(self%work), self%integers, info)
         end if
         ! Without convergence, which finite numbers do not cause, the rank is 0.
         if (info == 0) self%rank = count(self%values > rank_tolerance*self%values(1))
@@ -145,7 +145,19 @@ contains
         c = matmul(b, self%u(:, :self%rank))
     end function components
 
-    !> Eigenvalues, ascending, of a symmetric matrix (n, n) of finite numbers, which is overwritten by its orthonormal eigenvectors.
+    !> Replace linearly independent columns (n, k), k <= n, by an orthonormal basis of what they span.
+    subroutine orthonormalise(x)
+        real(wp), intent(inout), contiguous :: x(:, :)
+        real(wp) :: tau(size(x, 2)), work(32*(size(x, 1) + size(x, 2) + 1))
+        integer :: order(size(x, 2)), info
+
+        if (size(x) == 0) return
+        order = 0
+        call dgeqp3(size(x, 1), size(x, 2), x, size(x, 1), order, tau, work, size(work), info)
+        call dorgqr(size(x, 1), size(x, 2), size(x, 2), x, size(x, 1), tau, work, size(work), info)
+    end subroutine orthonormalise
+
+    !> Eigenvalues, ascending, of a symmetric matrix (n, n) of finite numbers, and its orthonormal eigenvectors in its place.
     subroutine decompose_symmetric(a, values)
         real(wp), intent(inout), contiguous :: a(:, :)
         real(wp), intent(out), contiguous :: values(:)
