@@ -49,8 +49,8 @@ profile() { # NAME SCENE [SETTING...]: leaves build/bench/profile_NAME.h5
 
 profiles() {
     mkdir -p "$out"
-    profile disk rolling_disk
-    profile vehicle articulated_vehicle --set solver.stepper=dop853 --set time.end=100
+    profile disk rolling_disk --set output.every=10
+    profile vehicle articulated_vehicle --set output.every=10 --set solver.stepper=dop853 --set time.end=100
 }
 
 case ${1:-} in

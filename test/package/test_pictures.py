@@ -13,12 +13,14 @@ from pathlib import Path
 
 import numpy as np
 import tandem
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.lines import Line2D
 from models import ROOT, START, Pendulum
-from tandem import viewer
+from tandem import motion, viewer
 from tandem.study import read_study
 from tandem.plot import style
 from tandem.plot.data import motion_of
-from tandem.viewer import motion, packing, rotations
+from tandem.viewer import packing, rotations
 from tandem.viewer.draw import draw
 from tandem.viewer.gltf import glb
 from tandem.viewer.html import channels_of, page
@@ -67,17 +69,19 @@ class Plots(Folder):
         figure = tandem.plot.coordinates(one, ["rod.x", "d(rod.x)", "stroke way"])
         panels = figure.axes
         self.assertEqual([axes.get_ylabel() for axes in panels], ["[m]", "d(rod.x) [m/s]"])
-        self.assertTrue(np.array_equal(panels[0].lines[0].get_ydata(), one["rod.x"]))
-        self.assertTrue(np.array_equal(panels[0].lines[1].get_ydata(), one.sensors["stroke"]["way"].values))
-        self.assertTrue(np.array_equal(panels[1].lines[0].get_ydata(), one.qd[:, one.names.index("rod.x")]))
+        for line, values in ((panels[0].lines[0], one["rod.x"]), (panels[0].lines[1], one.sensors["stroke"]["way"].values),
+                             (panels[1].lines[0], one.qd[:, one.names.index("rod.x")])):
+            self.assertGreaterEqual(len(line.get_xdata()), motion.LEAST_POINTS)
+            self.assertTrue(np.array_equal(line.get_ydata()[np.isin(line.get_xdata(), one.time)], values))
         self.assertEqual(panels[-1].get_xlabel(), "time [s]")
         self.assertEqual(panels[0].lines[0].get_color(), style.BLUE)
 
     def test_a_track(self):
         one = result("a04_bricard")
         lines = tandem.plot.tracks(one, plane="yz").axes[0].lines
-        self.assertTrue(np.array_equal(lines[0].get_xdata(), one.sensors["p"]["position"].values[:, 1]))
-        self.assertTrue(np.array_equal(lines[0].get_ydata(), one.sensors["p"]["position"].values[:, 2]))
+        rows = np.isin(motion.with_rows_between(one).time, one.time)
+        for drawn, values in zip(lines[0].get_data(), one.sensors["p"]["position"].values[:, 1:].T, strict=True):
+            self.assertTrue(np.array_equal(drawn[rows], values))
         for plane in ("xx1", "ab", "x"):
             with self.assertRaises(ValueError):
                 tandem.plot.tracks(one, plane=plane)
@@ -91,8 +95,8 @@ class Plots(Folder):
 
     def test_of_a_solution(self):
         solution = tandem.solve(Pendulum(), (0, 2), *START)
-        lines = solution.plot().axes[0].lines
-        self.assertTrue(np.array_equal(lines[0].get_ydata(), solution["y"]))
+        drawn = solution.plot().axes[0].lines[0].get_ydata()
+        self.assertTrue(np.array_equal(drawn[np.isin(motion.with_rows_between(motion_of(solution)).time, solution.t)], solution["y"]))
 
     def test_files(self):
         tandem.run_scene("slider_crank", {"time.end": 0.2}, self.folder / "a.h5", error=False)
@@ -173,7 +177,120 @@ class Plots(Folder):
             self.assertIn("make python", done.stderr)
 
 
+class Legends(unittest.TestCase):
+    """Six entries at most, outside of the axes; what is left is counted, and no name takes the room of a picture."""
+
+    def robot(self, bodies=30):
+        """A chain that falls, of bodies with long names."""
+        mechanism = tandem.Mechanism({"gravity.vector": [0, 0, -9.81], "time.end": 0.2, "solver.stepper": "dop853", "solver.rtol": 1e-6})
+        names = [f"left_front_leg_{k}_lower_actuator_housing_link" for k in range(bodies)]
+        for k, name in enumerate(names):
+            mechanism.add(f"body.{name}", mass=1.0, inertia=[0.1, 0.1, 0.1], position=[0.3*k, 0, 0], velocity=[0, 0, 0.1*k])
+            mechanism.add(f"sensor.{name}_origin", joint=f"{name}_joint") if k else None
+            if k:
+                mechanism.add(f"joint.{name}_joint", type="revolute", bodies=[names[k - 1], name], at=[0.3*k - 0.15, 0, 0], axis=[0, 1, 0])
+        return mechanism.run({"initial.assemble": True, "results.joints": "all"}, error=False)
+
+    def layout(self, figure):
+        """The figure as it is drawn; its axes that show something."""
+        FigureCanvasAgg(figure).draw()
+        return [axes for axes in figure.axes if axes.axison]
+
+    def check(self, figure, most=6):
+        panels = self.layout(figure)
+        renderer = figure.canvas.get_renderer()
+        for axes in panels:
+            box = axes.get_window_extent(renderer)
+            if (legend := axes.get_legend()) is None:
+                continue
+            words = [text.get_text() for text in legend.get_texts()]
+            counted = [word for word in words if word.startswith("and ")]
+            self.assertLessEqual(len(words), most + len(counted), words)
+            place = legend.get_window_extent(renderer)
+            self.assertGreaterEqual(place.y0, box.y1 - 1, words)
+            self.assertLessEqual(place.x1, figure.bbox.x1, words)
+            for other in panels:
+                if other is not axes:
+                    self.assertFalse(place.overlaps(other.get_window_extent(renderer)), words)
+            offset = axes.yaxis.get_offset_text()
+            self.assertFalse(offset.get_text() and place.overlaps(offset.get_window_extent(renderer)), words)
+            title = axes.title.get_window_extent(renderer)
+            self.assertFalse(axes.get_title() and place.overlaps(title), words)
+        return panels
+
+    def test_a_robot_of_many_bodies(self):
+        one = self.robot()
+        figure = tandem.plot.overview(one)
+        panels = self.check(figure)
+        columns = 3
+        for axes in panels:
+            self.assertGreater(axes.get_position().width, 0.6/columns)
+            self.assertGreater(axes.get_position().height, 0.2)
+        words = [text.get_text() for text in panels[0].get_legend().get_texts()]
+        self.assertIn("and 25 more", words)
+        for kind in (tandem.plot.sensors, tandem.plot.reactions):
+            with self.subTest(kind.__name__):
+                self.check(kind(one))
+        names = [name for name in one.names if name.endswith(".z")]
+        figure = tandem.plot.coordinates(one, names)
+        self.check(figure)
+        self.assertIn("and 24 more", [text.get_text() for text in figure.axes[0].get_legend().get_texts()])
+
+    def test_every_scene(self):
+        for scene in SCENES:
+            with self.subTest(scene):
+                self.check(tandem.plot.overview(result(scene)))
+
+    def test_long_names_are_shortened(self):
+        self.assertEqual(style.shortened("rod.x", 1.0), "rod.x")
+        name = "left_front_leg_lower_actuator_housing_link.z"
+        short = style.shortened(name, 1.5)
+        self.assertLessEqual(style.width_of(short), 1.5)
+        begin, _, end = short.partition("\u2026")
+        self.assertTrue(name.startswith(begin) and name.endswith(end) and len(begin) > 5 and len(end) > 5, short)
+
+    def test_what_is_left_is_counted(self):
+        figure, axes = style.new_figure()
+        style.legend(axes[0, 0], [(Line2D([], []), f"line {k}") for k in range(9)], more=2)
+        words = [text.get_text() for text in axes[0, 0].get_legend().get_texts()]
+        self.assertEqual(sorted(words), sorted([f"line {k}" for k in range(6)] + ["and 5 more"]))
+
+
 class Motions(unittest.TestCase):
+    def test_lines_between_rows(self):
+        """A picture of a few steps shows the motion, and not the polygon of its rows: against a run of small steps."""
+        rough = motion_of(tandem.solve(Pendulum(), (0, 10), *START, rtol=1e-10, stepper="dop853"))
+        drawn = motion.with_rows_between(rough)
+        self.assertLess(len(rough.time), motion.LEAST_POINTS/3)
+        self.assertLess(np.diff(drawn.time).max(), 10/motion.LEAST_POINTS*(1 + 1e-9))
+        self.assertTrue(np.array_equal(drawn.q[np.isin(drawn.time, rough.time)], rough.q))
+        fine = tandem.solve(Pendulum(), (0, 10), *START, rtol=1e-12, max_step=1/120, t_eval=drawn.time)
+        half = np.diff(rough.time).max()/2
+        # As below; of velocities the third degree is of accelerations, whose fourth derivative is of the order of the fifth.
+        self.assertLess(np.abs(drawn.q - fine.q).max(), 3e4*half**6/720)
+        self.assertLess(np.abs(drawn.qd - fine.qd).max(), 1e4*half**4/24)
+        line = tandem.plot.coordinates(rough, ["x"]).axes[0].lines[0]
+        self.assertTrue(np.array_equal(line.get_ydata(), drawn["x"]))
+        # Rows that are near enough stay as they are.
+        self.assertIs(motion.with_rows_between(drawn), drawn)
+
+    def test_a_jump_is_drawn_as_one(self):
+        """A velocity that an event has changed: the line goes to the state before, on both sides without overshoot."""
+        time = np.array([0.0, 1.0, 2.0])
+        one = tandem.Result(time, ["x"], ["m"], q=np.array([[0.0], [3.0], [1.0]]), qd=np.array([[3.0], [-2.0], [-2.0]]),
+                            qdd=np.zeros((3, 1)), sensors={"p": {"way": tandem.result.Series(np.array([0.0, 3, 1])),
+                                                                 "speed": tandem.result.Series(np.array([3.0, -2, -2]))}},
+                            events={"time": np.array([0.5, 1.0]), "q": np.array([[1.5], [3.0]]), "qd": np.array([[3.0], [3.0]])})
+        drawn = motion.with_rows_between(one)
+        expected = np.where(drawn.time <= 1, 3*drawn.time, 5 - 2*drawn.time)
+        self.assertLess(np.abs(drawn["x"] - expected).max(), 1e-12)
+        self.assertLess(np.abs(drawn.sensors["p"]["way"].values - expected).max(), 1e-12)
+        at = np.flatnonzero(drawn.time == 1.0)
+        self.assertEqual(drawn.qd[at, 0].tolist(), [3.0, -2.0])
+        frames = np.linspace(0, 2, 33)
+        found = motion.resampled(one, frames)["x"]
+        self.assertLess(np.abs(found - np.where(frames <= 1, 3*frames, 5 - 2*frames)).max(), 1e-12)
+
     def test_between_rows(self):
         """A polynomial of degree 5 between rows, against a run of small steps."""
         rough = motion_of(tandem.solve(Pendulum(), (0, 10), *START, rtol=1e-10))

@@ -150,6 +150,148 @@ class Check(Case):
             self.assertNotIn("by NaN", done.stdout)
 
 
+class Rows(Case):
+    """Rows of runs with error control, of which nobody has said where they are: at all steps, and between them."""
+
+    FALL = """
+[scene]
+model = "mechanism"
+[gravity]
+vector = [0, 0, -10]
+[body.stone]
+mass = 2.0
+inertia = [1, 1, 1]
+position = [0, 0, 0]
+velocity = [3, 0, 4]
+[time]
+end = 2.0
+[solver]
+rtol = 1e-6
+"""
+
+    def series(self, *arguments, scene, settings=(), code=0):
+        self.tandem("run", scene, "--output", "rows.h5", "--force", "--no-error", *arguments,
+                    *(word for setting in settings for word in ("--set", setting)), code=code)
+        with h5py.File(self.folder / "rows.h5") as file:
+            found = {name: data[:] for group in ("trajectory", "diagnostics") for name, data in file[group].items() if name != "coordinate"}
+            return found, dict(file["report"].attrs), list(file["trajectory/q"].attrs["names"])
+
+    def test_few_steps(self):
+        """300 rows of the lane change that dop853 makes in 30 steps; the steps, and the rows at their ends, are the same."""
+        settings = ["solver.stepper=dop853", "solver.rtol=1e-6"]
+        rows, report, _ = self.series(scene="motorcycle", settings=settings)
+        self.assertLess(report["steps"], 60)
+        self.assertGreater(len(rows["time"]), 300)
+        self.assertLess(len(rows["time"]), 302 + report["steps"])
+        self.assertTrue((np.diff(rows["time"]) > 0).all())
+        self.assertLess(np.diff(rows["time"]).max(), 10/300*(1 + 1e-6))
+        ends = np.flatnonzero(rows["step"])
+        self.assertEqual(len(ends), report["steps"])
+        np.testing.assert_allclose(np.diff(rows["time"][[0, *ends]]), rows["step"][ends], rtol=1e-12, atol=1e-14)
+        for level in ("position", "velocity", "acceleration"):
+            self.assertLess(rows[f"{level}_error"].max(), 1e-12)
+            self.assertEqual(rows[f"{level}_error"][[0, *ends]].max(), report[f"largest_{level}_error"])
+        steps, other, _ = self.series(scene="motorcycle", settings=[*settings, "output.rows=0"])
+        self.assertEqual(report["steps"], other["steps"])
+        for name, values in steps.items():
+            np.testing.assert_array_equal(rows[name][[0, *ends]], values, name)
+        finer, _, _ = self.series(scene="motorcycle", settings=[*settings, "output.rows=5000"])
+        self.assertGreater(len(finer["time"]), 5000)
+        # Many steps are rows enough.
+        settings = ["solver.stepper=dopri5", "solver.rtol=1e-6", "solver.max_step=2e-3", "time.end=1"]
+        rows, report, _ = self.series(scene="rolling_disk", settings=settings)
+        self.assertGreater(report["steps"], 499)
+        self.assertEqual(len(rows["time"]), report["steps"] + 1)
+
+    def test_rows_between_steps_are_on_the_motion(self):
+        rows, report, names = self.series(scene=self.scene(self.FALL))
+        self.assertLess(report["steps"], 30)
+        self.assertGreater(len(rows["time"]), 300)
+        time = rows["time"]
+        for name, place, velocity, acceleration in (("stone.x", 3*time, 3 + 0*time, 0*time),
+                                                    ("stone.z", 4*time - 5*time**2, 4 - 10*time, -10 + 0*time)):
+            column = names.index(name)
+            for field, expected in (("q", place), ("qd", velocity), ("qdd", acceleration)):
+                np.testing.assert_allclose(rows[field][:, column], expected, rtol=0, atol=1e-11, err_msg=f"{field} {name}")
+
+    def test_what_scenes_say(self):
+        """every and interval place the rows, wherever they are given; the complete scene is the same run."""
+        name = self.scene(self.FALL)
+        shown = tomllib.loads(self.tandem("show", name).stdout)["output"]
+        self.assertEqual((shown["every"], shown["interval"], shown["rows"]), (1, 0.0, 300))
+        (self.folder / "whole.toml").write_text(self.tandem("show", name).stdout)
+        count = len(self.series(scene=name)[0]["time"])
+        for words, rows in (((), count), (("output.every=1",), 0), (("output.every=1000000",), 2), (("output.interval=0.5",), 5),
+                            (("output.interval=0",), 0), (("output.rows=0",), 0)):
+            for scene in name, "whole.toml":
+                with self.subTest(words, scene=scene):
+                    found, report, _ = self.series(scene=scene, settings=words)
+                    if scene == "whole.toml" and words == ("output.interval=0",):
+                        # Zero takes nothing from a scene.
+                        self.assertEqual(len(found["time"]), count)
+                    else:
+                        self.assertEqual(len(found["time"]), rows or report["steps"] + 1)
+        every = self.scene(self.FALL + "[output]\nevery = 2\n", "every.toml")
+        self.assertEqual(tomllib.loads(self.tandem("show", every).stdout)["output"]["rows"], 0)
+        self.assertGreater(len(self.series(scene=every, settings=["output.rows=400"])[0]["time"]), 400)
+        for given in "every = 2", "interval = 0.1":
+            both = self.scene(self.FALL + f"[output]\nrows = 500\n{given}\n", "both.toml")
+            self.refused("run", both, says=["rows has no effect beside every or interval", "--unset output.rows"])
+        self.refused("run", name, "--set", "output.rows=-1", says="rows must not be negative")
+        # Fixed steps are rows, and others come where they are asked for.
+        fixed = self.scene(self.FALL.replace("rtol = 1e-6", "step = 0.1"), "fixed.toml")
+        self.assertEqual(len(self.series(scene=fixed)[0]["time"]), 21)
+        self.assertEqual(len(self.series(scene=fixed, settings=["output.rows=100"])[0]["time"]), 101)
+        for path in sorted((ROOT / "scenes").glob("*.toml")):
+            shown = tomllib.loads(self.tandem("show", str(path)).stdout)
+            self.assertEqual((shown["output"]["every"], shown["output"]["interval"]), (1, 0.0), path.stem)
+            self.assertEqual(shown["output"]["rows"], 0 if shown["solver"]["step"] > 0 else 300, path.stem)
+
+    def test_an_event_between_rows(self):
+        """Rows up to an event that stops a run, and on both sides of a clutch that is locked: 3 rad/s and 0 become 2 and 2."""
+        stop = '\n[[event]]\nname = "top"\nwatch = "qd:stone.z"\ndirection = "falling"\naction = "stop"\n'
+        rows, report, names = self.series(scene=self.scene(self.FALL + stop))
+        time, z = rows["time"], rows["q"][:, names.index("stone.z")]
+        self.assertAlmostEqual(time[-1], 0.4, delta=1e-9)
+        self.assertLess(np.diff(time).max(), 2/300*(1 + 1e-6))
+        np.testing.assert_allclose(z, 4*time - 5*time**2, rtol=0, atol=1e-11)
+        self.assertEqual(np.count_nonzero(rows["step"]), report["steps"])
+        self.assertAlmostEqual(rows["step"].sum(), 0.4, delta=1e-9)
+        discs = "".join(f'[body.{name}]\nmass = 1\ninertia = {spin}\nposition = [{x}, 0]\nomega = {omega}\n[joint.{name}_axle]\n'
+                        f'type = "revolute"\nbodies = ["ground", "{name}"]\nat = [{x}, 0]\n'
+                        for name, spin, x, omega in (("one", 1, 0, 3), ("two", 0.5, 1, 0)))
+        clutch = '[scene]\nmodel = "mechanism"\nplanar = true\n' + discs + \
+            '[constraint.clutch]\ntype = "coupling"\njoints = ["one_axle", "two_axle"]\nfactors = [1, -1]\nlocked = false\n' \
+            '[time]\nend = 2\n[solver]\nstepper = "STEPPER"\nrtol = 1e-9\n[[event]]\nname = "engage"\nwatch = "one.angle"\n' \
+            'value = 1.5\ndirection = "rising"\nchange = "lock clutch"\n'
+        for stepper in "dop853", "radau5":
+            with self.subTest(stepper):
+                rows, report, names = self.series(scene=self.scene(clutch.replace("STEPPER", stepper)))
+                time, one, two = rows["time"], names.index("one.angle"), names.index("two.angle")
+                self.assertLess(np.diff(time).max(), 2/300*(1 + 1e-6))
+                self.assertEqual(np.count_nonzero(rows["step"]), report["steps"])
+                before, after = time < 0.5 - 1e-7, time > 0.5 + 1e-7
+                np.testing.assert_allclose(rows["qd"][before][:, [one, two]], [[3, 0]]*before.sum(), atol=1e-8)
+                np.testing.assert_allclose(rows["qd"][after][:, [one, two]], [[2, 2]]*after.sum(), atol=1e-8)
+                np.testing.assert_allclose(rows["q"][:, one], np.where(time < 0.5, 3*time, 0.5 + 2*time), atol=1e-8)
+                np.testing.assert_allclose(rows["q"][:, two], np.where(time < 0.5, 0, 2*time - 1), atol=1e-8)
+
+    def test_rows_that_cannot_be(self):
+        """A force that exists nowhere in a short time that no step meets: rows there are left out, and the run goes on."""
+        hole = self.FALL + """
+[force.push]
+type = "load"
+on = "stone"
+force = ["0*sqrt((t - 1.2345)^2 - 1e-6)", 0, 0]
+"""
+        rows, report, names = self.series(scene=self.scene(hole), settings=["solver.stepper=dop853", "output.rows=20000"])
+        time = rows["time"]
+        self.assertFalse((abs(time - 1.2345) < 1e-3).any())
+        # 1e-4 s apart, they are missing for 2e-3 s.
+        self.assertAlmostEqual(len(time), 20000 - 20, delta=5)
+        self.assertAlmostEqual(time[-1], 2, delta=1e-12)
+
+
 class ResultFile(Case):
     def test_headers_lie_in_one_page(self):
         """The system may kill a program between two pages of a write; /report is written at the end alone."""

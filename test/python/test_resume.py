@@ -41,6 +41,7 @@ VARIANTS = [
     "solver.refresh=refine",
     "solver.basis=svd",
     "output.interval=0.0137",
+    "output.rows=700",
     'output.fields=["q","qd","lambda","kinetic_energy","step","chart"]',
 ]
 COMPILER = shutil.which("cc") or shutil.which("gcc")
@@ -188,7 +189,7 @@ class Killed(Resume):
                 words = [f"time.end={end}", f"solver.stepper={stepper}", control, "output.every=7",
                          f"output.flush={self.random.choice([0.0, 0.003, 0.05])}",
                          *self.random.choice(POLICIES).split(), self.random.choice(VARIANTS)]
-                if "output.interval" in words[-1]:
+                if words[-1].startswith(("output.interval", "output.rows")):
                     words.remove("output.every=7")
                 with self.subTest(" ".join(["run", scene, *settings(words)])):
                     total += self.chain(scene, words, signal.SIGKILL)
@@ -325,7 +326,8 @@ class Signalled(Resume):
 class Complete(Resume):
     def test_a_later_end(self):
         # The end lies on the grid, and 100 rows are due in either case.
-        self.tandem("run", "articulated_vehicle", "--set", "time.end=1", "--output", "one.h5", "--error")
+        self.tandem("run", "articulated_vehicle", "--set", "time.end=1", "--set", "output.every=10", "--output", "one.h5",
+                    "--error")
         before = (self.folder / "one.h5").read_bytes()
         done = self.tandem("resume", "one.h5", code=2)
         self.assertIn("is complete: t = 1.0", done.stderr)
@@ -333,7 +335,7 @@ class Complete(Resume):
         self.assertEqual(before, (self.folder / "one.h5").read_bytes())
         self.tandem("resume", "one.h5", "--set", "time.end=2", "--error")
         self.tandem("resume", "one.h5", "--set", "time.end=3", "--error")
-        self.tandem("run", "articulated_vehicle", "--set", "time.end=3", "--output", "whole.h5", "--error")
+        self.tandem("run", "articulated_vehicle", "--set", "time.end=3", "--set", "output.every=10", "--output", "whole.h5", "--error")
         one, whole = contents(self.folder / "one.h5"), contents(self.folder / "whole.h5")
         # The ends of the parts are compared too.
         differing = {name for name in whole if one[name] != whole[name]}

@@ -24,6 +24,8 @@ module tandem_io_scene
         [character(len=key_length) :: 'scene', 'model', 'initial', 'time', 'solver', 'output']
     !> Those that may come several times.
     character(len=key_length), parameter :: arrays(1) = [character(len=key_length) :: 'event']
+    !> Fewest rows of a run with error control, of which nobody has said where its rows are: enough for a picture of its motion.
+    integer, parameter :: default_rows = 300
 
     type :: scene_type
         !> The scene's name, which may be a file's.
@@ -270,13 +272,16 @@ contains
         type(reader_type), intent(inout) :: reader
         type(scene_type), intent(inout) :: scene
         character(len=:), allocatable :: problem
+        integer :: rows
 
         if (reader%failed()) return
         scene%output%file = scene%name//'.h5'
         scene%output%fields = default_fields
         call reader%open_table('output')
-        call reader%replace(['every'], by=['interval'])
-        call reader%replace(['interval'], by=['every'])
+        call reader%replace([character(len=8) :: 'every', 'rows'], by=['interval'])
+        call reader%replace([character(len=8) :: 'interval', 'rows'], by=['every'])
+        call reader%replace([character(len=8) :: 'interval', 'every'], by=['rows'])
+        rows = merge(default_rows, 0, scene%options%is_adaptive() .and. .not. (reader%gives('every') .or. reader%gives('interval')))
         call reader%get('file', scene%output%file, 'the result; --output names another')
         call reader%get('every', scene%output%every, positive, 'steps from one row to the next')
         call reader%get('interval', scene%output%interval, unit='s', &
@@ -284,6 +289,11 @@ contains
         if (.not. scene%output%interval >= 0.0_wp) call reader%refuse('interval', 'must be positive, or 0 for rows at steps')
         if (scene%output%every > 1 .and. scene%output%interval > 0.0_wp) call reader%refuse('every', &
             'has no effect beside interval, which places the rows; remove one of them (--unset output.every does that)')
+        call reader%get('rows', rows, not_negative, 'at least, by dense output where steps are few; 0 for rows at steps; '// &
+            to_toml(default_rows)//' with error control where neither every nor interval is given, else 0')
+        if (rows > 0 .and. (scene%output%every > 1 .or. scene%output%interval > 0.0_wp)) call reader%refuse('rows', &
+            'has no effect beside every or interval, which place the rows; remove one of them (--unset output.rows does that)')
+        if (rows > 0) scene%output%spacing = (scene%t_end - scene%t_start)/rows
         call reader%get('flush', scene%output%flush, not_negative, 's', &
             'of wall time at most until rows, and the state for tandem resume, are on the disk')
         call reader%get('fields', scene%output%fields, field_names, 'besides the time')

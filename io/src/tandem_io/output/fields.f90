@@ -50,7 +50,7 @@ module tandem_io_output_fields
             'max-norm of C qdd + gamma, each row on its natural scale'), &
         field_type('kinetic_energy', 'diagnostics', one, .false., 0, 'J', 'kinetic energy'), &
         field_type('potential_energy', 'diagnostics', one, .false., 0, 'J', 'potential energy'), &
-        field_type('step', 'diagnostics', one, .false., 0, 's', 'size of the step that ended here, 0 at the start'), &
+        field_type('step', 'diagnostics', one, .false., 0, 's', 'size of the step that ended here, 0 where none did'), &
         field_type('chart', 'diagnostics', one, .true., 0, '1', 'running number of the chart, from 1')]
 
     !> Their names.
@@ -68,6 +68,8 @@ module tandem_io_output_fields
         integer :: every = 1
         !> Time between rows, which dense output gives between the steps; 0 means rows at steps, as `every` says.
         real(wp) :: interval = 0.0_wp
+        !> Rows at every step, and between them by dense output, at most this time apart; 0 means rows at steps alone.
+        real(wp) :: spacing = 0.0_wp
         !> Seconds of wall time after which rows and the state of the run are brought to the disk; 0 means at every step.
         real(wp) :: flush = 1.0_wp
         !> Names of the fields.

@@ -40,7 +40,7 @@ contains
                     call simulation%potential_energy(row(1), stat)
                     energy = energy + row(1)
                 case (field_step)
-                    row(1) = simulation%last_step
+                    row(1) = merge(0.0_wp, simulation%last_step, self%is_between)
                 case (field_chart)
                     row(1) = real(number_of_charts(simulation), wp)
                 case default
@@ -122,6 +122,29 @@ contains
             if (allocated(self%file%problem)) return
         end do
     end procedure gather_between
+
+    module procedure gather_spaced
+        type(error_type), allocatable :: error
+        real(wp) :: from, to
+        integer(long) :: i, n
+
+        to = simulation%state%t
+        ! What an event has changed at the end of the step is no longer the motion within it.
+        if (.not. to > self%spaced_until) return
+        self%spaced_until = to
+        from = to - simulation%last_step
+        ! A quotient that rounding has put just above a whole number is that number.
+        n = ceiling((to - from)/self%spacing*(1 - 1.0e-9_wp), long)
+        self%is_between = .true.
+        do i = 1, n - 1
+            call simulation%look_at(from + (to - from)*(real(i, wp)/real(n, wp)), error)
+            if (.not. allocated(error)) call self%gather(simulation, error)
+            if (self%gathered == self%capacity) call self%bring(simulation)
+            if (allocated(self%file%problem)) exit
+        end do
+        self%is_between = .false.
+        call simulation%look_back()
+    end procedure gather_spaced
 
     module procedure write_rows
         integer :: i

@@ -65,6 +65,10 @@ module tandem_io_output_trajectory
         integer, private :: unwatched = 0, patience = 1
         integer(long), private :: watched_at = 0
         class(global_error_type), pointer, private :: watcher => null()
+        !> End of the last step of which the rows within are there.
+        real(wp), private :: spaced_until = -huge(1.0_wp)
+        !> Whether the state is one within a step, at which no step has ended.
+        logical, private :: is_between = .false.
         !> Whether the next start is that of a run that goes on, whose first row is there.
         logical, private :: goes_on = .false.
         !> Whether `add_error` or `add_profile` may come after `close`, and the file stays locked until `release`.
@@ -77,13 +81,13 @@ module tandem_io_output_trajectory
         !> For that the multipliers, and until when its integrals are known.
         real(wp), allocatable, private :: lambda(:), rates(:)
         real(wp), private :: integrated_until = 0.0_wp
-        real(wp), private :: last_time = 0.0_wp, interval = 0.0_wp, first_time = 0.0_wp
+        real(wp), private :: last_time = 0.0_wp, interval = 0.0_wp, spacing = 0.0_wp, first_time = 0.0_wp
         !> Rows that the interval has asked for so far.
         integer(long), private :: intervals = 0
         character(len=:), allocatable, private :: path
     contains
         procedure :: claim, open, go_on, observe, close, add_error, add_profile, release
-        procedure, private :: gather, gather_between, measure, integrate, write_rows, bring
+        procedure, private :: gather, gather_between, gather_spaced, measure, integrate, write_rows, bring
         procedure, private :: watch, save, save_simulation, close_datasets, prepare, fail
     end type trajectory_type
 
@@ -111,6 +115,14 @@ module tandem_io_output_trajectory
             class(simulation_type), intent(inout) :: simulation
             type(error_type), allocatable, intent(out) :: error
         end subroutine integrate
+
+        !> Keep rows within the last step, so many at equal distances that none is further from the next than `spacing`. A time at
+        !> which there is no row, because the model cannot be evaluated there, is left out: nobody has asked for it.
+        module subroutine gather_spaced(self, simulation)
+            implicit none (type, external)
+            class(trajectory_type), intent(inout) :: self
+            class(simulation_type), intent(inout) :: simulation
+        end subroutine gather_spaced
 
         !> Keep rows of the times of the interval that the last step has passed.
         module subroutine gather_between(self, simulation, error, is_before_event)
@@ -374,6 +386,8 @@ contains
 
         self%every = output%every
         self%interval = output%interval
+        self%spacing = output%spacing
+        self%spaced_until = -huge(1.0_wp)
         self%intervals = 0
         self%seconds_unflushed = output%flush
         associate (model => simulation%model)
@@ -425,8 +439,8 @@ contains
         end associate
     end subroutine begin_measuring
 
-    !> Write a row at the start, at every `every`-th step of the grid or at every `interval`, and at the end. Before an event
-    !> changes the motion, rows of the interval up to there.
+    !> Write a row at the start, at every `every`-th step of the grid, at every `interval`, or at all steps and between them, and at
+    !> the end. Before an event changes the motion, rows between steps up to there.
     subroutine observe(self, simulation, occasion, error)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -447,12 +461,14 @@ contains
         case (at_event)
             is_due = .false.
             if (self%interval > 0.0_wp) call self%gather_between(simulation, error, .true.)
+            if (self%spacing > 0.0_wp) call self%gather_spaced(simulation)
             if (.not. allocated(error) .and. size(self%rates) > 0) call self%integrate(simulation, error)
             if (allocated(error)) return
         case default
             is_due = .not. self%interval > 0.0_wp .and. simulation%on_grid .and. &
-                mod(simulation%grid_steps, int(self%every, long)) == 0
+                mod(simulation%grid_steps, int(self%every, long)) == 0 .or. self%spacing > 0.0_wp
             if (self%interval > 0.0_wp) call self%gather_between(simulation, error, .false.)
+            if (self%spacing > 0.0_wp) call self%gather_spaced(simulation)
             if (.not. allocated(error) .and. .not. is_due .and. simulation%model%measures_every_step) then
                 call self%measure(simulation, error)
             else if (.not. allocated(error) .and. size(self%rates) > 0) then

@@ -22,8 +22,10 @@ def motion_of(given: Any) -> Result:
         return read(given, rows_for_pictures(given))
     if hasattr(given, "t") and hasattr(given, "names"):
         scene = given.scene or {"scene": {"name": type(given.simulation.model).__name__ if given.simulation else ""}}
-        return Result(given.t, given.names, given.units, given.q, given.qd, given.qdd, report=given.statistics, status=given.status,
-                      message=given.message, scene=scene)
+        events = {name: np.array([getattr(one, name[:1] if name == "time" else name) for one in given.events])
+                  for name in ("time", "q", "qd") if given.events}
+        return Result(given.t, given.names, given.units, given.q, given.qd, given.qdd, events=events, report=given.statistics,
+                      status=given.status, message=given.message, scene=scene)
     raise TypeError(f"a picture is of a result, its file, or a solution, not of {type(given).__name__}")
 
 

@@ -9,11 +9,18 @@ from typing import Any
 
 import numpy as np
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
+from ..motion import with_rows_between
 from .data import chosen, listed, motions_of, places, rate_unit, series_named
-from .style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, STYLES, in_style, label, new_figure, shown
+from .style import BLUE, COLOURS, GREEN, GREY, MOST_ENTRIES, ORANGE, RED, STYLES, in_style, label, legend, new_figure, shown
 
 AXES = "xyz"
+
+
+def drawn_of(given: Any) -> list:
+    """Results as lines show them: with more rows where they are far apart."""
+    return [with_rows_between(result) for result in motions_of(given)]
 
 
 def style_of(i: int, k: int) -> dict:
@@ -58,9 +65,9 @@ def plane_of(points: Sequence[np.ndarray], plane: str | None) -> tuple[int, int]
 @in_style
 def tracks(given: Any, names: Sequence[str] | None = None, *, plane: str | None = None, axes=None):
     """Tracks of points: of sensors, else of bodies; `plane` such as "xz"."""
-    results = motions_of(given)
+    results = drawn_of(given)
     known = [places(result) for result in results]
-    wanted = listed(names) if names else list(known[0])[:6]
+    wanted = listed(names) if names else list(known[0])[:MOST_ENTRIES - 1]
     for name in wanted:
         if name not in known[0]:
             raise KeyError(f"there is no track of {name!r}; there are {', '.join(known[0])}")
@@ -80,10 +87,8 @@ def tracks(given: Any, names: Sequence[str] | None = None, *, plane: str | None 
         for i, name in enumerate(wanted):
             if name in points:
                 values = points[name][0]
-                text = ", ".join(part for part in (name if len(wanted) > 1 else "", titles[k] if len(results) > 1 else "") if part)
-                axes.plot(values[:, a], values[:, b], **style_of(i, k), label=shown(text) or None)
+                axes.plot(values[:, a], values[:, b], **style_of(i, k))
                 axes.plot(values[0, a], values[0, b], "o", markersize=3.5, color="black")
-    axes.plot([], [], "o", markersize=3.5, color="black", label="start")
     low = np.min([points[:, [a, b]].min(axis=0) for points in drawn], axis=0)
     high = np.max([points[:, [a, b]].max(axis=0) for points in drawn], axis=0)
     width, height = high - low
@@ -96,7 +101,9 @@ def tracks(given: Any, names: Sequence[str] | None = None, *, plane: str | None 
     unit = known[0][wanted[0]][1]
     title = "track" if len(wanted) > 1 or wanted[0] == "track" or " over " in wanted[0] else f"track of {shown(wanted[0])}"
     axes.set(xlabel=label(axis_name(results[0], wanted, a), unit), ylabel=label(axis_name(results[0], wanted, b), unit), title=title)
-    axes.legend(handlelength=1.4)
+    start = Line2D([], [], marker="o", linestyle="none", markersize=3.5, color="black")
+    entries = entries_of(wanted if len(wanted) > 1 else [], titles if len(results) > 1 else [])
+    legend(axes, [(start, "start"), *entries], more=0 if names else len(known[0]) - len(wanted))
     return figure
 
 
@@ -111,7 +118,7 @@ def axis_name(result, wanted: list[str], axis: int) -> str:
 @in_style
 def coordinates(given: Any, names: Sequence[str] | None = None, *, axes=None):
     """Series against time: coordinates, `d(coordinate)`, diagnostics, `sensor what [axis]`. One panel for each unit."""
-    results = motions_of(given)
+    results = drawn_of(given)
     wanted = listed(names) if names else chosen(results[0])
     by_unit: dict[str, list[str]] = {}
     for name in wanted:
@@ -132,21 +139,17 @@ def coordinates(given: Any, names: Sequence[str] | None = None, *, axes=None):
                 panel.plot(result.time, series_named(result, name)[0], **style_of(i, k))
         panel.set(ylabel=label(group[0] if len(group) == 1 else "", unit).strip(), xlim=span_of(results))
         flat(panel)
-        legend(panel, group if len(group) > 1 else [], titles if len(results) > 1 else [])
+        if axes is not None:
+            axes.set_title(shown(group[0]) if len(group) == 1 and len(results) == 1 else "")
+        legend(panel, entries_of(group if len(group) > 1 else [], titles if len(results) > 1 else []))
     panels[-1].set_xlabel("time [s]")
-    if axes is not None:
-        group = next(iter(by_unit.values()))
-        axes.set_title(shown(group[0]) if len(group) == 1 and len(results) == 1 else "")
     return figure
 
 
-def legend(axes, names: Sequence[str], files: Sequence[str]) -> None:
-    """Which colour is which series, and which line style which file, above the lines."""
-    handles = [Line2D([], [], color=COLOURS[i % len(COLOURS)], label=shown(name)) for i, name in enumerate(names)]
-    handles += [Line2D([], [], color=GREY, linestyle=STYLES[k % len(STYLES)], label=shown(file)) for k, file in enumerate(files)]
-    if handles:
-        axes.legend(handles=handles, ncols=min(4, len(handles)), loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.1,
-                    columnspacing=1, handlelength=1.6)
+def entries_of(names: Sequence[str], files: Sequence[str]) -> list[tuple[Line2D, str]]:
+    """Which line style is which file, and which colour which series."""
+    return [(Line2D([], [], color=GREY, linestyle=STYLES[k % len(STYLES)]), file) for k, file in enumerate(files)] \
+        + [(Line2D([], [], color=COLOURS[i % len(COLOURS)]), name) for i, name in enumerate(names)]
 
 
 def flat(axes) -> None:
@@ -166,7 +169,7 @@ def span_of(results: Sequence) -> tuple[float, float]:
 @in_style
 def sensors(given: Any, names: Sequence[str] | None = None):
     """All that the sensors show, a panel for each quantity."""
-    results = motions_of(given)
+    results = drawn_of(given)
     groups: dict[tuple[str, str], list[str]] = {}
     wanted = listed(names) if names else list(results[0].sensors)
     for name in wanted:
@@ -187,11 +190,9 @@ def sensors(given: Any, names: Sequence[str] | None = None):
             for i, name in enumerate(group):
                 panel.plot(result.time, series_named(result, name)[0], **style_of(i, k))
         panel.set(ylabel=label("", unit).strip(), title=shown(what), xlim=span_of(results))
-        panel.title.set_ha("left")
-        panel.title.set_x(0)
         flat(panel)
-        legend(panel, [name.split()[-1] if name.startswith(what) else name.split()[0] for name in group],
-               titles if len(results) > 1 else [])
+        legend(panel, entries_of([name.split()[-1] if name.startswith(what) else name.split()[0] for name in group],
+                                 titles if len(results) > 1 else []))
     for panel in all_axes.flat[len(groups):]:
         panel.set_axis_off()
     for panel in all_axes[-1]:
@@ -202,7 +203,7 @@ def sensors(given: Any, names: Sequence[str] | None = None):
 @in_style
 def reactions(given: Any, names: Sequence[str] | None = None):
     """Forces and torques of joints and wheels, a panel for each, where the file has them."""
-    results = motions_of(given)
+    results = drawn_of(given)
     found: dict[tuple[str, str], list[str]] = {}
     for all_ in results[0].groups.values():
         for name, whats in all_.items():
@@ -216,12 +217,13 @@ def reactions(given: Any, names: Sequence[str] | None = None):
     if not found:
         raise ValueError("the file has no reactions: no series below /joints, /bodies or /sensors is in N or N m")
     figure, all_axes = new_figure(len(found), 1, size=(7.5, 0.5 + 2.5 * len(found)), sharex=True)
+    titles = names_of_files(results)
     for panel, ((what, unit), group) in zip(all_axes[:, 0], found.items(), strict=True):
         for k, result in enumerate(results):
-            for i, name in enumerate(group[:7]):
-                panel.plot(result.time, series_named(result, name)[0], **style_of(i, k), label=shown(name.split()[0]) if k == 0 else None)
+            for i, name in enumerate(group[:len(COLOURS)]):
+                panel.plot(result.time, series_named(result, name)[0], **style_of(i, k))
         panel.set(title=shown(f"{what}, magnitude"), ylabel=label("", unit).strip(), xlim=span_of(results))
-        panel.legend(ncols=4)
+        legend(panel, entries_of([name.split()[0] for name in group], titles if len(results) > 1 else []))
     all_axes[-1, 0].set_xlabel("time [s]")
     return figure
 
@@ -234,13 +236,14 @@ def errors(given: Any, *, axes=None):
     if axes is None:
         figure, all_axes = new_figure(size=(6.5, 3.4))
         axes = all_axes[0, 0]
-    drawn = False
+    at, entries = ends_of_steps(result), []
     for name, colour in ("position", BLUE), ("velocity", ORANGE), ("acceleration", GREEN):
         if f"{name}_error" in result.diagnostics:
-            values = result.diagnostics[f"{name}_error"].values
-            axes.semilogy(result.time, np.maximum(values, 1e-18), color=colour, label=name, linewidth=0.8)
-            drawn = True
-    if not drawn:
+            values = result.diagnostics[f"{name}_error"].values[at]
+            line, = axes.semilogy(result.time[at], np.maximum(values, 1e-18), color=colour, linewidth=0.8,
+                                  marker="." if len(at) < 100 else "", markersize=3)
+            entries.append((line, name))
+    if not entries:
         missing(axes, "constraint errors")
         return figure
     span = span_of([result])
@@ -251,7 +254,7 @@ def errors(given: Any, *, axes=None):
     axes.set(xlabel="time [s]", ylabel="part of the natural scale [1]", title="constraint errors", xlim=span)
     low, _ = axes.get_ylim()
     axes.set_ylim(max(low, 1e-18), (tolerance or 1e-12) * 30)
-    axes.legend(loc="upper center", ncols=3, fontsize=8, columnspacing=1, handlelength=1.2)
+    legend(axes, entries)
     return figure
 
 
@@ -300,30 +303,32 @@ def energies(given: Any, *, axes=None):
         raise ValueError("the file has no energies: ask for [output] fields kinetic_energy and potential_energy, for a sensor, or for "
                          "[results] balance")
     figure, all_axes = new_figure(2, 1, size=(7, 5), sharex=True)
-    titles = names_of_files(results)
+    titles, entries = names_of_files(results), ([], [])
     for k, (result, series) in enumerate(zip(results, known, strict=True)):
         parts = {**series, "total": sum(series.values())} if len(series) > 1 else dict(series)
         for i, (name, values) in enumerate(parts.items()):
-            all_axes[0, 0].plot(result.time, values, **style_of(i, k), label=name if len(results) == 1 else shown(f"{name}, {titles[k]}"))
+            line, = all_axes[0, 0].plot(result.time, values, **style_of(i, k))
+            entries[0].append((line, name if len(results) == 1 else f"{name}, {titles[k]}"))
         change = sum(series.values())
         change = change - change[0]
-        all_axes[1, 0].plot(result.time, change, **style_of(2, k), label=shown(titles[k]) if len(results) > 1 else "E - E(0)")
+        line, = all_axes[1, 0].plot(result.time, change, **style_of(2, k))
+        entries[1].append((line, titles[k] if len(results) > 1 else "E - E(0)"))
         work = work_series(result)
         if work is not None:
             name = f"less the work, {titles[k]}" if len(results) > 1 else "less the work"
-            all_axes[1, 0].plot(result.time, change - work, **style_of(3, k), label=shown(name))
+            line, = all_axes[1, 0].plot(result.time, change - work, **style_of(3, k))
+            entries[1].append((line, name))
     all_axes[0, 0].set(ylabel="energy [J]", title="energies", xlim=span_of(results))
-    all_axes[0, 0].legend(ncols=3)
     all_axes[1, 0].set(ylabel="E - E(0) [J]", xlabel="time [s]", title="change of the sum")
-    if len(all_axes[1, 0].lines) > 1:
-        all_axes[1, 0].legend()
+    legend(all_axes[0, 0], entries[0])
+    legend(all_axes[1, 0], entries[1] if len(entries[1]) > 1 else [])
     return figure
 
 
 @in_style
 def phase(given: Any, names: Sequence[str] | None = None):
     """Velocity over coordinate, a panel for each coordinate."""
-    results = motions_of(given)
+    results = drawn_of(given)
     wanted = listed(names) if names else [name for name in chosen(results[0]) if name in results[0].names] or results[0].names[:4]
     if results[0].qd is None:
         raise ValueError("the file has no velocities: the scene's [output] fields must have \"qd\"")
@@ -335,22 +340,32 @@ def phase(given: Any, names: Sequence[str] | None = None):
         for k, result in enumerate(results):
             values, unit = series_named(result, name)
             rates = series_named(result, f"d({name})")[0]
-            panel.plot(values, rates, **style_of(k, 0), label=shown(titles[k]) if len(results) > 1 else None)
+            panel.plot(values, rates, **style_of(k, 0))
             panel.plot(values[0], rates[0], "o", markersize=3.5, color="black")
         panel.set(xlabel=label(name, unit), ylabel=label(f"d({name})/dt", rate_unit(unit)), title=f"phase portrait of {shown(name)}")
-        if len(results) > 1:
-            panel.legend()
+        lines = [line for line in panel.lines if len(line.get_xdata()) > 1]
+        legend(panel, zip(lines, titles, strict=False) if len(results) > 1 else [])
     for panel in all_axes.flat[len(wanted):]:
         panel.set_axis_off()
     return figure
 
 
+def ends_of_steps(result) -> np.ndarray:
+    """The rows at which steps have ended, and the first one; all where the file does not tell."""
+    if "step" not in result.diagnostics:
+        return np.arange(len(result.time))
+    ends = result.diagnostics["step"].values > 0
+    ends[:1] = True
+    return np.flatnonzero(ends)
+
+
 def steps(result, axes) -> None:
-    if "step" not in result.diagnostics or len(result.time) < 2:
+    at = ends_of_steps(result)[1:]
+    if "step" not in result.diagnostics or not len(at):
         missing(axes, "steps")
         return
-    step = result.diagnostics["step"].values[1:]
-    axes.semilogy(result.time[1:], step, ".", markersize=2.5, color=BLUE)
+    step = result.diagnostics["step"].values[at]
+    axes.semilogy(result.time[at], step, ".", markersize=2.5 if len(at) > 100 else 5, color=BLUE)
     if step.max() < 3 * step.min():
         axes.set_ylim(step.min() / 3, step.max() * 3)
     axes.set(xlabel="time [s]", ylabel="step [s]", xlim=span_of([result]),
@@ -362,6 +377,7 @@ def charts(result, axes) -> None:
         missing(axes, "charts")
         return
     axes.step(result.time, result.diagnostics["chart"].values, where="post", color=BLUE)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set(xlabel="time [s]", ylabel="number of the chart", title=f"{result.report.get('charts', '?')} charts", xlim=span_of([result]))
 
 

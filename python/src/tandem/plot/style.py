@@ -9,6 +9,8 @@ from pathlib import Path
 try:
     import matplotlib
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.transforms import ScaledTranslation
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError("pictures need matplotlib: pip install matplotlib") from error
 
@@ -20,16 +22,34 @@ STEPPERS = {"rk4": (ORANGE, "s"), "dopri5": (SKY, "o"), "dop853": (BLUE, "D"), "
 #: Several files in one picture: a line style each.
 STYLES = ["-", "--", ":", "-."]
 DPI = 110
+#: Most entries of a legend, and the size of their letters.
+MOST_ENTRIES, LEGEND_SIZE = 6, 8
+#: A line of a legend in inches.
+LEGEND_LINE = 1.35*LEGEND_SIZE/72
 
 SETTINGS = {
     "font.size": 9, "axes.titlesize": 9.5, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True,
-    "grid.linewidth": 0.4, "grid.alpha": 0.5, "lines.linewidth": 1.1, "legend.frameon": False, "legend.fontsize": 8,
+    "grid.linewidth": 0.4, "grid.alpha": 0.5, "lines.linewidth": 1.1, "legend.frameon": False, "legend.fontsize": LEGEND_SIZE,
     "axes.prop_cycle": matplotlib.cycler(color=COLOURS), "svg.fonttype": "none", "pdf.fonttype": 42,
 }
 
 
 class Picture(Figure):
-    """A figure that shows itself in a notebook, also without pyplot."""
+    """A figure that shows itself in a notebook, also without pyplot, and grows with its legends."""
+
+    #: Height of the legends above each row of axes, in inches.
+    above: dict[int, float]
+
+    def __init__(self, *arguments, **options):
+        super().__init__(*arguments, **options)
+        self.above = {}
+
+    def make_room(self, row: int, height: float) -> None:
+        """Room for a legend above a row of axes, which does not take it from these; one line has room as it is."""
+        before = self.above.get(row, LEGEND_LINE)
+        if height > before:
+            self.set_figheight(self.get_figheight() + height - before)
+            self.above[row] = height
 
     def _repr_png_(self) -> bytes:
         file = io.BytesIO()
@@ -65,6 +85,57 @@ def shown(text: str) -> str:
 
 def label(name: str, unit: str) -> str:
     return shown(f"{name} [{unit}]" if unit not in ("", "1") else name)
+
+
+def width_of(text: str, size: float = LEGEND_SIZE) -> float:
+    """The width of a text in inches."""
+    from matplotlib.textpath import TextPath
+
+    return TextPath((0, 0), text.replace("\u200b", "") or " ", size=size).get_extents().xmax/72
+
+
+def shortened(text: str, width: float) -> str:
+    """A text that is no wider than so many inches: of a long one the beginning and the end, which tell most names apart."""
+    if width_of(text) <= width:
+        return text
+    kept = len(text) - 1
+    while kept > 4 and width_of(f"{text[:-(-kept//2)]}\u2026{text[-(kept//2):]}") > width:
+        kept -= 1
+    return f"{text[:-(-kept//2)]}\u2026{text[-(kept//2):]}"
+
+
+def legend(axes, entries, more: int = 0) -> None:
+    """A legend above the axes, below their title, once these have their limits: lines with their labels, (handle, text), of which at
+    most six are shown and the rest is counted, with `more` that have no line."""
+    entries = list(entries)
+    more += max(0, len(entries) - MOST_ENTRIES)
+    entries = entries[:MOST_ENTRIES]
+    if not entries:
+        return
+    figure, place = axes.get_figure(), axes.get_subplotspec()
+    columns = place.get_gridspec().ncols if place else 1
+    # What is beside the axes: the numbers and the label of the ordinate.
+    room = figure.get_figwidth()/columns - 0.85
+    line, gap = 0.26, 0.12
+    texts = [shortened(text, room - line) for _, text in entries] + ([f"and {more} more"] if more else [])
+    handles = [handle for handle, _ in entries] + ([Line2D([], [], linestyle="none")] if more else [])
+    widths = [line + width_of(text) for text in texts]
+    per_row = len(texts)
+    while per_row > 1 and sum(max(widths[column::per_row]) + gap for column in range(per_row)) - gap > room:
+        per_row -= 1
+    rows = -(-len(texts)//per_row)
+    # Legends are filled by columns; these are filled by rows.
+    order = [i for column in range(per_row) for i in range(column, len(texts), per_row)]
+    # The factor or the sum that all numbers of the ordinate have in common stands there too.
+    formatter = axes.yaxis.get_major_formatter()
+    formatter.set_locs(axes.get_yticks())
+    lift = LEGEND_LINE if formatter.get_offset() else 0.0
+    axes.legend([handles[i] for i in order], [shown(texts[i]) for i in order], ncols=per_row, loc="lower left", bbox_to_anchor=(0, 1),
+                bbox_transform=axes.transAxes + ScaledTranslation(0, lift, figure.dpi_scale_trans), borderaxespad=0.1, borderpad=0.1, columnspacing=1, handlelength=1.4, handletextpad=0.6, labelspacing=0.2)
+    if axes.get_title():
+        axes.set_title(axes.get_title(), pad=5 + 72*(rows*LEGEND_LINE + lift))
+    if place and isinstance(figure, Picture):
+        figure.make_room(place.rowspan.start, rows*LEGEND_LINE + lift)
 
 
 def save(figure, path: str | Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..table import Column, Table, read_table
 from .data import listed
-from .style import BLUE, COLOURS, GREY, RED, in_style, label, new_figure, shown
+from .style import BLUE, COLOURS, GREY, RED, in_style, label, legend, new_figure, shown
 
 
 def chosen(table: Table, columns: dict[str, Column], names: Sequence[str] | None, most: int) -> list[str]:
@@ -113,12 +113,12 @@ def bands(given, names: Sequence[str] | None = None, *, title: str | None = None
             missing(one, "no case reaches these times")
             continue
         times, levels = column.times[reached], np.quantile(values[here], [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
-        one.fill_between(times, levels[0], levels[4], color=colour, alpha=0.2, linewidth=0, label="90 %")
-        one.fill_between(times, levels[1], levels[3], color=colour, alpha=0.35, linewidth=0, label="50 %")
-        one.plot(times, levels[2], color=colour, label="median")
+        outer = one.fill_between(times, levels[0], levels[4], color=colour, alpha=0.2, linewidth=0)
+        inner = one.fill_between(times, levels[1], levels[3], color=colour, alpha=0.35, linewidth=0)
+        median, = one.plot(times, levels[2], color=colour)
         one.set_xlabel("t [s]")
         one.set_ylabel(label(name, column.unit))
-        one.legend()
+        legend(one, [(outer, "90 %"), (inner, "50 %"), (median, "median")])
     if not wanted:
         missing(axes[0, 0], "nothing was kept at several times")
     figure.suptitle(shown(title or table.name))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .drawing import ARROWS, Arrow, Drawing
-from .motion import interpolated
+from ..motion import interpolated
 from .rotations import turned
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from ..plot.data import chosen, listed, scalars, series_named
 from .drawing import Curve, Drawing
 from .mechanisms import draw_mechanism
-from .motion import frame_times, interpolated, resampled
+from ..motion import frame_times, interpolated, resampled
 from .shipped import DRAW, draw_by_names
 
 #: About so many numbers may be in a page; where there are more, there are fewer frames a second.
