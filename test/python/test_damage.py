@@ -24,7 +24,7 @@ from test_output import STRICT, TANDEM, Case
 MUTATIONS = int(os.environ.get("TANDEM_MUTATIONS", "24"))
 SEED = int(os.environ.get("TANDEM_SEED", "1"))
 LONGEST = 10
-LIMITED = ["--set", "solver.max_steps=250", "--no-error", "--quiet"]
+LIMITED = ["--set", "solver.max_steps=250", "--set", "output.every=10", "--no-error", "--quiet"]
 ON = ["--set", "solver.max_steps=100000", "--set", "time.end=0.6", "--no-error", "--quiet"]
 EVENTS = '[[event]]\nname = "low"\nwatch = "rz"\nvalue = 0.999\n'
 
@@ -269,7 +269,7 @@ class Verify(Damaged):
     def test_a_file_without_checksums(self):
         """As earlier programs wrote it: it cannot be verified, and goes on as before."""
         self.limited()
-        self.tandem("run", "rolling_disk", "--set", "time.end=0.6", "--no-error", "--quiet", "--output", "whole.h5")
+        self.tandem("run", "rolling_disk", "--set", "time.end=0.6", "--set", "output.every=10", "--no-error", "--quiet", "--output", "whole.h5")
         with h5py.File(self.folder / "run.h5", "r+") as file:
             del file["checksums"]
         self.assertIn("it has no checksums", self.tandem("verify", "run.h5", code=2).stderr)

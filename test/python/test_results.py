@@ -26,7 +26,9 @@ def energies(file):
     balance = {name: data[:] for name, data in file["balance"].items()}
     scale = np.max(balance["kinetic"]) + np.ptp(balance["potential"]) + np.max(np.abs(balance["work_of_motions"])) + \
         np.max(np.abs(balance["work_of_forces"]))
-    return np.max(np.abs(balance["residual"])), scale
+    # Between steps the motion is as accurate as the dense output.
+    ends = file["diagnostics/step"][:] > 0
+    return np.max(np.abs(balance["residual"][ends])), scale
 
 
 class Statics(Mechanism):

@@ -558,7 +558,7 @@ class Disks(Case):
     def test_no_room_for_the_table(self):
         self.write(DISKS)
         expected = self.whole()
-        journal = 60 * 14 * 8 + 4000
+        journal = 60 * 14 * 8 + 4400
 
         def limit():
             resource.setrlimit(resource.RLIMIT_FSIZE, (journal, journal))
