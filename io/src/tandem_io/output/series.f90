@@ -29,20 +29,17 @@ module tandem_io_output_series
     !> The names of columns, as a dataset that the series of a group share.
     character(len=10), parameter :: columns(each_coordinate:each_constraint) = ['coordinate', 'constraint']
 
-    !> Most rows in a chunk of the file, which is there as a whole for a single row.
-    integer, parameter :: longest_chunk = 512
-
 contains
 
     !> Make the dataset, or open it where the run goes on, and the buffer.
-    subroutine make(self, file, field, model, capacity, goes_on, time)
+    subroutine make(self, file, field, model, capacity, chunk, goes_on, time)
         class(series_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file
         !> Index of the field, 0 for the time, -i for a quantity.
         integer, intent(in) :: field
         class(model_type), intent(in) :: model
-        !> Rows of the buffer.
-        integer, intent(in) :: capacity
+        !> Rows of the buffer, and of a chunk of the file.
+        integer, intent(in) :: capacity, chunk
         !> Whether the dataset is there.
         logical, intent(in) :: goes_on
         !> The dataset of the time; absent for the time itself.
@@ -53,7 +50,7 @@ contains
         allocate (self%rows(max(1, width_of(field, model)), capacity))
         self%path = '/trajectory/time'
         if (field < 0) then
-            call make_quantity(self, file, model%quantities(-field), capacity, goes_on, time)
+            call make_quantity(self, file, model%quantities(-field), chunk, goes_on, time)
             return
         else if (field > 0) then
             self%path = '/'//trim(fields(field)%group)//'/'//trim(fields(field)%name)
@@ -62,11 +59,11 @@ contains
         if (goes_on) then
             call file%open_dataset(self%path, self%dataset)
         else if (field == 0) then
-            call file%add_dataset(self%path, 0, min(capacity, longest_chunk), .false., self%dataset)
+            call file%add_dataset(self%path, 0, chunk, .false., self%dataset)
             call file%attach(self%path, 'unit', 's')
             call file%attach(self%path, 'meaning', 'the time of each row')
         else
-            call file%add_dataset(self%path, self%width, min(capacity, longest_chunk), fields(field)%counts, self%dataset, time)
+            call file%add_dataset(self%path, self%width, chunk, fields(field)%counts, self%dataset, time)
             ! Readers look for the dimensions of a group in that group.
             call file%link('/trajectory/time', '/'//trim(fields(field)%group)//'/time')
             call file%attach(self%path, 'meaning', fields(field)%meaning)
@@ -83,11 +80,11 @@ contains
     end subroutine make
 
     !> The dataset of a quantity, in a group of its own with others of its sensor.
-    subroutine make_quantity(self, file, quantity, capacity, goes_on, time)
+    subroutine make_quantity(self, file, quantity, chunk, goes_on, time)
         class(series_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file
         type(quantity_type), intent(in) :: quantity
-        integer, intent(in) :: capacity
+        integer, intent(in) :: chunk
         logical, intent(in) :: goes_on
         integer(hid_t), intent(in), optional :: time
         character(len=1), parameter :: axes(3) = ['x', 'y', 'z']
@@ -101,7 +98,7 @@ contains
             call file%open_dataset(self%path, self%dataset)
             return
         end if
-        call file%add_dataset(self%path, self%width, min(capacity, longest_chunk), .false., self%dataset, time)
+        call file%add_dataset(self%path, self%width, chunk, .false., self%dataset, time)
         call file%link('/trajectory/time', group//'/time')
         call file%attach(self%path, 'meaning', trim(quantity%meaning))
         call file%attach(self%path, 'unit', trim(quantity%unit))

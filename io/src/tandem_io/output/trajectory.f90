@@ -28,7 +28,10 @@ module tandem_io_output_trajectory
 
     !> Most numbers in the buffer of rows, and most rows; and so many in any case: a dataset is written for each quantity, and that
     !> costs far more than the numbers of a row.
-    integer, parameter :: largest_buffer = 2**17, most_rows = 4096, least_rows = 16
+    integer, parameter :: largest_buffer = 2**22, most_rows = 4096, least_rows = 16
+    !> Rows in a chunk of the file, which is there as a whole for a single row: most, about so many numbers in those of all datasets,
+    !> and least where `spacing` makes some hundred rows of any run.
+    integer, parameter :: longest_chunk = 512, numbers_in_chunks = 2**17, least_chunk = 128
     !> Bytes for the attributes of the report: twice what they take without the warnings of the start, for those of the run are few;
     !> for each of the former; and most.
     integer, parameter :: room = 8192, room_for_warning = 16, most_room = 60000
@@ -382,7 +385,7 @@ contains
         class(trajectory_type), intent(inout) :: self
         type(output_type), intent(in) :: output
         class(simulation_type), intent(in) :: simulation
-        integer :: i, n, n_fields, width
+        integer :: i, n, n_fields, width, chunk
 
         self%every = output%every
         self%interval = output%interval
@@ -409,15 +412,17 @@ contains
             self%integrated_until = simulation%state%t
             if (.not. self%goes_on) call begin_measuring(self, simulation)
             self%capacity = max(least_rows, min(most_rows, largest_buffer/width))
+            chunk = max(merge(least_chunk, least_rows, self%spacing > 0.0_wp), min(longest_chunk, numbers_in_chunks/width))
             allocate (self%series(0:n_fields + n))
-            call self%series(0)%make(self%file, 0, model, self%capacity, self%goes_on)
+            call self%series(0)%make(self%file, 0, model, self%capacity, chunk, self%goes_on)
             do i = 1, n_fields
-                call self%series(i)%make(self%file, index_of(output%fields(i)), model, self%capacity, self%goes_on, &
+                call self%series(i)%make(self%file, index_of(output%fields(i)), model, self%capacity, chunk, self%goes_on, &
                     self%series(0)%dataset)
             end do
             if (.not. self%goes_on) call add_groups(self%file, model)
             do i = 1, n
-                call self%series(n_fields + i)%make(self%file, -i, model, self%capacity, self%goes_on, self%series(0)%dataset)
+                call self%series(n_fields + i)%make(self%file, -i, model, self%capacity, chunk, self%goes_on, &
+                    self%series(0)%dataset)
             end do
             if (.not. self%goes_on) call self%file%list_users(self%series(0)%dataset, self%series(0)%path, &
                 [(self%series(i)%dataset, i=1, n_fields + n)])
