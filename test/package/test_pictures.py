@@ -86,6 +86,15 @@ class Plots(Folder):
             with self.assertRaises(ValueError):
                 tandem.plot.tracks(one, plane=plane)
 
+    def test_tracks_that_move(self):
+        """Of many bodies those that extend farthest, in their order; the others are counted."""
+        time = np.linspace(0, 1, 20)
+        names = [f"b{k}.{axis}" for k in range(12) for axis in "xy"]
+        q = np.stack([(0.0 if k < 6 else k)*time for k in range(12) for _ in "xy"], axis=1)
+        axes = tandem.plot.tracks(tandem.Result(time, names, ["m"]*24, q)).axes[0]
+        words = [text.get_text() for text in axes.get_legend().get_texts()]
+        self.assertEqual(sorted(words), sorted(["start", *(f"b{k}" for k in range(7, 12)), "and 7 more"]))
+
     def test_several_are_compared(self):
         pair = [result("motorcycle"), result("motorcycle_chopper")]
         lines = tandem.plot.coordinates(pair, ["s"]).axes[0].lines

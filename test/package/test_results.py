@@ -169,7 +169,7 @@ class Mechanisms(unittest.TestCase):
 
     def test_a_run_that_fails_keeps_what_it_has(self):
         with self.assertRaises(tandem.ProgramError) as caught:
-            pendulum().run({"solver.max_steps": 5}, error=False)
+            pendulum().run({"solver.max_steps": 5, "output.rows": 0}, error=False)
         self.assertEqual(caught.exception.code, 1)
         self.assertEqual(caught.exception.solution.status, "failed")
         self.assertEqual(caught.exception.solution.time.size, 6)

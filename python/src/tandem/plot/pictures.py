@@ -62,12 +62,21 @@ def plane_of(points: Sequence[np.ndarray], plane: str | None) -> tuple[int, int]
     return (0, 2) if sizes[0] >= sizes[1] else (1, 2)
 
 
+def farthest(known: dict, most: int) -> list[str]:
+    """The tracks that are worth a look where nobody says: so many of those that extend farthest, in their order."""
+    sizes = {name: float(np.ptp(values, axis=0).max()) for name, (values, _) in known.items()}
+    largest = max(sizes.values(), default=0.0) or 1.0
+    # Those of a robot that falls are equally long but for its posture.
+    best = sorted(sizes, key=lambda name: -round(sizes[name]/largest, 1))[:most]
+    return [name for name in known if name in best]
+
+
 @in_style
 def tracks(given: Any, names: Sequence[str] | None = None, *, plane: str | None = None, axes=None):
     """Tracks of points: of sensors, else of bodies; `plane` such as "xz"."""
     results = drawn_of(given)
     known = [places(result) for result in results]
-    wanted = listed(names) if names else list(known[0])[:MOST_ENTRIES - 1]
+    wanted = listed(names) if names else farthest(known[0], MOST_ENTRIES - 1)
     for name in wanted:
         if name not in known[0]:
             raise KeyError(f"there is no track of {name!r}; there are {', '.join(known[0])}")
@@ -101,9 +110,10 @@ def tracks(given: Any, names: Sequence[str] | None = None, *, plane: str | None 
     unit = known[0][wanted[0]][1]
     title = "track" if len(wanted) > 1 or wanted[0] == "track" or " over " in wanted[0] else f"track of {shown(wanted[0])}"
     axes.set(xlabel=label(axis_name(results[0], wanted, a), unit), ylabel=label(axis_name(results[0], wanted, b), unit), title=title)
-    start = Line2D([], [], marker="o", linestyle="none", markersize=3.5, color="black")
     entries = entries_of(wanted if len(wanted) > 1 else [], titles if len(results) > 1 else [])
-    legend(axes, [(start, "start"), *entries], more=0 if names else len(known[0]) - len(wanted))
+    if len(entries) < MOST_ENTRIES:
+        entries.append((Line2D([], [], marker="o", linestyle="none", markersize=3.5, color="black"), "start"))
+    legend(axes, entries, more=0 if names else len(known[0]) - len(wanted))
     return figure
 
 

@@ -91,7 +91,7 @@ def width_of(text: str, size: float = LEGEND_SIZE) -> float:
     """The width of a text in inches."""
     from matplotlib.textpath import TextPath
 
-    return TextPath((0, 0), text.replace("\u200b", "") or " ", size=size).get_extents().xmax/72
+    return TextPath((0, 0), text.replace("\u200b", "").replace("$", r"\$") or " ", size=size).get_extents().xmax/72
 
 
 def shortened(text: str, width: float) -> str:
