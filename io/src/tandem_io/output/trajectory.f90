@@ -29,7 +29,7 @@ module tandem_io_output_trajectory
     !> Most numbers in the buffer of rows, and most rows; and so many in any case: a dataset is written for each quantity, and that
     !> costs far more than the numbers of a row.
     integer, parameter :: largest_buffer = 2**22, most_rows = 4096, least_rows = 16
-    !> Rows in a chunk of the file, which is there as a whole for a single row: most, about so many numbers in those of all datasets,
+    !> Rows in a chunk of the file, there as a whole for a single row: most, about so many numbers in those of all datasets,
     !> and least where `spacing` makes some hundred rows of any run.
     integer, parameter :: longest_chunk = 512, numbers_in_chunks = 2**17, least_chunk = 128
     !> Bytes for the attributes of the report: twice what they take without the warnings of the start, for those of the run are few;
