@@ -191,12 +191,15 @@ rtol = 1e-6
         for level in ("position", "velocity", "acceleration"):
             self.assertLess(rows[f"{level}_error"].max(), 1e-12)
             self.assertEqual(rows[f"{level}_error"][[0, *ends]].max(), report[f"largest_{level}_error"])
-        steps, other, _ = self.series(scene="motorcycle", settings=[*settings, "output.rows=0"])
-        self.assertEqual(report["steps"], other["steps"])
-        for name, values in steps.items():
-            np.testing.assert_array_equal(rows[name][[0, *ends]], values, name)
-        finer, _, _ = self.series(scene="motorcycle", settings=[*settings, "output.rows=5000"])
+        # More rows within the same steps.
+        finer, other, _ = self.series(scene="motorcycle", settings=[*settings, "output.rows=5000"])
         self.assertGreater(len(finer["time"]), 5000)
+        self.assertEqual(report["steps"], other["steps"])
+        for name, values in finer.items():
+            np.testing.assert_array_equal(rows[name][[0, *ends]], values[[0, *np.flatnonzero(finer["step"])]], name)
+        steps, other, _ = self.series(scene="motorcycle", settings=[*settings, "output.rows=0"])
+        self.assertEqual(len(steps["time"]), other["steps"] + 1)
+        self.assertTrue((steps["step"][1:] > 0).all())
         # Many steps are rows enough.
         settings = ["solver.stepper=dopri5", "solver.rtol=1e-6", "solver.max_step=2e-3", "time.end=1"]
         rows, report, _ = self.series(scene="rolling_disk", settings=settings)
