@@ -374,6 +374,17 @@ class Complete(Resume):
         self.tandem("run", "rolling_disk", "--set", "time.end=1", "--output", "whole.h5", "--no-error")
         self.assert_same("whole.h5", "one.h5")
 
+    def test_rows_between_steps(self):
+        """A run of some ten steps, taken up at each of several places, has the rows of one in one piece."""
+        words = settings(["solver.stepper=dop853", "solver.rtol=1e-6"])
+        self.tandem("run", "motorcycle", *words, "--output", "whole.h5", "--no-error")
+        with h5py.File(self.folder / "whole.h5") as file:
+            self.assertGreater(len(file["trajectory/time"]), 300)
+        for limit in (1, 5, 12):
+            self.tandem("run", "motorcycle", *words, "--set", f"solver.max_steps={limit}", "--output", "one.h5", "--force", code=1)
+            self.tandem("resume", "one.h5", "--set", "solver.max_steps=100000", "--no-error")
+            self.assert_same("whole.h5", "one.h5")
+
     def test_events(self):
         events = """
 [[event]]
