@@ -134,6 +134,7 @@ contains
             if (allocated(error) .or. .not. self%simulation%state%t < t_end) exit
             ! The next requested time may be within the last step, whose dense output another step would overwrite.
             if (rows >= capacity .and. (at_steps .or. capacity > 0)) exit
+            if (.not. at_steps .and. rows < capacity) call self%simulation%expect_look(times(rows + 1))
             call self%watch%step(self%simulation, t_end, error)
             if (allocated(error)) exit
             call take_rows()

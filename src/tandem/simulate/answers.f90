@@ -66,7 +66,8 @@ contains
         statistics_%is_stiff = self%stiffness%is_stiff .and. self%switching%switches == 0
         statistics_%stiff_from = self%stiffness%since
         statistics_%stiff_steps = self%stiffness%steps
-        statistics_%dense_error = self%dense%largest_error
+        statistics_%dense_error_q = self%dense%largest_q
+        statistics_%dense_error_qd = self%dense%largest_qd
         statistics_%event_evaluations = self%watch%evaluations
         statistics_%switches = self%switching%switches
         statistics_%implicit_steps = self%switching%count_implicit(self%tally%steps)

@@ -237,6 +237,8 @@ contains
         call self%next%pack_state(pack)
         self%end_is_apart = .true.
         call self%dense%pack_state(pack)
+        call self%dense_control%pack_state(pack)
+        call pack%item(self%next_look)
         call pack%item(self%last_step)
         call pack%item(self%grid_steps)
         call pack%item(self%on_grid)

@@ -18,19 +18,28 @@ module tandem_simulate_dense_output
     type :: dense_output_type
         !> The segment of the model in which the last step lies.
         integer :: segment = 1
-        !> Largest error of the motion at the times that were looked at, on the scale s + |y|.
-        real(wp) :: largest_error = 0.0_wp
+        !> Largest errors of q and of qd at the times that were looked at, on the scale s + |y|.
+        real(wp) :: largest_q = 0.0_wp, largest_qd = 0.0_wp
         !> Whether there is a last step, and whether the state is that of a time within it.
         logical, private :: has_step = .false., is_looking = .false.
         !> Where it has been looked at, the state that was left, its errors and its segment.
         type(state_type), private :: kept
         real(wp), private :: kept_errors(3) = 0.0_wp
         integer, private :: kept_segment = 1
-        !> Slopes of the interpolated increments of q and of qd (n, 2).
-        real(wp), allocatable, private :: slope(:, :)
+        !> Slopes of the interpolated increments of q and of qd, and then errors that follow from them; the same errors through the
+        !> filter of implicit methods (n, 2).
+        real(wp), allocatable, private :: slope(:, :), filtered(:, :)
+        !> Where a step is measured.
+        type(state_type), private :: probe
     contains
-        procedure :: initialize, note_step, forget_step, look_at, look_back, stay, keep, give_back, jump, pack_state
+        procedure :: initialize, note_step, forget_step, look_at, look_back, measure, stay, keep, give_back, jump, pack_state
     end type dense_output_type
+
+    !> What the slope of an interpolant misses of the rates, times the step, is so many times its largest error: 7 to 10 for the
+    !> methods here, by their polynomials.
+    real(wp), parameter :: miss_of_error = 7.0_wp
+    !> The error of q that an error of qd entails, over the step times that; the largest is that of Hermite's polynomial.
+    real(wp), parameter :: q_by_qd = 0.25_wp
 
 contains
 
@@ -72,13 +81,13 @@ contains
         real(wp), intent(inout) :: errors(3)
         !> A status code; invalid_option where the last step has not passed t.
         integer, intent(out) :: stat
+        real(wp) :: part_q, part_qd
         integer :: rows(3)
 
         if (.not. self%is_looking) then
             call self%keep(state, errors)
             self%kept_segment = model%segment
             if (self%has_step) call chart%hold()
-            if (.not. allocated(self%slope)) allocate (self%slope(model%n, 2))
             self%is_looking = .true.
         end if
         stat = status_ok
@@ -94,6 +103,59 @@ contains
             model%segment = self%segment
             call chart%forget()
         end if
+        call go_to(self, t, stepper, chart, start, arrived, state, stat)
+        if (stat == status_ok) call chart%constraint_errors(t, state%q, state%qd, state%qdd, errors, rows, stat)
+        if (stat /= status_ok) return
+        call find_errors(self, arrived%t - start%t, is_implicit, model%n_nonholonomic > 0, chart, scales, state)
+        call scales%largest_parts(state, self%slope(:, 1), self%slope(:, 2), part_q, part_qd)
+        self%largest_q = max(self%largest_q, part_q)
+        self%largest_qd = max(self%largest_qd, part_qd)
+    end subroutine look_at
+
+    !> The largest weighted error of the motion within a step, from one place of it where interpolants of the method miss the rates
+    !> most. The chart is left as it was.
+    subroutine measure(self, place, stepper, chart, model, is_implicit, scales, start, arrived, weight_q, weight_qd, norm, stat)
+        class(dense_output_type), intent(inout) :: self
+        !> 0 at the start of the step, 1 at its end.
+        real(wp), intent(in) :: place
+        class(stepper_type), intent(inout) :: stepper
+        class(chart_type), intent(inout) :: chart
+        class(model_type), intent(in) :: model
+        logical, intent(in) :: is_implicit
+        type(local_error_type), intent(in) :: scales
+        !> The states at the ends of the step.
+        type(state_type), intent(in) :: start, arrived
+        !> Weights of the errors of q and qd (n).
+        real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
+        real(wp), intent(out) :: norm
+        !> A status code: there is no error where the place cannot be evaluated.
+        integer, intent(out) :: stat
+        integer :: i
+
+        norm = 0.0_wp
+        if (.not. allocated(self%probe%q)) call self%probe%allocate(size(start%q))
+        call chart%hold()
+        call go_to(self, start%t + place*(arrived%t - start%t), stepper, chart, start, arrived, self%probe, stat)
+        if (stat == status_ok) then
+            call find_errors(self, arrived%t - start%t, is_implicit, model%n_nonholonomic > 0, chart, scales, self%probe)
+            do i = 1, size(weight_q)
+                norm = max(norm, self%slope(i, 1)*weight_q(i), self%slope(i, 2)*weight_qd(i))
+            end do
+        end if
+        call chart%release()
+    end subroutine measure
+
+    !> Make `state` that of a time within a step, on all three constraint levels, and `slope` that of the interpolant.
+    subroutine go_to(self, t, stepper, chart, start, arrived, state, stat)
+        class(dense_output_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        class(stepper_type), intent(inout) :: stepper
+        class(chart_type), intent(inout) :: chart
+        type(state_type), intent(in) :: start, arrived
+        type(state_type), intent(inout) :: state
+        integer, intent(out) :: stat
+
+        if (.not. allocated(self%slope)) allocate (self%slope(size(start%q), 2))
         state%t = t
         associate (slope => self%slope)
             call stepper%interpolate(chart, start, arrived, t, state%dq, state%dqd, slope(:, 1), slope(:, 2), stat)
@@ -103,9 +165,7 @@ contains
             end if
         end associate
         if (stat == status_ok) call chart%solve_dynamics(t, state%q, state%qd, state%qdd, stat)
-        if (stat == status_ok) call chart%constraint_errors(t, state%q, state%qd, state%qdd, errors, rows, stat)
-        if (stat == status_ok) call note_error(self, arrived%t - start%t, is_implicit, chart, scales, state)
-    end subroutine look_at
+    end subroutine go_to
 
     !> The point and the velocity of interpolated increments. Increments are the motion itself but for what the constraints have
     !> taken of it since the chart's origin, at both ends of the step; between them that is taken in proportion to time. So the
@@ -130,34 +190,41 @@ contains
         end do
     end subroutine follow_states
 
-    !> Take note of how well the dense output at a state solves the equations of motion, from the slope of the interpolated
-    !> increments against the rates there. Interpolants agree with the motion at both ends, so that what a quarter of the step
-    !> leaves at this rate is their error. Takes no evaluation of the model.
-    subroutine note_error(self, h, is_implicit, chart, scales, state)
+    !> Turn the slope of the interpolant at a state into moduli of errors: how well the dense output solves the equations of motion.
+    !> Interpolants agree with the motion at both ends; so their errors are a part of what a step leaves at the rate by which the
+    !> slope misses the rates at the state. Takes no evaluation of the model.
+    subroutine find_errors(self, h, is_implicit, binds_velocities, chart, scales, state)
         type(dense_output_type), intent(inout) :: self
         !> Size of the step.
         real(wp), intent(in) :: h
-        logical, intent(in) :: is_implicit
+        !> Whether the method is implicit, and whether there are nonholonomic rows.
+        logical, intent(in) :: is_implicit, binds_velocities
         class(chart_type), intent(inout) :: chart
         type(local_error_type), intent(in) :: scales
         type(state_type), intent(in) :: state
-        real(wp) :: error, filtered, quarter
+        real(wp) :: part
+        integer :: i
 
-        quarter = 0.25_wp*h
-        associate (slope => self%slope)
-            slope(:, 1) = quarter*(slope(:, 1) - state%qd)
-            slope(:, 2) = quarter*(slope(:, 2) - state%qdd)
-            call chart%keep_tangent(slope(:, 1), slope(:, 2))
-            error = scales%largest_part(state, slope(:, 1), slope(:, 2))
+        part = h/miss_of_error
+        associate (error => self%slope)
+            error(:, 1) = part*(error(:, 1) - state%qd)
+            error(:, 2) = part*(error(:, 2) - state%qdd)
+            call chart%keep_tangent(error(:, 1), error(:, 2))
             if (is_implicit) then
                 ! As for local errors: a stiff mode has a rate that is large against what it is off by.
-                call chart%filter_error(slope(:, 1), slope(:, 2))
-                filtered = scales%largest_part(state, slope(:, 1), slope(:, 2))
-                if (filtered < 0.1_wp*error) error = filtered
+                if (.not. allocated(self%filtered)) allocate (self%filtered(size(error, 1), 2))
+                self%filtered(:, :) = error
+                call chart%filter_error(self%filtered(:, 1), self%filtered(:, 2))
+                if (scales%largest_part(state, self%filtered(:, 1), self%filtered(:, 2)) < &
+                    0.1_wp*scales%largest_part(state, error(:, 1), error(:, 2))) error(:, :) = self%filtered
             end if
+            do i = 1, size(error, 1)
+                error(i, 2) = abs(error(i, 2))
+                error(i, 1) = abs(error(i, 1)) + q_by_qd*h*error(i, 2)
+            end do
+            if (binds_velocities) call scales%add_turn(state, error(:, 1), error(:, 2))
         end associate
-        self%largest_error = max(self%largest_error, error)
-    end subroutine note_error
+    end subroutine find_errors
 
     !> Return to the state that was left, if any was.
     subroutine look_back(self, state, errors, model, chart)
@@ -222,6 +289,6 @@ contains
 
         call pack%item(self%has_step)
         call pack%item(self%segment)
-        call pack%item(self%largest_error)
+        call pack%item(self%largest_q, self%largest_qd)
     end subroutine pack_state
 end module tandem_simulate_dense_output

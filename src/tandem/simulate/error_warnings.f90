@@ -9,7 +9,7 @@ module tandem_simulate_error_warnings
     use tandem_options, only: options_type
     use tandem_simulate_global_error, only: global_error_type
     use tandem_simulate_statistics, only: statistics_type
-    use tandem_simulate_warning, only: add_warning, large, times, warning_limit, warning_type
+    use tandem_simulate_warning, only: add_warning, dense_limit, large, times, warning_limit, warning_type
     use tandem_status, only: status_interrupted, status_invalid_option
     implicit none (type, external)
     private
@@ -68,11 +68,12 @@ contains
             call add_warning(doubts, 'the velocity changes by '//two_digits(statistics%velocity_gap)// &
                 ' of itself without an acceleration in the step to t = '//to_text(statistics%t_gap)//cause)
         end if
-        if (statistics%dense_error > limit) then
+        if (max(statistics%dense_error_q, statistics%dense_error_qd) > allowed_between(options, statistics, global_error)) then
             cause = advice
             if (options%is_adaptive()) cause = cause//' or set max_step'
-            call add_warning(doubts, 'between steps, where the output looks, the motion is off by up to '// &
-                two_digits(statistics%dense_error)//' of the state'//cause)
+            call add_warning(doubts, 'between steps, where the output looks, positions are off by up to '// &
+                two_digits(statistics%dense_error_q)//' and velocities by up to '//two_digits(statistics%dense_error_qd)// &
+                ' of the state'//cause)
         end if
         if (.not. present(global_error)) return
         if (.not. global_error%is_known) return
@@ -94,6 +95,20 @@ contains
             end if
         end associate
     end subroutine find_error_warnings
+
+    !> What the motion between steps may be off by: ten times the tolerance, or with fixed steps what is worth a warning of a step,
+    !> and no less than the steps themselves leave.
+    pure real(wp) function allowed_between(options, statistics, global_error)
+        type(options_type), intent(in) :: options
+        type(statistics_type), intent(in) :: statistics
+        class(global_error_type), intent(in), optional :: global_error
+
+        allowed_between = large
+        if (options%is_adaptive()) allowed_between = min(large, dense_limit*options%relative_tolerance())
+        allowed_between = max(allowed_between, statistics%local_error_sum)
+        if (.not. present(global_error)) return
+        if (global_error%is_known) allowed_between = max(allowed_between, global_error%largest)
+    end function allowed_between
 
     !> Whether the failure of a second run is a reason to doubt the first: that events keep it from being compared, that somebody
     !> stops it, or that the time is over, says nothing.

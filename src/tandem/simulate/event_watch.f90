@@ -81,6 +81,9 @@ module tandem_simulate_event_watch
         !> The zeros that the last search has found.
         type(zeros_type) :: found
         type(watched_type), allocatable, private :: watched(:)
+        !> What there was before the last search.
+        type(watched_type), allocatable, private :: watched_before(:)
+        logical, private :: were_stale = .true.
         !> The model, for the scales of its coordinates.
         class(model_type), pointer, private :: model => null()
         real(wp), allocatable, private :: lambda(:)
@@ -96,9 +99,9 @@ module tandem_simulate_event_watch
         !> Events one after the other without an advance of time.
         integer, private :: n_at_once = 0
     contains
-        procedure :: add, name, forget_values, rule_out, search, find_cut, pass, settle, renew, prepare_actions, act, judge_actions
-        procedure :: pack_state
-        procedure, private :: evaluate, evaluate_point, measure_all, end_measuring, measure_noise
+        procedure :: add, name, forget_values, rule_out, search, forget_search, find_cut, pass, settle, renew, prepare_actions, act
+        procedure :: judge_actions, pack_state
+        procedure, private :: evaluate, evaluate_point, measure_all, end_measuring
     end type event_watch_type
 
     abstract interface
@@ -169,6 +172,7 @@ contains
         self%model => model
         longer(self%n)%event => event
         call move_alloc(longer, self%watched)
+        self%watched_before = self%watched
         if (.not. allocated(self%near_q)) allocate (self%near_q(model%n), self%near_qd(model%n), source=0.0_wp)
         select type (event)
         class is (threshold_event_type)
@@ -199,13 +203,13 @@ contains
         self%measures = .true.
     end subroutine ask_for
 
-    !> True if values up to this modulus may be rounding.
-    pure logical function is_faint(self, largest)
-        class(watched_type), intent(in) :: self
-        real(wp), intent(in) :: largest
+    !> The step that was searched last is not kept.
+    pure subroutine forget_search(self)
+        class(event_watch_type), intent(inout) :: self
 
-        is_faint = largest <= max(faint*self%peak, self%noise)
-    end function is_faint
+        self%watched(:) = self%watched_before
+        self%values_are_stale = self%were_stale
+    end subroutine forget_search
 
     !> The name of an event.
     pure function name(self, number)

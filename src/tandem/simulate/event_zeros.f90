@@ -29,6 +29,8 @@ contains
     module procedure search
         integer :: i
 
+        self%watched_before(:) = self%watched
+        self%were_stale = self%values_are_stale
         call take_samples(self, curve, error)
         self%found%n = 0
         do i = 1, self%n

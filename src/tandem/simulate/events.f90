@@ -31,6 +31,7 @@ contains
         logical :: may_happen
 
         is_cut = .false.
+        is_refused = .false.
         call follow(self, curve)
         call self%watch%rule_out(curve, may_happen)
         if (.not. may_happen) return
@@ -38,6 +39,14 @@ contains
         if (allocated(error)) then
             call self%look_back()
             return
+        end if
+        if (self%watch%found%n > 0 .and. self%options%is_adaptive() .and. .not. self%next_look < self%state%t) then
+            call self%look_back()
+            call self%judge_between(is_refused)
+            if (is_refused) then
+                call self%watch%forget_search()
+                return
+            end if
         end if
         call self%watch%find_cut(curve, cut_at, at_once)
         is_cut = cut_at <= 1.0_wp
@@ -209,6 +218,7 @@ contains
             return
         end if
         call self%control%restart()
+        call self%dense_control%begin()
         call self%local_error%restart()
         call self%stiffness%smoothness%restart()
         ! Where a loss of rank was ahead before, it need not be so now.

@@ -148,6 +148,7 @@ contains
         call watch_constraints(self)
         call self%control%set_method(self%method)
         call self%control%restart()
+        call self%dense_control%begin()
         call self%stiffness%pause()
         self%stepper%time_scale = self%model%time_scale
         call self%stepper%initialize(self%model%scales(), self%options%newton_tolerance())

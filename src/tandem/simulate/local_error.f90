@@ -44,8 +44,8 @@ module tandem_simulate_local_error
         real(wp), private :: last_imposed = 0.0_wp, imposed_step = 0.0_wp
         integer, private :: in_vain = 0
     contains
-        procedure :: initialize, set_weights, add, extend, restart, pack_state
-        procedure :: gap, jump, allow_gap, begin_step, find_gap, is_missed, largest_part, size_of_window
+        procedure :: initialize, set_weights, add, take_back, extend, restart, pack_state
+        procedure :: gap, allow_gap, begin_step, find_gap, is_missed, largest_part, largest_parts, add_turn, size_of_window
         procedure :: count_imposed, add_imposed
         procedure, private :: largest_velocity, may_gap, scale_of, size_of_q
     end type local_error_type
@@ -128,6 +128,17 @@ contains
         self%largest = max(self%largest, total/real(steps, wp), epsilon(1.0_wp))
         self%steps = self%steps + steps
     end subroutine add
+
+    !> The last step is not kept, whose error was added to this total.
+    pure subroutine take_back(self, total, steps)
+        class(local_error_type), intent(inout) :: self
+        real(wp), intent(in) :: total
+        integer(long), intent(in) :: steps
+
+        self%total = total
+        self%steps = steps
+        self%in_window = 0
+    end subroutine take_back
 
     !> Take note of a step. A step that does not continue the last one, or has another size, begins a new window.
     pure subroutine extend(self, start, arrived, is_complete)
@@ -383,14 +394,50 @@ contains
         class(local_error_type), intent(in) :: self
         type(state_type), intent(in) :: state
         real(wp), intent(in), contiguous :: error_q(:), error_qd(:)
+        real(wp) :: part_q, part_qd
+
+        call self%largest_parts(state, error_q, error_qd, part_q, part_qd)
+        largest_part = max(part_q, part_qd)
+    end function largest_part
+
+    !> The same of q and of qd apart.
+    pure subroutine largest_parts(self, state, error_q, error_qd, part_q, part_qd)
+        class(local_error_type), intent(in) :: self
+        type(state_type), intent(in) :: state
+        real(wp), intent(in), contiguous :: error_q(:), error_qd(:)
+        real(wp), intent(out) :: part_q, part_qd
         integer :: i
 
-        largest_part = 0.0_wp
+        part_q = 0.0_wp
+        part_qd = 0.0_wp
         do i = 1, self%n
-            largest_part = max(largest_part, abs(error_q(i))/self%size_of_q(i, state%q(i)), &
-                abs(error_qd(i))/(self%rate*self%scale_of(i) + abs(state%qd(i))))
+            part_q = max(part_q, abs(error_q(i))/self%size_of_q(i, state%q(i)))
+            part_qd = max(part_qd, abs(error_qd(i))/(self%rate*self%scale_of(i) + abs(state%qd(i))))
         end do
-    end function largest_part
+    end subroutine largest_parts
+
+    !> Rows that bind velocities turn them with an error of the position, as those of a wheel with that of its heading: add this to
+    !> errors of qd. A part of the largest velocity for each unit of the largest error, since that may be one of the place alone.
+    pure subroutine add_turn(self, state, error_q, error_qd)
+        class(local_error_type), intent(in) :: self
+        type(state_type), intent(in) :: state
+        !> Moduli (n).
+        real(wp), intent(in), contiguous :: error_q(:)
+        real(wp), intent(inout), contiguous :: error_qd(:)
+        real(wp), parameter :: share = 0.5_wp
+        real(wp) :: error, speed
+        integer :: i
+
+        error = 0.0_wp
+        speed = 0.0_wp
+        do i = 1, self%n
+            error = max(error, error_q(i)/self%scale_of(i))
+            speed = max(speed, abs(state%qd(i))/self%scale_of(i))
+        end do
+        do i = 1, self%n
+            error_qd(i) = error_qd(i) + share*error*speed*self%scale_of(i)
+        end do
+    end subroutine add_turn
 
     !> The error of a window on the scale s + |y| of a state, root mean square.
     pure real(wp) function size_of_window(self, state)

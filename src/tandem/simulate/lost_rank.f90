@@ -28,7 +28,7 @@ module tandem_simulate_lost_rank
         integer, private :: reason = status_ok
         real(wp), private :: until = -huge(1.0_wp)
     contains
-        procedure :: forget_ahead, is_ahead, was_met, is_near, longest_step, look_ahead, look_within
+        procedure :: forget_ahead, go_back, is_ahead, was_met, is_near, longest_step, look_ahead, look_within
         procedure, nopass :: find_near, find_close
         procedure :: check
         procedure, nopass :: find_behind
@@ -43,6 +43,14 @@ contains
 
         self%room = huge(1.0_wp)
     end subroutine forget_ahead
+
+    !> A step of size h is not kept: the loss is farther ahead again.
+    pure subroutine go_back(self, h)
+        class(lost_rank_type), intent(inout) :: self
+        real(wp), intent(in) :: h
+
+        if (self%is_ahead()) self%room = self%room + h
+    end subroutine go_back
 
     !> Whether steps approach a loss.
     pure logical function is_ahead(self)

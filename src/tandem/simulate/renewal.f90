@@ -108,6 +108,7 @@ contains
             if (allocated(model%nu_jumps)) jumps = model%nu_jumps(model%segment)
             model%segment = model%segment + 1
             call self%control%restart()
+            call self%dense_control%begin()
             call self%local_error%restart()
             call self%stiffness%smoothness%restart()
             call self%chart%forget()

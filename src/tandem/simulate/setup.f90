@@ -133,6 +133,7 @@ contains
 
         self%tally = statistics_type()
         self%stiffness = stiffness_type()
+        self%next_look = huge(1.0_wp)
         self%grid_steps = 0
         self%on_grid = .true.
         self%last_step = 0.0_wp

@@ -18,6 +18,7 @@ module tandem_simulation
     use tandem_simulate_assembly, only: assemble, assembly_type
     use tandem_simulate_step_control, only: step_control_type
     use tandem_simulate_warning, only: warning_limit, warning_type
+    use tandem_simulate_dense_control, only: dense_control_type
     use tandem_simulate_dense_output, only: dense_output_type
     use tandem_simulate_event_watch, only: event_watch_type
     use tandem_simulate_lost_rank, only: lost_rank_type
@@ -100,6 +101,9 @@ module tandem_simulation
         type(state_type), private :: start, next
         logical, private :: end_is_apart = .false.
         type(dense_output_type), private :: dense
+        !> From when on somebody will look between steps, as far as that is known, and how long steps may be for it.
+        real(wp), private :: next_look = huge(1.0_wp)
+        type(dense_control_type), private :: dense_control
         !> Why the next step needs a new chart whatever the policy says; 0 where it does not.
         integer, private :: renewal = 0
         type(event_watch_type), private :: watch
@@ -128,10 +132,10 @@ module tandem_simulation
         logical, private :: chart_is_current = .false.
     contains
         procedure :: initialize, step, integrate, limit_steps
-        procedure :: look_at, look_back
+        procedure :: expect_look, look_at, look_back
         procedure :: statistics, multipliers, kinetic_energy, potential_energy
         procedure :: warn, add_event, save_state, restore_state
-        procedure, private :: check_ready, advance, make_room, part_end, look_for_events, act_on_events, accept_start
+        procedure, private :: check_ready, advance, make_room, part_end, judge_between, look_for_events, act_on_events, accept_start
         procedure, private :: choose_rows_anew, has_surplus_rows, allocate_chart, allocate_stepper, renew_chart, move_origin
         procedure, private :: consider_exchange
         procedure, private :: consider_beginning, take_stepper, set_method, measure_errors, fail, explain, compare_procedures
@@ -276,6 +280,14 @@ module tandem_simulation
             type(error_type), allocatable, intent(out) :: error
         end subroutine look_at
 
+        !> Let error control include the motion within the last step where somebody looks there: refuse the step if that is off by
+        !> more than the tolerance allows, else bound the next one.
+        module subroutine judge_between(self, is_refused)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            logical, intent(out) :: is_refused
+        end subroutine judge_between
+
         !> Return to the state at the end of the last step.
         module subroutine look_back(self)
             implicit none (type, external)
@@ -333,12 +345,14 @@ module tandem_simulation
         end subroutine add_event
 
         !> Look for events in the last step, record them, and cut the step where one stops or changes the motion.
-        module subroutine look_for_events(self, is_last, is_cut, error)
+        module subroutine look_for_events(self, is_last, is_cut, is_refused, error)
             implicit none (type, external)
             class(simulation_type), intent(inout), target :: self
             !> Whether no step may follow: a zero at the end counts now.
             logical, intent(in) :: is_last
             logical, intent(out) :: is_cut
+            !> Whether the motion within the step is too uncertain for the events that were found; nothing is known of them then.
+            logical, intent(out) :: is_refused
             type(error_type), allocatable, intent(out) :: error
         end subroutine look_for_events
 
@@ -563,6 +577,17 @@ contains
             call self%control%set_max_step(max_step)
         end if
     end subroutine limit_steps
+
+    !> Say that somebody will look between steps at a time, and perhaps later: error control includes the motion within the step
+    !> that passes it. Of several times the first counts; it is forgotten when a step has passed it. Who looks without it finds what
+    !> the steps leave.
+    subroutine expect_look(self, t)
+        class(simulation_type), intent(inout) :: self
+        !> The end of the last step, for a look somewhere in the next, or later.
+        real(wp), intent(in) :: t
+
+        self%next_look = min(self%next_look, t)
+    end subroutine expect_look
 
     !> Count time from here on, until `stop_clock`. `integrate` does both; whoever makes single steps may.
     subroutine start_clock(self)

@@ -42,8 +42,8 @@ module tandem_simulate_statistics
         !> By how much the accelerations of a step miss its change of velocity, the largest on the scale s + |qd|, and when: more
         !> than the error of a step where velocity constraints jump and no breakpoint tells of it.
         real(wp) :: velocity_gap = 0.0_wp, t_gap = 0.0_wp
-        !> Estimated error of the motion between steps, the largest at the times that were looked at, on the scale s + |y|.
-        real(wp) :: dense_error = 0.0_wp
+        !> Estimated errors of q and of qd between steps, the largest at the times that were looked at, on the scale s + |y|.
+        real(wp) :: dense_error_q = 0.0_wp, dense_error_qd = 0.0_wp
         !> Explicit steppers: steps at the limit of stability; whether there were so many in a row that stability, not accuracy,
         !> limits the steps, and since when.
         integer(long) :: stiff_steps = 0

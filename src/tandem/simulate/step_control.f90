@@ -33,6 +33,8 @@ module tandem_simulate_step_control
         real(wp), private :: max_step = huge(1.0_wp)
         integer, private :: order = 4
         real(wp), private :: exponent = 0.2_wp, last_norm = 1.0e-4_wp
+        !> The error norm of the last accepted step.
+        real(wp) :: norm = 0.0_wp
         !> A step is this part of the one whose error norm would be 1, and the norm that it aims at.
         real(wp), private :: safety = 0.8_wp, aim = 0.8_wp**5
         !> Weight of the last error, and h |lambda| from which on it counts in full.
@@ -54,7 +56,7 @@ module tandem_simulate_step_control
     contains
         procedure :: initialize, set_method, set_order, set_weights
         procedure :: accept, reject, fail
-        procedure :: set_max_step, limit, begin, restart, pack_state
+        procedure :: set_max_step, stay_below, limit, begin, restart, pack_state
         procedure, private :: round_down, meet_barrier
     end type step_control_type
 
@@ -200,6 +202,7 @@ contains
         self%is_free = .not. was_cut .and. h < 0.9_wp*self%max_step
         self%h = self%limit(wanted)
         self%last_norm = max(norm, 1.0e-4_wp)
+        self%norm = norm
         self%was_rejected = .false.
     end subroutine accept
 
@@ -247,6 +250,14 @@ contains
         self%first_step = min(self%first_step, max_step)
         self%h = min(self%h, max_step)
     end subroutine set_max_step
+
+    !> The next step is no longer than this.
+    pure subroutine stay_below(self, longest)
+        class(step_control_type), intent(inout) :: self
+        real(wp), intent(in) :: longest
+
+        if (longest < self%h) self%h = self%limit(longest)
+    end subroutine stay_below
 
     !> A step within the limits.
     pure real(wp) function limit(self, h)

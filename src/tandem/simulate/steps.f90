@@ -11,6 +11,9 @@ submodule(tandem_simulation) tandem_simulate_steps
         real(wp) :: errors(3), largest_errors(3), gap
         integer(long) :: grid_steps
         logical :: on_grid
+        !> The sum of the local errors and the steps behind it.
+        real(wp) :: local_errors
+        integer(long) :: local_steps
     end type before_type
 
 contains
@@ -18,7 +21,7 @@ contains
     module procedure advance
         type(before_type) :: before
         real(wp) :: t
-        logical :: stands_at_breakpoint, ends_at_breakpoint
+        logical :: stands_at_breakpoint, ends_at_breakpoint, is_refused
 
         call self%look_back()
         self%is_stopped = .false.
@@ -35,23 +38,29 @@ contains
         before%gap = self%tally%velocity_gap
         before%grid_steps = self%grid_steps
         before%on_grid = self%on_grid
+        before%local_errors = self%local_error%total
+        before%local_steps = self%local_error%steps
+        if (.not. self%is_interrupted) call self%dense_control%begin_step()
         ! Of a model that contradicts itself every point is brought onto the manifold.
         if (self%tally%contradiction /= '') self%stepper%projects_stages = .true.
         call self%make_room()
-        call step_within_tolerance(self, t_limit, before, ends_at_breakpoint, error)
-        if (allocated(error)) return
-        self%last_step = self%state%t - self%start%t
-        if (self%method%stability_limit > 0.0_wp) call watch_stiffness(self)
-        call self%dense%note_step(self%model%segment)
-        ! A wrong procedure shows in steps. Looked at are those with a power of two for their number, and ones that show more.
-        if (popcnt(self%tally%steps + 1) == 1 .or. self%tally%velocity_gap > 2*before%gap) then
-            if (self%local_error%is_missed(self%start, self%state)) call self%compare_procedures()
-        end if
+        do
+            call step_within_tolerance(self, t_limit, before, ends_at_breakpoint, error)
+            if (allocated(error)) return
+            self%last_step = self%state%t - self%start%t
+            if (self%method%stability_limit > 0.0_wp) call watch_stiffness(self)
+            call self%dense%note_step(self%model%segment)
+            ! A wrong procedure shows in steps. Looked at are those with a power of two for their number, and ones that show more.
+            if (popcnt(self%tally%steps + 1) == 1 .or. self%tally%velocity_gap > 2*before%gap) then
+                if (self%local_error%is_missed(self%start, self%state)) call self%compare_procedures()
+            end if
+            if (.not. self%watch%n > 0) exit
+            call search_step(self, t_limit, before, ends_at_breakpoint, is_refused, error)
+            if (.not. is_refused) exit
+        end do
         self%chart_is_current = .false.
-        if (self%watch%n > 0) then
-            call search_step(self, t_limit, before, ends_at_breakpoint, error)
-            if (allocated(error) .or. .not. self%last_step > 0.0_wp) return
-        end if
+        if (allocated(error) .or. .not. self%last_step > 0.0_wp) return
+        if (self%next_look <= self%state%t + 4*spacing(self%state%t)) self%next_look = huge(1.0_wp)
         call self%model%arrive(self%state%t, self%state%q, .false.)
         self%tally%steps = self%tally%steps + 1
         self%tally%smallest_step = min(self%tally%smallest_step, self%last_step)
@@ -91,7 +100,7 @@ contains
         logical, intent(out) :: ends_at_breakpoint
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: stop_at
-        logical :: is_hopeless
+        logical :: is_hopeless, is_refused
 
         do
             if (self%options%is_adaptive()) then
@@ -102,7 +111,13 @@ contains
             if (allocated(error)) return
             call keep_step(self)
             call self%measure_errors(error)
-            if (.not. allocated(error)) return
+            if (.not. allocated(error)) then
+                call consider_looks(self, is_refused)
+                if (.not. is_refused) return
+                call take_back(self, before)
+                call forget_errors(self, before)
+                cycle
+            end if
             call take_back(self, before)
             ! Of redundant rows, those in use may have come near dependence since the chart was made: one made here does better, and
             ! else a shorter step.
@@ -123,9 +138,7 @@ contains
                 return
             end if
             deallocate (error)
-            self%tally%position_error = before%largest_errors(1)
-            self%tally%velocity_error = before%largest_errors(2)
-            self%tally%acceleration_error = before%largest_errors(3)
+            call forget_errors(self, before)
             if (.not. self%chart_is_current) self%renewal = by_failure
         end do
     end subroutine step_within_tolerance
@@ -162,6 +175,32 @@ contains
         self%on_grid = before%on_grid
     end subroutine take_back
 
+    !> The errors of a step that is not kept count for nothing.
+    subroutine forget_errors(self, before)
+        class(simulation_type), intent(inout) :: self
+        type(before_type), intent(in) :: before
+
+        self%tally%position_error = before%largest_errors(1)
+        self%tally%velocity_error = before%largest_errors(2)
+        self%tally%acceleration_error = before%largest_errors(3)
+        call self%local_error%take_back(before%local_errors, before%local_steps)
+    end subroutine forget_errors
+
+    !> Where somebody looks between steps, judge the motion there.
+    subroutine consider_looks(self, is_refused)
+        class(simulation_type), intent(inout) :: self
+        logical, intent(out) :: is_refused
+
+        is_refused = .false.
+        if (.not. (self%options%is_adaptive() .and. self%next_look < huge(1.0_wp))) return
+        if (self%next_look < self%state%t) then
+            call self%judge_between(is_refused)
+        else
+            call self%dense_control%skip()
+        end if
+        if (.not. is_refused) call self%control%stay_below(self%dense_control%longest)
+    end subroutine consider_looks
+
     !> Look whether stability limits the steps of an explicit method.
     subroutine watch_stiffness(self)
         class(simulation_type), intent(inout) :: self
@@ -177,15 +216,17 @@ contains
     end subroutine watch_stiffness
 
     !> Look for events in the step, which they may cut. A step that cannot be searched is not kept.
-    subroutine search_step(self, t_limit, before, ends_at_breakpoint, error)
+    subroutine search_step(self, t_limit, before, ends_at_breakpoint, is_refused, error)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: t_limit
         type(before_type), intent(in) :: before
         logical, intent(inout) :: ends_at_breakpoint
+        !> Whether a shorter one is wanted.
+        logical, intent(out) :: is_refused
         type(error_type), allocatable, intent(out) :: error
         logical :: is_cut
 
-        call self%look_for_events(self%next%t >= t_limit, is_cut, error)
+        call self%look_for_events(self%next%t >= t_limit, is_cut, is_refused, error)
         if (is_cut) then
             self%n_collapsed = 0
             call self%slowing%restart()
@@ -196,9 +237,10 @@ contains
                 self%grid_steps = before%grid_steps
                 self%on_grid = .false.
             end if
-        else if (allocated(error)) then
+        else if (allocated(error) .or. is_refused) then
             call take_back(self, before)
             call self%dense%forget_step()
+            if (is_refused) call forget_errors(self, before)
         end if
     end subroutine search_step
 

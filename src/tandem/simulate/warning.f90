@@ -6,10 +6,13 @@ module tandem_simulate_warning
     implicit none (type, external)
     private
 
-    public :: add_warning, large, times, warning_limit, warning_type
+    public :: add_warning, dense_limit, large, times, warning_limit, warning_type
 
     !> Errors above this part of the state are worth a warning with fixed steps, and above so many times the tolerance with others.
     real(wp), parameter :: large = 5.0e-4_wp, times = 15.0_wp
+
+    !> Under error control the motion between steps is kept within so many times the tolerance where somebody looks there.
+    real(wp), parameter :: dense_limit = 10.0_wp
 
     type :: warning_type
         !> What was seen and what to do about it.

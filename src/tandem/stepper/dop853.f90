@@ -32,7 +32,7 @@ contains
         type(properties_type) :: properties_
 
         properties_ = properties_type('dop853', 8, 12, .false., 7, 'conditional (|h lambda| < 6)', &
-            'Prince, Dormand 1981; Hairer, Norsett, Wanner I, section II.10', 7, stability_limit=6.1_wp)
+            'Prince, Dormand 1981; Hairer, Norsett, Wanner I, section II.10', 7, dense_probe=2.0_wp/3, stability_limit=6.1_wp)
     end function properties
 
     !> Set the tableau.

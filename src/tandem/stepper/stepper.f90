@@ -25,7 +25,9 @@ module tandem_stepper
         character(len=96) :: source = ''
         !> Order of the position between the ends of a step; that of the velocity is one less for Hermite's 6.
         integer :: dense_order = 6
-        !> Explicit methods: h |lambda| at the stability limit of the step; 0 if there is none.
+        !> The part of a step after which the slope of the interpolant misses the rates most, or nearly so.
+        real(wp) :: dense_probe = 0.45_wp
+        !> Explicit methods: h |lambda| at which the step is at the limit of stability; 0 where there is none.
         real(wp) :: stability_limit = 0.0_wp
         !> True if stiff modes are damped: R(infinity) = 0.
         logical :: damps = .false.

@@ -486,10 +486,20 @@ contains
             if (allocated(error)) return
             if (self%gathered == self%capacity) call self%bring(simulation)
         end if
+        call expect_looks(self, simulation)
         if (occasion == at_start) call self%save(simulation)
         if (occasion == at_step) call self%watch(simulation)
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine observe
+
+    !> Say when rows or integrals look between steps next.
+    subroutine expect_looks(self, simulation)
+        class(trajectory_type), intent(in) :: self
+        class(simulation_type), intent(inout) :: simulation
+
+        if (size(self%rates) > 0) call simulation%expect_look(simulation%state%t)
+        if (self%interval > 0.0_wp) call simulation%expect_look(self%first_time + real(self%intervals + 1, wp)*self%interval)
+    end subroutine expect_looks
 
     !> Write what is left, the report and the outcome, and close the file.
     subroutine close(self, simulation, run_error, error, more_follows)

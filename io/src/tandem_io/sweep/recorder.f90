@@ -100,7 +100,20 @@ contains
                 if (.not. allocated(error)) call self%look(simulation, error)
             end if
         end select
+        if (self%looks_between .and. occasion /= at_end) call expect_looks(self, simulation)
     end subroutine observe
+
+    !> Say which times between steps come next.
+    subroutine expect_looks(self, simulation)
+        class(recorder_type), intent(in) :: self
+        class(simulation_type), intent(inout) :: simulation
+        integer :: i
+
+        do i = 1, size(self%kept)
+            if (self%kept(i)%take /= take_times) cycle
+            if (self%passed(i) < size(self%kept(i)%times)) call simulation%expect_look(self%kept(i)%times(self%passed(i) + 1))
+        end do
+    end subroutine expect_looks
 
     !> The start.
     subroutine begin(self, simulation, error)

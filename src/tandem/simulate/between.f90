@@ -1,0 +1,38 @@
+! SPDX-License-Identifier: MIT
+!> Error control of the motion between the ends of steps, where somebody looks there.
+submodule(tandem_simulation) tandem_simulate_between
+    use tandem_simulate_warning, only: dense_limit
+    implicit none (type, external)
+
+contains
+
+    module procedure judge_between
+        !> Steps of less than so many spacings of the time show rounding.
+        real(wp), parameter :: shortest = 1.0e4_wp
+        !> The error at one place of a step may be this part of the largest.
+        real(wp), parameter :: share = 0.5_wp
+        real(wp) :: h, norm
+        integer :: order, stat
+
+        is_refused = .false.
+        h = self%state%t - self%start%t
+        if (.not. (self%dense_control%is_due(self%control%norm) .and. h > shortest*spacing(abs(self%state%t)))) then
+            call self%dense_control%skip()
+            return
+        end if
+        call self%dense%measure(self%method%dense_probe, self%stepper, self%chart, self%model, self%method%implicit, &
+            self%local_error, self%start, self%state, self%control%weight_q, self%control%weight_qd, norm, stat)
+        ! Who looks there is told why it cannot be evaluated.
+        if (stat /= status_ok .or. .not. norm <= huge(1.0_wp)) return
+        order = self%method%estimate_order
+        if (self%method%varies) order = self%stepper%order_of_estimate()
+        norm = norm/(share*dense_limit)
+        call self%dense_control%judge(h, norm, self%control%norm, real(order + 1, wp), is_refused)
+        if (.not. is_refused) return
+        self%tally%rejected = self%tally%rejected + 1
+        call self%control%reject(h, norm)
+        call self%lost_rank%go_back(h)
+        call self%chart%retry_step()
+        self%hindrance = status_ok
+    end procedure judge_between
+end submodule tandem_simulate_between
