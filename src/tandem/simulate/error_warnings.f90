@@ -104,7 +104,7 @@ contains
         class(global_error_type), intent(in), optional :: global_error
 
         allowed_between = large
-        if (options%is_adaptive()) allowed_between = min(large, dense_limit*options%relative_tolerance())
+        if (options%is_adaptive()) allowed_between = dense_limit*options%relative_tolerance()
         allowed_between = max(allowed_between, statistics%local_error_sum)
         if (.not. present(global_error)) return
         if (global_error%is_known) allowed_between = max(allowed_between, global_error%largest)

@@ -431,7 +431,7 @@ contains
         error = 0.0_wp
         speed = 0.0_wp
         do i = 1, self%n
-            error = max(error, error_q(i)/self%scale_of(i))
+            error = max(error, error_q(i)/self%size_of_q(i, state%q(i)))
             speed = max(speed, abs(state%qd(i))/self%scale_of(i))
         end do
         do i = 1, self%n
