@@ -9,8 +9,6 @@ contains
     module procedure judge_between
         !> Steps of less than so many spacings of the time show rounding.
         real(wp), parameter :: shortest = 1.0e4_wp
-        !> The error at one place of a step may be this part of the largest.
-        real(wp), parameter :: share = 0.5_wp
         real(wp) :: h, norm
         integer :: order, stat
 
@@ -20,13 +18,11 @@ contains
             call self%dense_control%skip()
             return
         end if
-        call self%dense%measure(self%method%dense_probe, self%stepper, self%chart, self%model, self%method%implicit, &
-            self%local_error, self%start, self%state, self%control%weight_q, self%control%weight_qd, norm, stat)
+        call measure(self, norm, stat)
         ! Who looks there is told why it cannot be evaluated.
         if (stat /= status_ok .or. .not. norm <= huge(1.0_wp)) return
         order = self%method%estimate_order
         if (self%method%varies) order = self%stepper%order_of_estimate()
-        norm = norm/(share*dense_limit)
         call self%dense_control%judge(h, norm, self%control%norm, real(order + 1, wp), is_refused)
         if (.not. is_refused) return
         self%tally%rejected = self%tally%rejected + 1
@@ -35,4 +31,32 @@ contains
         call self%chart%retry_step()
         self%hindrance = status_ok
     end procedure judge_between
+
+    !> The error within the last step on the scale of what is allowed: at the method's place, and also near the end, where the
+    !> errors of steps into a turn of the motion are largest, if it is not far below what is allowed.
+    subroutine measure(self, norm, stat)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(out) :: norm
+        integer, intent(out) :: stat
+        !> The error at such a place may be this part of the largest.
+        real(wp), parameter :: share = 0.5_wp
+        real(wp), parameter :: near_end = 0.9_wp, far_below = 0.1_wp
+        real(wp) :: second
+
+        call measure_at(self%method%dense_probe, norm)
+        if (stat /= status_ok .or. .not. (norm > far_below .and. norm <= 1.0_wp)) return
+        call measure_at(near_end, second)
+        norm = max(norm, second)
+
+    contains
+
+        subroutine measure_at(place, norm)
+            real(wp), intent(in) :: place
+            real(wp), intent(out) :: norm
+
+            call self%dense%measure(place, self%stepper, self%chart, self%model, self%method%implicit, self%local_error, &
+                self%start, self%state, self%control%weight_q, self%control%weight_qd, norm, stat)
+            norm = norm/(share*dense_limit)
+        end subroutine measure_at
+    end subroutine measure
 end submodule tandem_simulate_between
