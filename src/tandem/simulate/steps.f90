@@ -6,15 +6,35 @@ submodule(tandem_simulation) tandem_simulate_steps
     !> How a try of a controlled step may end: kept, beyond the tolerance, with a gap of the velocity, or not at all.
     integer, parameter :: is_kept = 0, misses_tolerance = 1, leaves_gap = 2, fails = 3
 
-    !> What there was before a step: errors of the state and the largest ones so far, the gap of the velocity, the grid.
+    !> What there was before a step: errors of the state and the largest ones so far, the largest gap of the velocity, the grid.
     type :: before_type
-        real(wp) :: errors(3), largest_errors(3), gap
+        real(wp) :: errors(3), largest_errors(3), gap, t_gap
         integer(long) :: grid_steps
         logical :: on_grid
         !> The sum of the local errors and the steps behind it.
         real(wp) :: local_errors
         integer(long) :: local_steps
     end type before_type
+
+    interface
+        !> A first step from the size of the rates and of their change (Hairer, Norsett, Wanner I, section II.4).
+        module subroutine choose_first_step(self, span)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> Time to the next stop.
+            real(wp), intent(in) :: span
+        end subroutine choose_first_step
+
+        !> Take note of the error of the step to self%next: of the stepper's own estimate where there is one that is free or was
+        !> made, else of the window of equal steps that it completes.
+        module subroutine note_local_error(self, h, norm)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            real(wp), intent(in) :: h
+            !> The estimate of a controlled step on the scale of the tolerances.
+            real(wp), intent(in), optional :: norm
+        end subroutine note_local_error
+    end interface
 
 contains
 
@@ -36,6 +56,7 @@ contains
         before%errors = self%errors
         before%largest_errors = [self%tally%position_error, self%tally%velocity_error, self%tally%acceleration_error]
         before%gap = self%tally%velocity_gap
+        before%t_gap = self%tally%t_gap
         before%grid_steps = self%grid_steps
         before%on_grid = self%on_grid
         before%local_errors = self%local_error%total
@@ -183,6 +204,8 @@ contains
         self%tally%position_error = before%largest_errors(1)
         self%tally%velocity_error = before%largest_errors(2)
         self%tally%acceleration_error = before%largest_errors(3)
+        self%tally%velocity_gap = before%gap
+        self%tally%t_gap = before%t_gap
         call self%local_error%take_back(before%local_errors, before%local_steps)
     end subroutine forget_errors
 
@@ -513,46 +536,6 @@ contains
         call self%consider_beginning(error)
     end subroutine prepare_tries
 
-    !> Take note of the error of the step to self%next: of the stepper's own estimate where there is one that is free or was
-    !> made, else of the window of equal steps that it completes.
-    subroutine note_local_error(self, h, norm)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(in) :: h
-        !> The estimate of a controlled step on the scale of the tolerances.
-        real(wp), intent(in), optional :: norm
-        logical :: is_complete
-        real(wp) :: relative, filtered, gap
-
-        associate (local => self%local_error)
-            gap = local%jump(self%state, self%next, self%tally%velocity_gap)
-            if (gap > self%tally%velocity_gap) then
-                self%tally%velocity_gap = gap
-                self%tally%t_gap = self%next%t
-            end if
-            if (present(norm) .and. self%options%has_one_tolerance()) then
-                call local%add(norm*self%options%rtol, 1)
-            else if (present(norm) .or. self%method%order > 5) then
-                call local%set_weights(self%next)
-                call self%stepper%estimate(self%chart, h, local%weight_q, local%weight_qd, relative)
-                call local%add(relative, 1)
-            else
-                call local%extend(self%state, self%next, is_complete)
-                if (.not. is_complete) return
-                relative = local%size_of_window(self%next)
-                if (self%method%implicit) then
-                    ! Stiff modes have rates that are large against their changes. The filter takes that out, and also what an
-                    ! error leaves in dependent velocities, so it counts only where it takes nearly all.
-                    call self%chart%filter_error(local%error_q, local%error_qd)
-                    filtered = local%size_of_window(self%next)
-                    if (filtered < 0.1_wp*relative) relative = filtered
-                end if
-                call local%add(relative, steps_of_window)
-                if (self%options%intol > 0.0_wp) return
-                call self%stepper%learn_error(local%largest_part(self%next, local%error_q, local%error_qd)/steps_of_window)
-            end if
-        end associate
-    end subroutine note_local_error
-
     !> The error of a run that has cost what it may; the state is the last accepted one.
     subroutine check_work(self, error)
         class(simulation_type), intent(inout) :: self
@@ -565,40 +548,6 @@ contains
                 .not. self%switching%is_on)))
         end associate
     end subroutine check_work
-
-    !> A first step from the size of the rates and of their change (Hairer, Norsett, Wanner I, section II.4).
-    subroutine choose_first_step(self, span)
-        class(simulation_type), intent(inout) :: self
-        !> Time to the next stop.
-        real(wp), intent(in) :: span
-        real(wp) :: h, size_y, size_f, change
-        integer :: stat
-
-        associate (state => self%state, next => self%next, control => self%control, unit => self%model%time_scale)
-            call control%set_weights(state%q, state%q, state%qd, state%qd)
-            size_y = weighted_norm(state%q, state%qd, control%weight_q, control%weight_qd)
-            size_f = weighted_norm(state%qd, state%qdd, control%weight_q, control%weight_qd)
-            ! In units of the time scale.
-            size_f = size_f*unit
-            h = 1.0e-6_wp*unit
-            if (size_y > 1.0e-5_wp .and. size_f > 1.0e-5_wp) h = 0.01_wp*unit*size_y/size_f
-            h = min(h, 0.1_wp*span)
-            ! One Euler step shows how fast the rates change.
-            next%dq = state%dq + h*state%qd
-            next%dqd = state%dqd + h*state%qdd
-            call self%chart%restore_position(state%t + h, next%dq, next%q, stat)
-            if (stat == status_ok) call self%chart%restore_velocity(state%t + h, next%q, next%dqd, next%qd, stat)
-            if (stat == status_ok) call self%chart%solve_dynamics(state%t + h, next%q, next%qd, next%qdd, stat)
-            if (stat == status_ok) then
-                change = weighted_norm(next%qd - state%qd, next%qdd - state%qdd, control%weight_q, control%weight_qd)*(unit/h)*unit
-                change = 0.01_wp/max(size_f, change, 1.0e-15_wp)
-                if (self%switching%is_on) self%switching%first_step = min(100*h, span, &
-                    unit*change**(1.0_wp/(self%switching%estimate_order + 1)))
-                h = min(100*h, unit*change**(1.0_wp/(self%method%estimate_order + 1)))
-            end if
-            control%h = control%limit(min(h, span))
-        end associate
-    end subroutine choose_first_step
 
     !> Where the next step ends: the next point of the grid t_start + k h, cut at a breakpoint and at t_limit.
     subroutine next_time(self, t_limit, t, ends_on_grid, ends_at_breakpoint)
