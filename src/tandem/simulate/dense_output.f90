@@ -106,7 +106,7 @@ contains
         call go_to(self, t, stepper, chart, start, arrived, state, stat)
         if (stat == status_ok) call chart%constraint_errors(t, state%q, state%qd, state%qdd, errors, rows, stat)
         if (stat /= status_ok) return
-        call find_errors(self, arrived%t - start%t, is_implicit, model%n_nonholonomic > 0, chart, scales, state)
+        call find_errors(self, arrived%t - start%t, is_implicit, model%n_constraints() > 0, chart, scales, state)
         call scales%largest_parts(state, self%slope(:, 1), self%slope(:, 2), part_q, part_qd)
         self%largest_q = max(self%largest_q, part_q)
         self%largest_qd = max(self%largest_qd, part_qd)
@@ -137,7 +137,7 @@ contains
         call chart%hold()
         call go_to(self, start%t + place*(arrived%t - start%t), stepper, chart, start, arrived, self%probe, stat)
         if (stat == status_ok) then
-            call find_errors(self, arrived%t - start%t, is_implicit, model%n_nonholonomic > 0, chart, scales, self%probe)
+            call find_errors(self, arrived%t - start%t, is_implicit, model%n_constraints() > 0, chart, scales, self%probe)
             do i = 1, size(weight_q)
                 norm = max(norm, self%slope(i, 1)*weight_q(i), self%slope(i, 2)*weight_qd(i))
             end do
@@ -193,12 +193,12 @@ contains
     !> Turn the slope of the interpolant at a state into moduli of errors: how well the dense output solves the equations of motion.
     !> Interpolants agree with the motion at both ends; so their errors are a part of what a step leaves at the rate by which the
     !> slope misses the rates at the state. Takes no evaluation of the model.
-    subroutine find_errors(self, h, is_implicit, binds_velocities, chart, scales, state)
+    subroutine find_errors(self, h, is_implicit, is_bound, chart, scales, state)
         type(dense_output_type), intent(inout) :: self
         !> Size of the step.
         real(wp), intent(in) :: h
-        !> Whether the method is implicit, and whether there are nonholonomic rows.
-        logical, intent(in) :: is_implicit, binds_velocities
+        !> Whether the method is implicit, and whether there are constraints.
+        logical, intent(in) :: is_implicit, is_bound
         class(chart_type), intent(inout) :: chart
         type(local_error_type), intent(in) :: scales
         type(state_type), intent(in) :: state
@@ -222,7 +222,7 @@ contains
                 error(i, 2) = abs(error(i, 2))
                 error(i, 1) = abs(error(i, 1)) + q_by_qd*h*error(i, 2)
             end do
-            if (binds_velocities) call scales%add_turn(state, error(:, 1), error(:, 2))
+            if (is_bound) call scales%add_turn(state, error(:, 1), error(:, 2))
         end associate
     end subroutine find_errors
 
