@@ -26,6 +26,7 @@ contains
 
         testsuite = [ &
             new_unittest('doubts-begin-at-half-of-what-is-allowed', test_doubts), &
+            new_unittest('errors-between-steps-count-beyond-those-of-the-steps', test_doubts_between), &
             new_unittest('a-second-run-that-fails-is-a-doubt', test_failed_estimate), &
             new_unittest('jumps-that-nobody-tells-of-are-noticed', test_gap), &
             new_unittest('sdirk54-sees-kinks-before-its-first-stage', test_unseen_kink), &
@@ -74,7 +75,43 @@ contains
         if (.not. allocated(error)) call check_text(error, doubts(1)%text, '6.0e-4 of the state: tighten rtol')
     end subroutine test_doubts
 
-    !> An event is no reason for a warning, but a failure of Newton's iteration with half the step is.
+    !> The motion between steps is warned of where it is off by more than ten times the tolerance and by more than the steps, with both
+    !> errors; with fixed steps where it is off by more than a step may be.
+    subroutine test_doubts_between(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(options_type) :: options
+        type(statistics_type) :: statistics
+        type(global_error_type) :: global_error
+        type(warning_type), allocatable :: doubts(:)
+        integer :: i
+
+        allocate (doubts(0))
+        do i = 1, 2
+            if (i == 1) options%step = 1.0e-3_wp
+            if (i == 2) options = options_type(rtol=1.0e-6_wp)
+            statistics%dense_error_q = 1.0e-9_wp
+            statistics%dense_error_qd = merge(4.0e-4_wp, 9.0e-6_wp, i == 1)
+            statistics%local_error_sum = 0.0_wp
+            call find_error_warnings(options, statistics, doubts)
+            call check_count(error, size(doubts), 0, 'doubts about a small error')
+            statistics%dense_error_qd = merge(6.0e-4_wp, 1.1e-5_wp, i == 1)
+            call find_error_warnings(options, statistics, doubts)
+            call check_count(error, size(doubts), 1, 'doubts about a large error')
+            if (allocated(error)) return
+            call check_text(error, doubts(1)%text, 'positions are off by up to 1.0e-9 and velocities by up to '// &
+                merge('6.0e-4', '1.1e-5', i == 1)//' of the state')
+        end do
+        statistics%local_error_sum = 2.0e-5_wp
+        call find_error_warnings(options, statistics, doubts)
+        call check_count(error, size(doubts), 0, 'doubts where the steps are off by more')
+        statistics%local_error_sum = 0.0_wp
+        global_error%is_known = .true.
+        global_error%largest = 1.2e-5_wp
+        call find_error_warnings(options, statistics, doubts, global_error)
+        call check_count(error, size(doubts), 0, 'doubts where the run is off by more')
+    end subroutine test_doubts_between
+
+    !> An event is no reason to doubt a run, Newton's iteration that fails with half the step is.
     subroutine test_failed_estimate(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options

@@ -165,7 +165,7 @@ contains
         end do
     end function warns
 
-    !> Error control holds the motion between steps within ten times the tolerance, by what it estimates; seen: at most NN times it.
+    !> Error control holds the motion between steps within ten times the tolerance, by what it estimates.
     !> Nothing is warned of.
     subroutine test_controlled(error)
         type(error_type), allocatable, intent(out) :: error
