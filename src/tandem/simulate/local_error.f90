@@ -416,8 +416,8 @@ contains
         end do
     end subroutine largest_parts
 
-    !> Constraints turn velocities with an error of the position, as those of a wheel with that of its heading: add this to errors of
-    !> qd. A part of the largest velocity for each unit of the largest error, since that may be one of the place alone.
+    !> Constraints turn velocities with an error of the position, as those of a wheel with that of its heading: add this to errors
+    !> of qd. A part of the largest velocity for each unit of the largest error, since that may be one of the place alone.
     pure subroutine add_turn(self, state, error_q, error_qd)
         class(local_error_type), intent(in) :: self
         type(state_type), intent(in) :: state

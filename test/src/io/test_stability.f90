@@ -75,8 +75,8 @@ contains
         if (.not. allocated(error)) call check_text(error, doubts(1)%text, '6.0e-4 of the state: tighten rtol')
     end subroutine test_doubts
 
-    !> The motion between steps is warned of where it is off by more than ten times the tolerance and by more than the steps, with both
-    !> errors; with fixed steps where it is off by more than a step may be.
+    !> The motion between steps is warned of where it is off by more than ten times the tolerance and by more than the steps, with
+    !> both errors; with fixed steps where it is off by more than a step may be.
     subroutine test_doubts_between(error)
         type(error_type), allocatable, intent(out) :: error
         type(options_type) :: options
