@@ -109,7 +109,7 @@ check a-changed-subroutine-is-noticed notices src/tandem/legacy/f77.f90 's/real(
 check a-lost-option-is-noticed notices src/tandem/options.f90 "s/('secant_limit'/('secant_bound'/" 'real option secant_limit'
 check a-statistic-that-c-does-not-know-is-noticed notices src/tandem/simulate/statistics.f90 \
     's/local_error_steps = 0/local_error_steps = 0, resets = 0/' 'lacks the statistic resets'
-check a-lost-statistic-is-noticed notices src/tandem/simulate/figures.f90 "s/'dense_error_q'/'error_between'/" 'statistic dense_error_q'
+check a-lost-statistic-is-noticed notices src/tandem/simulate/figures.f90 "s/'dense_error'/'error_between'/" 'statistic dense_error'
 check a-changed-constant-is-noticed notices include/tandem.h 's/TANDEM_MASS = 16/TANDEM_MASS = 17/' 'TANDEM_MASS'
 check a-status-that-c-does-not-know-is-noticed notices src/tandem/status.f90 's/status_newton_failed = -15/status_newton_failed = -99/' 'NEWTON_FAILED'
 check a-version-that-is-not-recorded-is-noticed notices src/tandem/legacy/version.f90 's/= 1/= 2/' 'not recorded'

@@ -23,8 +23,8 @@ FIGURES = (
     "charts right_hand_sides evaluations_phi evaluations_jacobian evaluations_nu evaluations_gamma evaluations_mass "
     "evaluations_force fused_calls newton_matrices newton_factorizations newton_corrections implicit_stages "
     "difference_evaluations gamma_evaluations position_corrections largest_position_error largest_velocity_error "
-    "largest_acceleration_error local_error local_error_sum dense_error_q dense_error_qd start_moved_q start_moved_qd "
-    "event_evaluations n_redundant wall_seconds cpu_seconds").split()
+    "largest_acceleration_error local_error local_error_sum dense_error dense_error_q dense_error_qd start_moved_q "
+    "start_moved_qd event_evaluations n_redundant wall_seconds cpu_seconds").split()
 ERRORS = "global_error_q global_error_qd global_error global_error_largest global_error_time global_error_is_bound".split()
 # Real figures; all others are counters.
 REALS = {name for name in FIGURES if name.startswith(

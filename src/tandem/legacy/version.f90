@@ -6,7 +6,7 @@ module tandem_legacy_version
 
     public :: interface_version
 
-    !> A thousand times the major number, which changes when programs must be changed or recompiled, plus the minor number, which
-    !> changes with every addition. `include/interface.txt` lists the contents.
-    integer, parameter :: interface_version = 1015
+    !> A thousand times the major number, which changes when a program must be changed or compiled anew, plus the minor one,
+    !> which changes when something is added. `include/interface.txt` holds what belongs to it.
+    integer, parameter :: interface_version = 1016
 end module tandem_legacy_version

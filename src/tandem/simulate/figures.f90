@@ -94,6 +94,7 @@ contains
         call reader%value('local_error', s%local_error)
         call reader%value('local_error_sum', s%local_error_sum)
         call reader%count('local_error_steps', s%local_error_steps)
+        call reader%value('dense_error', max(s%dense_error_q, s%dense_error_qd))
         call reader%value('dense_error_q', s%dense_error_q)
         call reader%value('dense_error_qd', s%dense_error_qd)
         call reader%value('velocity_gap', s%velocity_gap)
