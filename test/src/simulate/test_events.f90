@@ -6,8 +6,8 @@ module test_events
     use model_knife_edge, only: knife_edge_type
     use model_particle, only: particle_type
     use runs, only: choose, get_start, new_scene
-    use tandem, only: change_stepper, at_step, chart_policies, event_type, failure_type => error_type, model_type, &
-        observer_type, options_type, refresh_modes, rolling_disk_type, simulation_type, statistics_type, stepper_names, &
+    use tandem, only: change_stepper, at_step, chart_policies, event_type, failure_type => error_type, long, &
+        model_type, observer_type, options_type, refresh_modes, rolling_disk_type, simulation_type, statistics_type, stepper_names, &
         threshold_event_type, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
@@ -453,9 +453,11 @@ contains
         call simulation%look_back()
     end subroutine look_between
 
-    !> Every stepper, policy and mode, fixed and controlled, with and without events: bitwise the same end.
+    !> Every stepper, policy and mode, fixed and controlled, with and without looks: bitwise the same end, unless the motion within a
+    !> step with an event was off by too much, so that it was made again.
     subroutine test_neutral(error)
         type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: rtol = 1.0e-5_wp
         type(rolling_disk_type), target :: disk
         type(threshold_event_type), target :: events(2)
         type(time_event_type), target :: touch
@@ -463,9 +465,12 @@ contains
         type(simulation_type) :: simulation
         type(options_type) :: options
         type(failure_type), allocatable :: failure
-        real(wp) :: q(9), qd(9), expected(9, 2)
+        type(statistics_type) :: statistics
+        real(wp) :: q(9), qd(9), expected(9, 2), allowed
+        integer(long) :: rejected
         integer :: i, j, k, l
 
+        rejected = 0
         call disk%define()
         call disk%start([-1.0_wp, 0.01_wp, 0.0_wp], 0.1_wp, q, qd)
         events(1) = threshold_event_type(name='x', quantity='q', index=1, value=0.5_wp*(q(1) + q(1) + 0.3_wp*qd(1)))
@@ -476,7 +481,7 @@ contains
                 do i = 1, 3
                     options = choose(stepper=stepper_names(k), step=0.02_wp, chart=chart_policies(j), v_limit=0.1_wp)
                     if (i == 2) options%refresh = 'refine'
-                    if (i == 3 .and. stepper_names(k) /= 'rk4') call change_stepper(options, options%stepper, rtol=1.0e-5_wp)
+                    if (i == 3 .and. stepper_names(k) /= 'rk4') call change_stepper(options, options%stepper, rtol=rtol)
                     do l = 1, 3
                         call simulation%initialize(disk, options, 0.0_wp, q, qd, failure)
                         if (l > 1 .and. .not. allocated(failure)) then
@@ -489,9 +494,15 @@ contains
                         if (l == 3) call simulation%integrate(0.3_wp, failure, between)
                         call check_no_failure(error, failure)
                         if (allocated(error)) return
-                        if (l == 1) expected = reshape([simulation%state%q, simulation%state%qd], [9, 2])
-                        call check_close(error, simulation%state%q, expected(:, 1), 0.0_wp, trim(stepper_names(k))//', q')
-                        call check_close(error, simulation%state%qd, expected(:, 2), 0.0_wp, trim(stepper_names(k))//', qd')
+                        statistics = simulation%statistics()
+                        if (l == 1) then
+                            expected = reshape([simulation%state%q, simulation%state%qd], [9, 2])
+                            rejected = statistics%rejected
+                        end if
+                        allowed = merge(0.0_wp, 10*rtol, statistics%rejected == rejected)
+                        call check_true(error, i == 3 .or. statistics%rejected == rejected, 'fixed steps are kept')
+                        call check_close(error, simulation%state%q, expected(:, 1), allowed, trim(stepper_names(k))//', q')
+                        call check_close(error, simulation%state%qd, expected(:, 2), allowed, trim(stepper_names(k))//', qd')
                         if (l > 1) call check_true(error, simulation%n_events > 1, 'there are events')
                         if (allocated(error)) return
                     end do
