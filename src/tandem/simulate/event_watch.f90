@@ -101,7 +101,7 @@ module tandem_simulate_event_watch
     contains
         procedure :: add, name, forget_values, rule_out, search, forget_search, find_cut, pass, settle, renew, prepare_actions, act
         procedure :: judge_actions, pack_state
-        procedure, private :: evaluate, evaluate_point, measure_all, end_measuring
+        procedure, private :: evaluate, evaluate_point, measure_all, end_measuring, measure_noise
     end type event_watch_type
 
     abstract interface
@@ -202,6 +202,14 @@ contains
         self%asked(number) = .true.
         self%measures = .true.
     end subroutine ask_for
+
+    !> True if values up to this modulus may be rounding.
+    pure logical function is_faint(self, largest)
+        class(watched_type), intent(in) :: self
+        real(wp), intent(in) :: largest
+
+        is_faint = largest <= max(faint*self%peak, self%noise)
+    end function is_faint
 
     !> The step that was searched last is not kept.
     pure subroutine forget_search(self)

@@ -45,7 +45,7 @@ module tandem_simulate_local_error
         integer, private :: in_vain = 0
     contains
         procedure :: initialize, set_weights, add, take_back, extend, restart, pack_state
-        procedure :: gap, allow_gap, begin_step, find_gap, is_missed, largest_part, largest_parts, add_turn, size_of_window
+        procedure :: gap, jump, allow_gap, begin_step, find_gap, is_missed, largest_part, largest_parts, add_turn, size_of_window
         procedure :: count_imposed, add_imposed
         procedure, private :: largest_velocity, may_gap, scale_of, size_of_q
     end type local_error_type
