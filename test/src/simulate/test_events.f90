@@ -7,8 +7,8 @@ module test_events
     use model_particle, only: particle_type
     use runs, only: choose, get_start, new_scene
     use tandem, only: change_stepper, at_step, chart_policies, event_type, failure_type => error_type, long, &
-        model_type, observer_type, options_type, refresh_modes, rolling_disk_type, simulation_type, statistics_type, stepper_names, &
-        threshold_event_type, wp
+        model_type, observer_type, options_type, refresh_modes, rolling_disk_type, simulation_type, statistics_type, &
+        stepper_names, threshold_event_type, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -453,8 +453,8 @@ contains
         call simulation%look_back()
     end subroutine look_between
 
-    !> Every stepper, policy and mode, fixed and controlled, with and without looks: bitwise the same end, unless the motion within a
-    !> step with an event was off by too much, so that it was made again.
+    !> Every stepper, policy and mode, fixed and controlled, with and without looks: bitwise the same end, unless the motion within
+    !> a step with an event was off by too much, so that it was made again.
     subroutine test_neutral(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: rtol = 1.0e-5_wp
