@@ -186,6 +186,17 @@ class Nearest(Case):
         ratio = (9.81**2 + 9) ** 0.25 / 9.81**0.5
         self.assertLess(np.max(np.abs(found / frequencies(400)[:3] / ratio - 1)), 1e-9)
 
+    def test_all_modes_of_a_hanging_chain(self):
+        """By singular values of 240 coordinates, by sparse factors of 270, and with less memory than ten full matrices of these."""
+        for n in (80, 90):
+            words = [self.scene(CHAIN), "--set", f"parameters.n={n}"]
+            found = np.array(sorted(im for re, im in self.said(*words)["eigenvalues"] if im > 0))
+            self.assertEqual(len(found), n)
+            # Rounding of forces of n bodies over those of one.
+            self.assertLess(np.max(np.abs(found / frequencies(n) - 1)), 1e-11)
+        n = 200
+        self.assertLess(self.peak("linearise", self.scene(CHAIN), "--set", f"parameters.n={n}"), 110_000)
+
     def test_where_long_chains_hang(self):
         """From the horizontal to the straight chain below the pivot, in a number of steps that does not grow with the chain."""
         for n in (20, 80, 400):

@@ -83,7 +83,7 @@ contains
         self%lambda = spread(0.0_wp, 1, self%m)
         self%row_scale = self%lambda
         call self%evaluator%initialize(model)
-        call self%differences%initialize(model, self%scale)
+        call self%differences%initialize(model, self%scale, saves_memory=.true.)
         self%differences%is_central = .true.
         call self%derivatives%allocate(self%n, self%m)
         self%idle = pack([(i, i=1, self%n)], model%is_idle())
@@ -395,33 +395,45 @@ contains
         !> A status code.
         integer, intent(out) :: stat
 
+        ! They are scaled in their place.
+        if (allocated(self%velocity_q)) then
+            call move_alloc(self%velocity_q, self%derivatives%velocity_q)
+            call move_alloc(self%acceleration_q, self%derivatives%acceleration_q)
+            call move_alloc(self%acceleration_qd, self%derivatives%acceleration_qd)
+            call move_alloc(self%dynamics_q, self%derivatives%dynamics_q)
+            call move_alloc(self%dynamics_qd, self%derivatives%dynamics_qd)
+        end if
         call self%differences%evaluate_derivatives(self%t, self%q, self%qd, self%qdd, self%lambda, self%derivatives, self%counts, &
             stat)
+        call move_alloc(self%derivatives%velocity_q, self%velocity_q)
+        call move_alloc(self%derivatives%acceleration_q, self%acceleration_q)
+        call move_alloc(self%derivatives%acceleration_qd, self%acceleration_qd)
+        call move_alloc(self%derivatives%dynamics_q, self%dynamics_q)
+        call move_alloc(self%derivatives%dynamics_qd, self%dynamics_qd)
         if (stat /= status_ok) return
-        associate (d => self%derivatives)
-            self%velocity_q = scaled(d%velocity_q, .false.)
-            self%acceleration_q = scaled(d%acceleration_q, .false.)
-            self%acceleration_qd = scaled(d%acceleration_qd, .false.)
-            self%dynamics_q = scaled(d%dynamics_q, .true.)
-            self%dynamics_qd = scaled(d%dynamics_qd, .true.)
-        end associate
+        call scale_in_place(self%velocity_q, .false.)
+        call scale_in_place(self%acceleration_q, .false.)
+        call scale_in_place(self%acceleration_qd, .false.)
+        call scale_in_place(self%dynamics_q, .true.)
+        call scale_in_place(self%dynamics_qd, .true.)
         if (.not. (all(ieee_is_finite(self%velocity_q)) .and. all(ieee_is_finite(self%acceleration_q)) .and. &
             all(ieee_is_finite(self%acceleration_qd)) .and. all(ieee_is_finite(self%dynamics_q)) .and. &
             all(ieee_is_finite(self%dynamics_qd)))) stat = status_not_finite
 
     contains
 
-        pure function scaled(a, rows_too) result(b)
-            real(wp), intent(in) :: a(:, :)
+        pure subroutine scale_in_place(a, rows_too)
+            real(wp), intent(inout) :: a(:, :)
             logical, intent(in) :: rows_too
-            real(wp) :: b(size(a, 1), size(a, 2))
-            integer :: j
+            integer :: i, j
 
             do j = 1, size(a, 2)
-                b(:, j) = a(:, j)*self%scale(j)
-                if (rows_too) b(:, j) = b(:, j)*self%scale
+                do i = 1, size(a, 1)
+                    a(i, j) = a(i, j)*self%scale(j)
+                    if (rows_too) a(i, j) = a(i, j)*self%scale(i)
+                end do
             end do
-        end function scaled
+        end subroutine scale_in_place
     end subroutine differentiate
 
     !> A status in words.

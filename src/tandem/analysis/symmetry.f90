@@ -17,7 +17,7 @@ module tandem_analysis_symmetry
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_linalg_random, only: random_vector
-    use tandem_linalg_singular, only: singular_type
+    use tandem_linalg_singular, only: singular_type, triangularise
     use tandem_model, only: model_type
     use tandem_model_affine_motion, only: affine_motion_type
     use tandem_status, only: status_callback_failed, status_no_equilibrium, status_ok
@@ -59,16 +59,16 @@ contains
         type(singular_type) :: svd
         real(wp), allocatable :: rows(:, :), span(:, :)
         integer, allocatable :: kept(:)
-        integer :: n_samples, seed, i, k, per_sample, used
+        integer :: n_samples, seed, i, k, per_sample
         real(wp) :: size_of_move, unit_of_time
 
         call list_motions(point%model, self%motions)
         k = size(self%motions)
         per_sample = max(point%nh + point%m, 1) + point%n
         n_samples = 4 + 2*(k + 1)/max(point%n, 1)
-        allocate (rows(n_samples*per_sample, k + 1), source=0.0_wp)
+        ! Of the samples before the triangular factor is kept.
+        allocate (rows(k + 1 + per_sample, k + 1), source=0.0_wp)
         seed = 20071
-        used = 0
         unit_of_time = 1/max(point%rate, maxval(abs(qd)/max(abs(q), point%scale)))
         do i = 1, n_samples
             size_of_move = 0.1_wp
@@ -82,10 +82,11 @@ contains
                 size_of_move = size_of_move/4
                 if (size_of_move < 1.0e-4_wp) return
             end do
-            call self%add_rows(point, rows(used + 1:used + per_sample, :), stat)
+            call self%add_rows(point, rows(k + 2:, :), stat)
             if (stat /= status_ok) return
-            used = used + per_sample
+            call triangularise(rows)
         end do
+        rows = rows(:k + 1, :)
         ! All fields have told what is large in a row before those that were not named go: what a single one leaves may be rounding.
         if (present(names)) then
             allocate (kept, source=pack([(i, i=1, k)], [(is_named(trim(self%motions(i)%name), names), i=1, k)]))
@@ -93,8 +94,8 @@ contains
             self%motions = self%motions(kept)
             k = size(kept)
         end if
-        call svd%allocate(used, k + 1)
-        call svd%factor(rows(:used, :))
+        call svd%allocate(size(rows, 1), k + 1)
+        call svd%factor(rows)
         svd%rank = count(svd%values > merge(exact_bound, difference_bound, point%has_gradients)*max(svd%values(1), 1.0_wp))
         call svd%get_null_basis(span)
         call self%reduce(span)

@@ -10,7 +10,7 @@ module tandem_linalg_singular
     implicit none (type, external)
     private
 
-    public :: singular_type, decompose_in, decompose_symmetric, orthonormalise
+    public :: singular_type, decompose_in, decompose_symmetric, orthonormalise, triangularise
 
     !> Size from which divide and conquer is faster (2 to 3 times at 160 to 370).
     integer, parameter :: large = 64
@@ -144,6 +144,21 @@ contains
 
         c = matmul(b, self%u(:, :self%rank))
     end function components
+
+    !> Replace a matrix (m, n), m >= n, by the R of its factors Q R in the first n rows: singular values and right vectors stay.
+    subroutine triangularise(x)
+        real(wp), intent(inout), contiguous :: x(:, :)
+        real(wp) :: tau(size(x, 2)), work(32*(size(x, 2) + 1))
+        integer :: order(size(x, 2)), info, j
+
+        if (size(x) == 0) return
+        ! Without exchanges of columns.
+        order = 1
+        call dgeqp3(size(x, 1), size(x, 2), x, size(x, 1), order, tau, work, size(work), info)
+        do j = 1, size(x, 2)
+            x(j + 1:, j) = 0.0_wp
+        end do
+    end subroutine triangularise
 
     !> Replace linearly independent columns (n, k), k <= n, by an orthonormal basis of what they span.
     subroutine orthonormalise(x)

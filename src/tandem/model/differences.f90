@@ -5,7 +5,7 @@ module tandem_model_differences
     use tandem_linalg_kernels, only: add_product, add_transposed_product
     use tandem_model, only: model_type
     use tandem_model_derivatives, only: derivatives_type, n_derivatives, need_acceleration_q, need_acceleration_qd, &
-        need_dynamics_q, need_dynamics_qd, need_velocity_q
+        need_all_derivatives, need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu
     use tandem_model_timer, only: of_evaluate_derivatives, of_force_q, of_force_qd, of_gamma_q, of_gamma_qd, &
@@ -46,15 +46,21 @@ module tandem_model_differences
 contains
 
     !> Attach a checked model.
-    subroutine initialize(self, model, scale)
+    subroutine initialize(self, model, scale, saves_memory)
         class(differences_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
         !> Coordinate scales (n).
         real(wp), intent(in) :: scale(:)
+        !> Whether to leave out the matrices that a model with gamma and all five sums does not need; false where absent.
+        logical, intent(in), optional :: saves_memory
+        logical :: is_lean
         integer :: m, n
 
         self%model => model
-        call self%probe%initialize(model)
+        is_lean = .false.
+        if (present(saves_memory)) is_lean = saves_memory .and. iand(model%provides, need_gamma) /= 0 .and. &
+            model%provides_derivatives == need_all_derivatives
+        call self%probe%initialize(model, compressed=is_lean .and. allocated(model%pattern))
         self%has = self%probe%has
         self%has_gamma = iand(self%has, need_gamma) /= 0
         n = model%n
@@ -72,7 +78,7 @@ contains
         self%velocity0 = self%velocity
         self%acceleration0 = self%velocity
         if (allocated(self%block_m)) deallocate (self%block_m, self%block_n)
-        allocate (self%block_m(m, n), self%block_n(n, n), source=0.0_wp)
+        allocate (self%block_m(m, merge(0, n, is_lean)), self%block_n(n, merge(0, n, is_lean)), source=0.0_wp)
     end subroutine initialize
 
     !> gamma = d/ds (C qd - nu)(t + s, q + s qd) at s = 0, by a central difference of fourth order.
