@@ -10,15 +10,18 @@ module tandem_io_json
     public :: json_type
 
     type :: json_type
-        !> What was written so far.
+        !> The text, when all objects and arrays have ended.
         character(len=:), allocatable :: text
+        !> What was written so far, in the first characters of a buffer that grows, and how many objects and arrays are open.
+        character(len=:), allocatable, private :: buffer
+        integer, private :: length = 0, depth = 0
         logical, private :: is_first = .true.
     contains
         !> Begin an object or an array; with a name, as the member of an object.
         procedure :: begin_object, begin_array, end_object, end_array
         !> A member of an object, or with an empty name an element of an array.
         generic :: add => add_real, add_integer, add_long, add_logical, add_text, add_reals, add_texts
-        procedure, private :: add_real, add_integer, add_long, add_logical, add_text, add_reals, add_texts, put
+        procedure, private :: add_real, add_integer, add_long, add_logical, add_text, add_reals, add_texts, put, append, end_one
     end type json_type
 
 contains
@@ -43,16 +46,14 @@ contains
     subroutine end_object(self)
         class(json_type), intent(inout) :: self
 
-        self%text = self%text//'}'
-        self%is_first = .false.
+        call self%end_one('}')
     end subroutine end_object
 
     !> `]`
     subroutine end_array(self)
         class(json_type), intent(inout) :: self
 
-        self%text = self%text//']'
-        self%is_first = .false.
+        call self%end_one(']')
     end subroutine end_array
 
     !> Begin an object or an array.
@@ -61,23 +62,55 @@ contains
         character(len=1), intent(in) :: bracket
         character(len=*), intent(in), optional :: name
 
-        if (.not. allocated(self%text)) self%text = ''
         if (present(name)) then
             call self%put(name, bracket)
         else
             call self%put('', bracket)
         end if
         self%is_first = .true.
+        self%depth = self%depth + 1
     end subroutine begin
+
+    !> End an object or an array.
+    subroutine end_one(self, bracket)
+        class(json_type), intent(inout) :: self
+        character(len=1), intent(in) :: bracket
+
+        call self%append(bracket)
+        self%is_first = .false.
+        self%depth = self%depth - 1
+        if (self%depth > 0) return
+        self%text = self%buffer(:self%length)
+        deallocate (self%buffer)
+        self%length = 0
+    end subroutine end_one
+
+    !> Characters more.
+    subroutine append(self, characters)
+        class(json_type), intent(inout) :: self
+        character(len=*), intent(in) :: characters
+        character(len=:), allocatable :: longer
+        integer :: last
+
+        last = self%length + len(characters)
+        if (.not. allocated(self%buffer)) allocate (character(len=1000) :: self%buffer)
+        if (last > len(self%buffer)) then
+            allocate (character(len=2*last) :: longer)
+            longer(:self%length) = self%buffer(:self%length)
+            call move_alloc(longer, self%buffer)
+        end if
+        self%buffer(self%length + 1:last) = characters
+        self%length = last
+    end subroutine append
 
     !> A member that is written already.
     subroutine put(self, name, value)
         class(json_type), intent(inout) :: self
         character(len=*), intent(in) :: name, value
 
-        if (.not. self%is_first) self%text = self%text//', '
-        if (name /= '') self%text = self%text//quoted(name)//': '
-        self%text = self%text//value
+        if (.not. self%is_first) call self%append(', ')
+        if (name /= '') call self%append(quoted(name)//': ')
+        call self%append(value)
         self%is_first = .false.
     end subroutine put
 
