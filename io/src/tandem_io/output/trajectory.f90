@@ -499,6 +499,7 @@ contains
 
         if (size(self%rates) > 0) call simulation%expect_look(simulation%state%t)
         if (self%interval > 0.0_wp) call simulation%expect_look(self%first_time + real(self%intervals + 1, wp)*self%interval)
+        if (self%spacing > 0.0_wp) call simulation%expect_look(simulation%state%t + self%spacing)
     end subroutine expect_looks
 
     !> Write what is left, the report and the outcome, and close the file.
