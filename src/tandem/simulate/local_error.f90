@@ -188,25 +188,30 @@ contains
         end do
     end function gap
 
-    !> The part of `gap` that a smooth motion does not explain: accelerations that change within a step miss its change of velocity
-    !> by at most the step times that change. Zero if it does not exceed the largest one so far.
-    pure real(wp) function jump(self, start, arrived, so_far)
+    !> The part of `gap` that a smooth motion does not explain. The trapezoidal rule misses a change of dependent velocities by
+    !> h**3 qdd''/12, which is a part of the step times the change of accelerations; steps of higher order miss nothing that
+    !> counts. Zero if it does not exceed the largest one so far.
+    pure real(wp) function jump(self, start, arrived, order, so_far)
         class(local_error_type), intent(in) :: self
         !> The states at the ends of the step.
         type(state_type), intent(in) :: start, arrived
+        !> Of the method.
+        integer, intent(in) :: order
         real(wp), intent(in) :: so_far
-        !> Smaller ones are not looked for.
-        real(wp), parameter :: negligible = 1.0e-9_wp
+        !> Smaller ones are not looked for. From rest, qdd'' h**2/2 is the change of accelerations, and the part a sixth.
+        real(wp), parameter :: negligible = 1.0e-9_wp, share = 0.25_wp
         real(wp) :: bend
         integer :: i
 
         jump = 0.0_wp
         if (.not. self%may_gap(start, arrived, max(so_far, negligible))) return
+        jump = self%gap(start, arrived)
+        if (order > 2) return
         bend = 0.0_wp
         do i = 1, self%n
             bend = max(bend, abs(arrived%qdd(i) - start%qdd(i))/(self%rate*self%scale_of(i) + abs(arrived%qd(i))))
         end do
-        jump = max(0.0_wp, self%gap(start, arrived) - (arrived%t - start%t)*bend)
+        jump = max(0.0_wp, jump - share*(arrived%t - start%t)*bend)
     end function jump
 
     !> True if `gap` may be larger than a limit. Mostly it is not, and that takes no division per entry.

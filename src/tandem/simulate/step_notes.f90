@@ -40,7 +40,7 @@ contains
         real(wp) :: relative, filtered, gap
 
         associate (local => self%local_error)
-            gap = local%jump(self%state, self%next, self%tally%velocity_gap)
+            gap = local%jump(self%state, self%next, self%method%order, self%tally%velocity_gap)
             if (gap > self%tally%velocity_gap) then
                 self%tally%velocity_gap = gap
                 self%tally%t_gap = self%next%t
