@@ -101,7 +101,11 @@ contains
             point%n_bases = 0
             has_form = allocated(model%pattern)
             if (has_form) call relax_sparsely(model, t, self%q, self%relaxations, has_form, stat)
-            if (.not. has_form) call self%relax(point, t, stat)
+            if (.not. has_form .or. stat == status_no_equilibrium) then
+                self%q = q
+                self%relaxations = 0
+                call self%relax(point, t, stat)
+            end if
             if (stat == status_ok) then
                 point%n_bases = 0
                 call self%iterate(point, t, .false., stat)
