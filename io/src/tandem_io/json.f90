@@ -12,7 +12,7 @@ module tandem_io_json
     type :: json_type
         !> The text, when all objects and arrays have ended.
         character(len=:), allocatable :: text
-        !> What was written so far, in the first characters of a buffer that grows, and how many objects and arrays are open.
+        !> The text so far, in the first characters of a buffer that grows, and the number of objects and arrays that are open.
         character(len=:), allocatable, private :: buffer
         integer, private :: length = 0, depth = 0
         logical, private :: is_first = .true.

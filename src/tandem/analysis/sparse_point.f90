@@ -86,7 +86,7 @@ module tandem_analysis_sparse_point
             logical, intent(in) :: with_damping
             !> A status code.
             integer, intent(out) :: stat
-            !> Whether differences of second order do, for a quarter of the work.
+            !> True for differences of second order, a quarter of the work.
             logical, intent(in), optional :: is_rough
         end subroutine differentiate
 
@@ -368,7 +368,7 @@ contains
         !> Of its columns.
         integer, allocatable, intent(out) :: order(:)
         real(wp), intent(out) :: unit
-        !> What is added to the diagonal of the first block (n).
+        !> Added to the diagonal of the first block (n).
         real(wp), intent(in), optional :: diagonal(:)
         complex(wp) :: value, block(size(self%row))
         integer, allocatable :: next(:), number(:)

@@ -77,10 +77,10 @@ contains
     subroutine relax_sparsely(model, t, q, relaxations, has_form, stat)
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t
-        !> The start, and where it leads (n).
+        !> The start, and the place that it leads to (n).
         real(wp), intent(inout) :: q(:)
         integer, intent(inout) :: relaxations
-        !> Whether the model has a sparse form.
+        !> False for a model without a sparse form.
         logical, intent(out) :: has_form
         !> A status code.
         integer, intent(out) :: stat
@@ -98,7 +98,7 @@ contains
     subroutine iterate(point, t, stays_near, q, iterations, stat)
         type(sparse_point_type), intent(inout) :: point
         real(wp), intent(in) :: t
-        !> Whether to end where steps must be made much shorter: from there on it may go to any equilibrium, however far.
+        !> True to end when steps must be made much shorter: from there on it may go to any equilibrium, however far.
         logical, intent(in) :: stays_near
         real(wp), intent(inout) :: q(:)
         integer, intent(inout) :: iterations

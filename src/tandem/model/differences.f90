@@ -51,7 +51,7 @@ contains
         class(model_type), intent(inout), target :: model
         !> Coordinate scales (n).
         real(wp), intent(in) :: scale(:)
-        !> Whether to leave out the matrices that a model with gamma and all five sums does not need; false where absent.
+        !> True to leave out matrices that a model with gamma and all five sums does not need; default false.
         logical, intent(in), optional :: saves_memory
         logical :: is_lean
         integer :: m, n

@@ -55,7 +55,7 @@ module tandem_model
         !> entry (i, j) of C in (i, pattern%column(j)), and that of M in (i, pattern%mass_column(j)), if `terms%is_compressed` is
         !> true.
         type(pattern_type), allocatable :: pattern
-        !> Whether `evaluate_derivatives` sets what belongs to coordinate j in column `derivatives%column_of(j)`, for matrices that
+        !> True if `evaluate_derivatives` sets the entries of coordinate j in column `derivatives%column_of(j)`, for matrices that
         !> are compressed by the pattern.
         logical :: compresses_derivatives = .false.
         !> Names and units of the coordinates (n); defaults q1, q2, ... and no unit.

@@ -156,15 +156,15 @@ contains
     end subroutine differentiate
 
     !> The derivatives of all terms by some coordinates or velocities that change nothing in common. A step that suits the scale of
-    !> one is too long where the model bends
-    !> within a small part of that, as a spring of some centimetres does among coordinates in metres. Differences of second order
-    !> show it: those of fourth order are off by about the square of what these differ by. Then the step is shortened, and each
-    !> part is kept where truncation and rounding together are least. What the model says of its derivatives is not looked at.
+    !> one is too long if the model bends within a small part of that, as a spring of some centimetres does among coordinates in
+    !> metres. Differences of second order show it: those of fourth order are off by about the square of the difference between the
+    !> two. Then the step is shortened, and each part is kept where truncation and rounding together are least. The derivatives of
+    !> the model are not looked at.
     subroutine differentiate_together(self, model, evaluator, by_qd, columns, counts, stat)
         class(reference_type), intent(inout) :: self
         class(model_type), intent(in) :: model
         type(evaluator_type), intent(inout) :: evaluator
-        !> Whether by the velocities, and the numbers of the coordinates.
+        !> True for derivatives by the velocities; the numbers of the coordinates.
         logical, intent(in) :: by_qd
         integer, intent(in) :: columns(:)
         type(counts_type), intent(inout) :: counts
@@ -239,7 +239,7 @@ contains
         end do
     end subroutine take_differences
 
-    !> What differences are taken of.
+    !> Line up the values that differences are taken of.
     subroutine line_up(self, model, evaluator, by_qd)
         class(reference_type), intent(inout) :: self
         class(model_type), intent(in) :: model
@@ -273,11 +273,11 @@ contains
         !> The coordinate and its displacement.
         integer, intent(in) :: j
         real(wp), intent(in) :: h
-        !> Whether there are none before: if they are NaN, it shall be seen.
+        !> True for the first differences, which are kept even if they are NaN.
         logical, intent(in) :: is_first
-        !> What those before leave.
+        !> Doubts about the differences that are kept.
         real(wp), intent(inout) :: doubt(:)
-        !> Whether shorter steps gain nothing.
+        !> True if shorter steps gain nothing.
         logical, intent(out) :: is_done
         integer :: column, l
 
@@ -342,8 +342,8 @@ contains
         end subroutine choose
     end subroutine keep
 
-    !> Whether the derivatives times a random direction are what differences along it say, so that no coordinate changes more than
-    !> the structure lets it. After `differentiate`.
+    !> Compare the derivatives times a random direction with differences along it: equal if no coordinate changes more than the
+    !> structure lets it. After `differentiate`.
     subroutine check_structure(self, model, evaluator, counts, holds, stat)
         class(reference_type), intent(inout) :: self
         class(model_type), intent(in) :: model
@@ -385,7 +385,7 @@ contains
 
     contains
 
-        !> Whether differences are the product of a matrix with the displacement.
+        !> True if differences are the product of a matrix with the displacement.
         logical function is_product(start, changed, matrix, now, largest, unit) result(is)
             !> Which rows the sets of coordinates change.
             integer, intent(in) :: start(:), changed(:)
@@ -428,7 +428,7 @@ contains
         type(evaluator_type), intent(inout) :: evaluator
         !> Time, and the part of the steps to take.
         real(wp), intent(in) :: t, share
-        !> Whether to differentiate C qd - nu.
+        !> True to differentiate C qd - nu.
         logical, intent(in) :: of_velocity
         !> Coordinates, velocities, and the scales of the rows.
         real(wp), intent(in) :: q(:), qd(:), row_scale(:)

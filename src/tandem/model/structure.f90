@@ -16,7 +16,7 @@ module tandem_model_structure
     public :: structure_type
 
     type :: structure_type
-        !> Whether the coordinates change only what the pattern of the model says, and whether matrices are compressed.
+        !> True if the coordinates change only what the pattern of the model says; true if matrices are compressed.
         logical :: is_of_pattern = .false., is_compressed = .false.
         !> Columns of matrices: how many, and that of each coordinate (n).
         integer :: width = 0
@@ -58,7 +58,7 @@ contains
     subroutine take_pattern(self, pattern, is_compressed)
         class(structure_type), intent(inout) :: self
         type(pattern_type), intent(in) :: pattern
-        !> Whether matrices are to be compressed.
+        !> True to compress matrices.
         logical, intent(in) :: is_compressed
         type(list_type), allocatable :: neighbours(:)
         integer, allocatable :: group(:), row_of(:)

@@ -110,7 +110,7 @@ contains
         call ieee_set_flag(ieee_all, flags)
     end subroutine verify_model
 
-    !> What the coordinates of a model may change, by its pattern if it has one.
+    !> Take the structure of a model from its pattern if it has one.
     subroutine choose_structure(model, structure)
         class(model_type), intent(in) :: model
         type(structure_type), intent(inout) :: structure
@@ -125,7 +125,7 @@ contains
         end if
     end subroutine choose_structure
 
-    !> Whether there are single derivative procedures.
+    !> True if there are single derivative procedures.
     pure logical function has_single(model)
         class(model_type), intent(in) :: model
 
@@ -250,7 +250,7 @@ contains
                 terms%mass = mass
                 evaluator%mass_is_known = .true.
             end if
-            ! What is compressed has no place outside of the blocks.
+            ! A compressed matrix has no place outside of the blocks.
             if (.not. allocated(model%mass_blocks)) return
             other = mass
             if (.not. terms%is_compressed) other = in_blocks(model%mass_blocks, mass)
