@@ -80,7 +80,7 @@ contains
         character(len=*), intent(in) :: what
         type(error_type), allocatable, intent(inout) :: error
         complex(wp), allocatable :: others(:)
-        character(len=120) :: message
+        character(len=240) :: message
         integer :: i
 
         if (allocated(error)) return
