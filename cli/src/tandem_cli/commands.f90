@@ -57,9 +57,9 @@ module tandem_cli_commands
         command_type('plot', 'FILE...', ' --output --kind --names --plane --title ', &
         'draws result files: PNG, SVG or PDF; needs the package for Python'), &
         command_type('view', 'FILE', ' --output --names --frames ', &
-        'a page that plays the motion in a browser, .glb or .vtkhdf; needs the package for Python'), &
+        'a page that plays the motion, .glb or .vtkhdf; needs the package for Python'), &
         command_type('import', 'FILE...', ' --output --floating --at --force ', &
-        'import urdf|mjcf FILE: a scene from a robot, a MuJoCo model; needs the package for Python'), &
+        'import urdf|mjcf FILE: a scene from a robot; needs the package for Python'), &
         command_type('statuses', '', ' --json ', 'how runs can end, what that means, and what to do'), &
         command_type('completion', 'SHELL', ' ', 'what completes these words in a shell, bash or zsh'), &
         command_type('help', '[COMMAND]', ' ', 'this text, or that of a subcommand'), &
