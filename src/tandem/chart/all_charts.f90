@@ -6,13 +6,13 @@ submodule(tandem_chart_factory) tandem_chart_all
     use tandem_chart_sparse, only: find_obstacle, sparse_chart_type
     implicit none (type, external)
 
-    !> Smaller models were no faster with sparse charts; larger ones always are, whatever their pattern.
+    !> Smaller models were no faster with sparse charts; larger models always are, for any pattern.
     integer, parameter :: few = 8, very_many = 100
-    !> From so many coordinates on implicit steps take sparse charts, stiff or not.
+    !> Implicit steps of models with at least this number of coordinates use sparse charts, stiff or not.
     integer, parameter :: many = 60
-    !> Implicit steps may need more corrections on sparse charts: they must gain so much.
+    !> Implicit steps may need more corrections on sparse charts, which must therefore be cheaper by this factor.
     real(wp), parameter :: gain = 0.85_wp
-    !> Forces that oscillate or decay so many times as fast as the mechanism moves make sparse charts take more implicit steps.
+    !> Forces that oscillate or decay faster than the mechanism moves by this factor make sparse charts take more implicit steps.
     real(wp), parameter :: very_stiff = 500.0_wp
 
 contains

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> The chart's contract: what steppers and the simulation may ask of local coordinates on the constraint manifold.
+!> The chart's contract: operations of local coordinates on the constraint manifold for steppers and the simulation.
 !>
-!> A stepper integrates increments from the chart's origin and asks the chart for the points that belong to them. It never
-!> sees a constraint or a basis. The order of the calls at a stage is fixed: `restore_position`, `restore_velocity`,
-!> `solve_dynamics`, all at the same time; each may use what the one before has evaluated. `restore_motion` is the three in one.
+!> A stepper integrates increments from the chart's origin and requests the points that belong to them. It uses neither constraints
+!> nor bases. The order of the calls at a stage is fixed: `restore_position`, `restore_velocity`, `solve_dynamics`, all at one time;
+!> each may use the evaluations of the call before. `restore_motion` combines the three.
 module tandem_chart
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -17,7 +17,7 @@ module tandem_chart
 
     public :: chart_type, health_type, least_bend
 
-    !> How far a point is from the chart's origin, and how well the chart still serves there.
+    !> Distance of a point from the chart's origin, and measures of the chart's quality there.
     type :: health_type
         !> |v|_2 and |w|_2, in scaled coordinates.
         real(wp) :: v = 0.0_wp, w = 0.0_wp
@@ -30,47 +30,47 @@ module tandem_chart
 
     !> The contract that steppers and the simulation rely on.
     type, abstract :: chart_type
-        !> Number of coordinates: of every array that a stage hands over, which needs no descriptor so.
+        !> Number of coordinates. Stage arrays have explicit shape (n), which avoids array descriptors.
         integer :: n = 0
         !> Entries of the residual of a stage, for stages that are solved together. Changes with the rows in use.
         integer :: n_residual = 0
-        !> Whether complements follow what is stiff: then stages that are hard to solve for have turned too far.
+        !> True if complements follow stiff directions: stages that are hard to solve have then turned too far.
         logical :: follows_stiffness = .false.
-        !> What the chart has done.
+        !> Operation counts of the chart.
         type(counts_type) :: counts
-        !> After a failure: the constraint row to blame (0 for none) and its error on its natural scale.
+        !> After a failure: the constraint row at fault (0 for none) and its error on its natural scale.
         integer :: failed_row = 0
         real(wp) :: failed_value = 0.0_wp
         !> After `rank_deficient`: the rows that depend on each other, `failed_row` among them.
         integer, allocatable :: failed_rows(:)
-        !> After `singular_mass`: the coordinate without mass that no constraint ties, where it is known; else 0.
+        !> After `singular_mass`: the coordinate without mass that no constraint conditions, if known; else 0.
         integer :: failed_coordinate = 0
-        !> Set before `initialize`: whether the stepper damps stiff modes. Its steps may then be long, if the chart follows those.
+        !> Set before `initialize`: true if the stepper damps stiff modes. Its steps may then be long, if the chart follows those.
         logical :: damps = .false.
-        !> Set by a stepper while it evaluates stages: their positions need be no better than its tolerance, and what rounding
-        !> leaves of the constraints does not matter.
+        !> Set by a stepper while it evaluates stages: their positions need only satisfy its tolerance, and rounding errors of the
+        !> constraints may remain.
         logical :: is_stage = .false.
         !> Set by a stepper while it evaluates a stage whose increment misses the second derivative of the motion by this times qdd
-        !> at the start of the step: h^2 (c^2/2 - sum a c). Huge where that is not known.
+        !> at the start of the step: h^2 (c^2/2 - sum a c). Huge if unknown.
         real(wp) :: defect = huge(1.0_wp)
-        !> Which stage that is, and the size of the step: from step to step the same stage misses nearly the same. 0 for none.
+        !> Number of that stage, 0 for none, and the size of the step: the errors of a stage are nearly equal in successive steps.
         integer :: stage_number = 0
         real(wp) :: step_size = 0.0_wp
-        !> Set by a stepper that solves implicit stages one by one: the number of the stage that it is at, and whether the points
-        !> that it asks for are iterates, which the next correction moves again, as it may what is left of the constraints.
+        !> Set by a stepper that solves implicit stages one by one: the number of the current stage, and true if the requested
+        !> points are iterates: the next correction moves them and may remove their constraint errors.
         integer :: implicit_stage = 1
         logical :: is_iterate = .false.
         !> ha^2 times the defect of such a stage, at its first iterate only; huge for none.
         real(wp) :: iterate_defect = huge(1.0_wp)
-        !> What the iteration may leave of q and qd in this step, for charts that solve by refinement.
+        !> Largest errors of q and qd that the iteration may leave in this step, for charts that solve by refinement.
         real(wp) :: iterate_tolerance = 0.0_wp
         !> The smallest singular value of the unit rows of C at the origin.
         real(wp) :: independence = 1.0_wp
-        !> The largest of these so far, the largest since the rows in use were chosen, and how many redundant rows were left out.
+        !> The largest of these so far, the largest since the rows in use were chosen, and the number of redundant rows left out.
         real(wp) :: best_independence = 0.0_wp, chosen_independence = 0.0_wp
-        !> The part of it that `measure_rank` found left, where it looked; else 1.
+        !> Remaining part of the independence according to `measure_rank`; 1 if not measured.
         real(wp) :: fallen = 1.0_wp
-        !> The same of how firmly the constraints tie the coordinates without mass.
+        !> Remaining part of the conditioning of massless coordinates, likewise.
         real(wp) :: loosened = 1.0_wp
         integer :: n_dropped = 0
         !> Their numbers after `leave_out_dependent`, ascending.
@@ -117,11 +117,11 @@ module tandem_chart
         procedure :: pack_contract
     end type chart_type
 
-    !> Other rows are wanted where the smallest singular value has fallen to this part of the largest that it was. What the rows in
-    !> use leave of an acceleration grows with the third power of the inverse in the rows that were left out.
+    !> Other rows are chosen when the smallest singular value has fallen to this part of its largest value. Errors of an
+    !> acceleration with the rows in use grow with the third power of the inverse in the rows that were left out.
     real(wp), parameter :: near_rank_loss = 0.5_wp
 
-    !> Corrections below this part of the natural scale of every row are too small to tell how far a chart reaches.
+    !> Corrections below this part of the natural scale of every row are too small to measure the reach of a chart.
     real(wp), parameter :: least_bend = 2.0e-4_wp
 
     abstract interface
@@ -133,10 +133,10 @@ module tandem_chart
             !> The model; it must outlive the chart.
             class(model_type), intent(inout), target :: model
             type(options_type), intent(in) :: options
-            !> Whether the stepper is implicit: `factor_stage` and `correct_stage` are then used.
+            !> True if the stepper is implicit: `factor_stage` and `correct_stage` are then used.
             logical, intent(in) :: implicit
             type(error_type), allocatable, intent(out) :: error
-            !> Numbers of the constraint rows to use where some are redundant, ascending; all of them where absent.
+            !> Numbers of the constraint rows to use if some are redundant, ascending; all rows if absent.
             integer, intent(in), optional :: kept(:)
         end subroutine initialize_interface
 
@@ -152,8 +152,8 @@ module tandem_chart
             integer, intent(out) :: stat
         end subroutine renew_interface
 
-        !> What rounding took from the last restored point q = q0 + xi - U u: the increment from which the next chart starts, so
-        !> that it does not add up over many small steps.
+        !> Rounding error of the last restored point q = q0 + xi - U u; becomes the initial increment of the next chart, so that the
+        !> errors of many small steps do not add up.
         pure subroutine remainder_interface(self, increment, q, left)
             import :: chart_type, wp
             implicit none (type, external)
@@ -164,7 +164,7 @@ module tandem_chart
             real(wp), intent(out), contiguous :: left(:)
         end subroutine remainder_interface
 
-        !> Bring what is kept from step to step to (t, q); called before a step on an old chart.
+        !> Bring the stored quantities to (t, q); called before a step on an old chart.
         subroutine refresh_interface(self, t, q, stat)
             import :: chart_type, wp
             implicit none (type, external)
@@ -174,25 +174,25 @@ module tandem_chart
             integer, intent(out) :: stat
         end subroutine refresh_interface
 
-        !> Take note of where a step with stages of known `defect` starts.
+        !> Store the start of a step with stages of known `defect`.
         subroutine start_step_interface(self, qdd)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
-            !> The acceleration (n) at the start, where the chart was made or refreshed last.
+            !> The acceleration (n) at the start, the point of the last renewal or refresh.
             real(wp), intent(in), contiguous :: qdd(:)
         end subroutine start_step_interface
 
-        !> Go back to where the step starts, after a try of it that is not kept.
+        !> Go back to the start of the step, after a rejected attempt.
         subroutine retry_step_interface(self)
             import :: chart_type
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
         end subroutine retry_step_interface
 
-        !> `forget` what was evaluated at the last point, because the model has changed there (a new segment); `forget_model`
-        !> forgets a constant mass matrix too, because parameters may have changed; `hold` what the
-        !> next step starts from, look at other points, and `release` it, so that the look leaves no trace.
+        !> `forget` the evaluations of the last point, because the model has changed there (a new segment); `forget_model` also
+        !> forgets a constant mass matrix, because parameters may have changed. `hold` saves the start of the next step; `release`
+        !> restores it after other points were evaluated.
         subroutine forget_interface(self)
             import :: chart_type
             implicit none (type, external)
@@ -237,7 +237,7 @@ module tandem_chart
             integer, intent(out) :: stat
         end subroutine solve_dynamics_interface
 
-        !> The point, velocity and acceleration that belong to increments, where nothing was evaluated yet.
+        !> The point, velocity and acceleration that belong to increments, before any evaluation there.
         subroutine restore_motion_interface(self, t, increment, increment_qd, q, qd, qdd, stat)
             import :: chart_type, wp
             implicit none (type, external)
@@ -249,8 +249,8 @@ module tandem_chart
             integer, intent(out) :: stat
         end subroutine restore_motion_interface
 
-        !> Bring a point beside the manifold onto it, position and velocity: in no direction of the origin's, so that it does not
-        !> matter whether the chart is singular there.
+        !> Bring a point beside the manifold onto it, position and velocity: independently of the directions of the origin, so that
+        !> a singular chart does not matter.
         subroutine restore_near_interface(self, t, q, qd, stat)
             import :: chart_type, wp
             implicit none (type, external)
@@ -261,7 +261,7 @@ module tandem_chart
             integer, intent(out) :: stat
         end subroutine restore_near_interface
 
-        !> Of the errors of rates at the point of the last `restore_near`, take away what it takes of a curve near the manifold.
+        !> Remove from the errors of rates at the point of the last `restore_near` the components normal to the manifold.
         subroutine tangent_interface(self, error_q, error_qd)
             import :: chart_type, wp
             implicit none (type, external)
@@ -282,7 +282,7 @@ module tandem_chart
             integer, intent(out) :: stat
         end subroutine factor_stage_interface
 
-        !> Make the matrix of the last `factor_stage` serve stages with another ha, on another chart too: no derivatives, at most a
+        !> Reuse the matrix of the last `factor_stage` for stages with another ha, on another chart too: no derivatives, at most a
         !> factorisation.
         subroutine reuse_stage_interface(self, ha, can)
             import :: chart_type, wp
@@ -290,11 +290,11 @@ module tandem_chart
             class(chart_type), intent(inout) :: self
             !> h a_ii.
             real(wp), intent(in) :: ha
-            !> False where there is no such matrix, or where the model has entered another segment since.
+            !> False if there is no such matrix, or if the model has entered another segment since.
             logical, intent(out) :: can
         end subroutine reuse_stage_interface
 
-        !> What `factor_stage` costs, in units of a stage's correction: by this the steppers decide how long a matrix is kept.
+        !> Cost of `factor_stage` in units of a stage's correction; steppers use it to decide how long to keep a matrix.
         pure real(wp) function matrix_cost_interface(self)
             import :: chart_type, wp
             implicit none (type, external)
@@ -313,19 +313,19 @@ module tandem_chart
             real(wp), intent(in) :: ha
             !> Rates of the position and velocity increments (n).
             real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-            !> What the correction moves q and qd by, largest entry against |q| or |qd| and the coordinate scales.
+            !> Changes of q and qd by the correction, largest entry against |q| or |qd| and the coordinate scales.
             real(wp), intent(out) :: change
             integer, intent(out) :: stat
         end subroutine correct_stage_interface
 
         !> For a method whose stages are solved together, 2 size(ratios) + 1 of them: from now on `factor_stage` and `reuse_stage`
-        !> make the matrices of complex pairs of systems too. A method may call it with other ratios at the start of a later step,
-        !> where its number of stages changes; the same ones again cost nothing.
+        !> also form the matrices of complex pairs of systems. A method may call it with other ratios at the start of a later step,
+        !> when its number of stages changes; unchanged ratios cost nothing.
         subroutine expect_pairs_interface(self, ratios)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
-            !> Each pair's ha over the real one.
+            !> Ratio of each pair's ha to the real ha.
             complex(wp), intent(in), contiguous :: ratios(:)
         end subroutine expect_pairs_interface
 
@@ -335,7 +335,7 @@ module tandem_chart
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
-            !> The number of the stage, by which a chart may keep what belongs to it until the next step.
+            !> The number of the stage, under which a chart may store data of the stage until the next step.
             integer, intent(in) :: stage
             real(wp), intent(in) :: t
             !> The restored coordinates and velocities (n), the stage's rates (n).
@@ -373,7 +373,7 @@ module tandem_chart
             class(chart_type), intent(inout) :: self
             !> As of `find_residual`.
             integer, intent(in) :: stage
-            !> The stage's coordinates and velocities (n), what times h makes its rates increments, the correction (n_residual).
+            !> Coordinates and velocities of the stage (n), the scale that turns rates into increments, the correction (n_residual).
             real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(in) :: ha
             real(wp), intent(in), contiguous :: correction(:)
@@ -383,7 +383,7 @@ module tandem_chart
             integer, intent(out) :: stat
         end subroutine move_rates_interface
 
-        !> Send the error of an implicit step through its Newton matrix: what of it a stiff mode would not keep is taken away.
+        !> Filter the error of an implicit step by a solve with its Newton matrix, which removes components that stiff modes damp.
         subroutine filter_error_interface(self, error_q, error_qd)
             import :: chart_type, wp
             implicit none (type, external)
@@ -392,8 +392,8 @@ module tandem_chart
             real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
         end subroutine filter_error_interface
 
-        !> The multipliers lambda of all rows of the model (nh + nd) at a point where `solve_dynamics` gave qdd; of redundant rows
-        !> those of least norm.
+        !> The multipliers lambda of all rows of the model (nh + nd) at a point where `solve_dynamics` gave qdd; the least-norm
+        !> solution if rows are redundant.
         subroutine multipliers_interface(self, t, q, qd, qdd, lambda, stat)
             import :: chart_type, wp
             implicit none (type, external)
@@ -404,7 +404,7 @@ module tandem_chart
             integer, intent(out) :: stat
         end subroutine multipliers_interface
 
-        !> The velocity nearest to qd in the mass metric that satisfies C qd = nu at (t, q): what an impact-free jump of nu does.
+        !> The velocity nearest to qd in the mass metric that satisfies C qd = nu at (t, q), as after an impact-free jump of nu.
         subroutine project_velocity_interface(self, t, q, qd, stat)
             import :: chart_type, wp
             implicit none (type, external)
@@ -424,28 +424,28 @@ module tandem_chart
             real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
             !> Position, velocity and acceleration error.
             real(wp), intent(out) :: errors(3)
-            !> The row of C where each is attained, 0 where there is none.
+            !> The row of C that attains each error, 0 for none.
             integer, intent(out) :: rows(3)
             integer, intent(out) :: stat
         end subroutine errors_interface
 
-        !> How many steps as the last one C is away from losing rank, as its smallest singular value falls; huge where it does not,
-        !> 0 where redundant rows have become independent. `failed_rows` are then those that depend on each other.
+        !> Number of steps like the last one until C loses rank, extrapolated from its smallest singular value; huge if that does
+        !> not fall, 0 if redundant rows have become independent. `failed_rows` are then the rows that depend on each other.
         subroutine rank_interface(self, t_from, q_from, t, q, room, stat)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
-            !> The start of the step, where the chart was made or refreshed last, and its end.
+            !> The start of the step, the point of the last renewal or refresh, and its end.
             real(wp), intent(in) :: t_from, t
             real(wp), intent(in), contiguous :: q_from(:), q(:)
             real(wp), intent(out) :: room
-            !> Within the step C has lost its rank and regained it (`rank_deficient`), it has ceased to tie the coordinates without
-            !> mass (`singular_mass`), or it has turned too far to tell (`chart_left`); or what evaluating the model gives.
+            !> Within the step C has lost and regained its rank (`rank_deficient`), it no longer conditions the coordinates without
+            !> mass (`singular_mass`), or it has turned too far to decide (`chart_left`); or the status of evaluating the model.
             integer, intent(out) :: stat
         end subroutine rank_interface
 
-        !> What C loses on the straight way from a state within the time h, as in `measure_rank`, or ok: for a step that cannot be
-        !> taken, or kept, and for steps that creep.
+        !> Loss of C on the straight line from a state within the time h, as in `measure_rank`, or ok: for a failed or rejected
+        !> step, and for steps that creep.
         integer function ahead_interface(self, t, q, qd, h)
             import :: chart_type, wp
             implicit none (type, external)
@@ -455,15 +455,15 @@ module tandem_chart
             real(wp), intent(in) :: h
         end function ahead_interface
 
-        !> How far C has changed from the start of the step to the point of `measure_rank`: rows of unit length, Frobenius norm.
-        !> Only asked for where steps are controlled.
+        !> Change of C from the start of the step to the point of `measure_rank`: rows of unit length, Frobenius norm. Used only if
+        !> steps are controlled.
         real(wp) function change_interface(self)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(in) :: self
         end function change_interface
 
-        !> How the chart stands at a point: what the policy watches.
+        !> Quality of the chart at a point, for the policy.
         subroutine health_interface(self, t, q, qd, health, stat)
             import :: chart_type, health_type, wp
             implicit none (type, external)
@@ -485,7 +485,7 @@ module tandem_chart
             integer, intent(out) :: stat
         end subroutine energy_interface
 
-        !> All that the further course depends on: bases and factors as they are, never to be made again.
+        !> Everything that the further course depends on: bases and factors are stored and restored unchanged.
         subroutine pack_interface(self, pack)
             import :: chart_type, pack_type
             implicit none (type, external)
@@ -496,9 +496,9 @@ module tandem_chart
 
 contains
 
-    !> How far the way of a step turns away from the tangent space at its start: of the correction that brings it back, the part
-    !> that Newton's iteration with C of the start leaves at the point of `measure_rank`: 0 where C is the same there, 1 where the
-    !> iteration stands still. 0 for charts that do not know, and for small corrections.
+    !> Measure of how far the displacement of a step turns away from the tangent space at its start: the part of the correction back
+    !> to the manifold that Newton's iteration with C of the start leaves at the point of `measure_rank`. 0 if C has not changed, 1
+    !> if the iteration stagnates. 0 for charts without this measure, and for small corrections.
     real(wp) function contraction(self, way)
         class(chart_type), intent(inout) :: self
         !> From the start of the step, where the chart was made, to its end (n).
@@ -507,7 +507,7 @@ contains
         contraction = 0.0_wp
     end function contraction
 
-    !> Take over what another chart of the same run has seen of how firm the constraints were, by which losses of it are judged.
+    !> Copy the independence measures of another chart of the same run, by which losses are judged.
     subroutine inherit(self, other)
         class(chart_type), intent(inout) :: self
         class(chart_type), intent(in) :: other
@@ -515,21 +515,21 @@ contains
         self%best_independence = max(self%best_independence, other%best_independence)
     end subroutine inherit
 
-    !> Which of redundant rows can be left out changes along a motion: the ones in use become dependent, another choice is not.
+    !> The set of redundant rows that can be left out changes along a motion: true if other rows are to be chosen.
     pure logical function wants_other_rows(self)
         class(chart_type), intent(in) :: self
 
         wants_other_rows = self%n_dropped > 0 .and. self%independence <= near_rank_loss*self%chosen_independence
     end function wants_other_rows
 
-    !> Whether the rows in use are nearly as independent as they ever were.
+    !> True if the rows in use are nearly as independent as at their best.
     pure logical function is_firm(self)
         class(chart_type), intent(in) :: self
 
         is_firm = self%independence > near_rank_loss*self%best_independence
     end function is_firm
 
-    !> Take note of the smallest singular value of the unit rows of C at the origin.
+    !> Record the smallest singular value of the unit rows of C at the origin.
     pure subroutine note_independence(self, smallest)
         class(chart_type), intent(inout) :: self
         real(wp), intent(in) :: smallest
@@ -539,30 +539,30 @@ contains
         self%chosen_independence = max(self%chosen_independence, smallest)
     end subroutine note_independence
 
-    !> Leave out rows that depend on others at a state, and make it the origin; for charts that can do that by themselves. Others
-    !> are made anew with the rows that are kept.
+    !> Leave out rows that depend on others at a state, and make it the origin; for charts that support this. Other charts are
+    !> created anew with the remaining rows.
     subroutine leave_out_dependent(self, t, q, qd, stat)
         class(chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:)
-        !> `rank_deficient` where no rows can be left out so.
+        !> `rank_deficient` if no rows can be left out.
         integer, intent(out) :: stat
 
         stat = status_rank_deficient
     end subroutine leave_out_dependent
 
-    !> The rows of which those that were left out so are combinations.
+    !> The rows in use whose combinations are rows that were left out.
     subroutine find_partners(self, rows, start, partners)
         class(chart_type), intent(inout) :: self
         integer, intent(in) :: rows(:)
-        !> Those of rows(i) are partners(start(i):start(i + 1) - 1).
+        !> The rows for rows(i) are partners(start(i):start(i + 1) - 1).
         integer, allocatable, intent(out) :: start(:), partners(:)
 
         allocate (start(size(rows) + 1), source=1)
         allocate (partners(0))
     end subroutine find_partners
 
-    !> What every chart remembers, for its `pack_state`.
+    !> State of every chart, for its `pack_state`.
     subroutine pack_contract(self, pack)
         class(chart_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

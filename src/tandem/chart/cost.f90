@@ -2,9 +2,9 @@
 !> The cost of a step on dense and on sparse charts, estimated before the first one. It follows from the pattern of C and M alone,
 !> so that the choice of a chart does not depend on the machine or its load.
 !>
-!> A dense chart eliminates m rows of n columns and forms D'M D with the n - m columns of D; a sparse one works through the entries
-!> of C, body by body, and the blocks of its factor. The weights are fitted to runs of 46 mechanisms with 2 to 98 coordinates and
-!> rtol from 1e-4 to 1e-9, `dop853` for explicit steps, `radau5` and `sdirk54` for implicit ones (doc/sparse.md).
+!> A dense chart eliminates m rows of n columns and forms D'M D with the n - m columns of D; a sparse chart processes the entries of
+!> C, body by body, and the blocks of its factor. The weights are fitted to runs of 46 mechanisms with 2 to 98 coordinates and rtol
+!> from 1e-4 to 1e-9, `dop853` for explicit steps, `radau5` and `sdirk54` for implicit ones (doc/sparse.md).
 module tandem_chart_cost
     use tandem_chart_sparse_analysis, only: analysis_type
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
@@ -21,7 +21,7 @@ module tandem_chart_cost
 
     public :: cost_type, estimate_cost, stiffness_of
 
-    !> Microseconds of a step on the machine of the fit; zero where no choice was to be made. The ratio of both is meaningful.
+    !> Microseconds of a step on the machine of the fit; zero if no choice was to be made. Only the ratio of both is meaningful.
     type :: cost_type
         real(wp) :: dense = 0.0_wp, sparse = 0.0_wp
     end type cost_type
@@ -70,7 +70,7 @@ contains
     end subroutine build_stiffness
 
     !> The rate of the fastest oscillation that the forces on one body alone cause at (t, q, qd), times the time scale of the model:
-    !> the root of the largest entry of the diagonals of K over M. Zero where it cannot be evaluated.
+    !> the root of the largest entry of the diagonals of K over M. Zero if it cannot be evaluated.
     subroutine stiffness_of(model, t, q, qd, ratio)
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t, q(:), qd(:)
@@ -87,7 +87,7 @@ contains
         integer :: b, i, k, stat, width
 
         ratio = 0.0_wp
-        ! As at the start of the run, whatever the model was used for before.
+        ! As at the start of the run, independent of earlier uses of the model.
         call find_segment(model, t, error)
         if (allocated(error)) return
         call model%set_time_scale(t, q, qd)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The kind of chart that a model gets; `chart_policies` name when it is renewed.
+!> The kind of chart for a model; `chart_policies` name the conditions of its renewal.
 module tandem_chart_factory
     use tandem_chart, only: chart_type
     use tandem_chart_cost, only: cost_type
@@ -11,10 +11,10 @@ module tandem_chart_factory
 
     public :: choose_chart, cost_type, is_sparse_chart, new_chart
 
-    ! The submodule alone uses the modules of the charts, so that a change in one of them recompiles few files.
+    ! Only the submodule uses the modules of the charts, so that a change in one of them recompiles few files.
     interface
-        !> Choose the kind of chart: on request, or by the estimated cost of a step. Implicit steps of a very stiff mechanism take
-        !> dense charts, whose complements follow what is stiff.
+        !> Choose the kind of chart: on request, or by the estimated cost of a step. Implicit steps of a very stiff mechanism use
+        !> dense charts, whose complements follow stiff directions.
         module subroutine choose_chart(model, options, implicit, t, q, qd, is_sparse, cost)
             implicit none (type, external)
             class(model_type), intent(inout), target :: model
@@ -25,7 +25,7 @@ module tandem_chart_factory
             !> The start, which need not satisfy the constraints.
             real(wp), intent(in) :: t, q(:), qd(:)
             logical, intent(out) :: is_sparse
-            !> Zero where it was not needed.
+            !> Zero if it was not needed.
             type(cost_type), intent(out) :: cost
         end subroutine choose_chart
 
