@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What is asked at a point: multipliers, the nearest velocity, constraint errors, what policies watch, kinetic energy.
+!> Results at a point: multipliers, the nearest velocity, constraint errors, measures for policies, kinetic energy.
 submodule(tandem_chart_dense) tandem_chart_dense_answers
     use tandem_linalg_lapack, only: dpotrf, dpotrs
     implicit none (type, external)
@@ -21,8 +21,8 @@ contains
 
     contains
 
-        !> The multipliers of least norm. Rows that were left out are combinations K C = C_l of the others, K = C_l R: shares y of
-        !> them leave the multipliers mu - K'y to the others, and (I + K K') y = K mu makes their norm least.
+        !> The multipliers of least norm. Rows that were left out are combinations K C = C_l of the others, K = C_l R: forces y of
+        !> these rows reduce the multipliers of the others to mu - K'y, and (I + K K') y = K mu minimises the norm of all.
         subroutine share_load(left_out, lambda)
             integer, intent(in) :: left_out(:)
             real(wp), intent(inout), contiguous :: lambda(:)
@@ -61,7 +61,7 @@ contains
     !> Bring a point beside the manifold onto it: q := q - R (Phi, 0) until Phi = 0 and qd := qd - R (C qd - nu), with the R of the
     !> point itself. Newton's iteration, but C is left as it is where Phi falls fast.
     module procedure restore_near
-        !> From an error of the size of the coordinates a few corrections get there; whatever takes more, has no end.
+        !> From an error of the size of the coordinates a few corrections suffice; an iteration that takes more diverges.
         integer, parameter :: most = 30
         real(wp), parameter :: fast = 0.1_wp, slow = 0.5_wp
         real(wp) :: error, last_error
@@ -82,7 +82,7 @@ contains
                 return
             end if
             if (self%position%is_restored(error)) exit
-            ! Rounding keeps it from its end, which is near enough.
+            ! Rounding prevents further convergence; the point is near enough.
             if (error <= self%tolerance .and. error > slow*last_error) exit
             if (k == most) then
                 stat = status_position_diverged
@@ -99,7 +99,7 @@ contains
         call split_at(stat)
         if (stat /= status_ok) return
         self%point%has_phi = self%nh > 0
-        ! The second pass removes what rounding has left.
+        ! The second pass removes the rounding error of the first.
         do pass = 1, 2
             self%x(:) = -self%model%terms%nu
             call add_product(self%model%terms%jacobian, qd, 1.0_wp, self%x)
@@ -118,8 +118,8 @@ contains
         end subroutine split_at
     end procedure restore_near
 
-    !> Take from errors of rates at the point of the last `restore_near` what it takes of a curve: R Phi_q of that of q, since the
-    !> velocity constraints do not bind the curve itself, and R C of that of qd.
+    !> Remove from errors of rates at the point of the last `restore_near` their components normal to a curve: R Phi_q e_q from the
+    !> error of q, because the velocity constraints do not bind the curve itself, and R C e_qd from the error of qd.
     module procedure keep_tangent
         self%x = 0.0_wp
         call add_product(self%model%terms%jacobian, error_q, 1.0_wp, self%x)
@@ -139,7 +139,7 @@ contains
         end if
         call self%move_with(t, q, qd, stat)
         if (stat /= status_ok) return
-        ! Of redundant rows all count, those that were dropped too.
+        ! All redundant rows count, including dropped rows.
         if (self%nh > 0 .and. .not. self%point%has_phi) then
             call self%model%evaluate(need_phi, t, q, qd, self%counts, stat)
             if (stat /= status_ok) then
@@ -178,7 +178,7 @@ contains
             if (watch%v) health%v = length_outside(self%basis%q(:, :self%nh), (q - self%q0)/self%basis_scale)
             if (watch%w) health%w = length_outside(self%basis%q(:, :self%m), (qd - self%qd0)/self%basis_scale)
             if (watch%condition .and. self%is_implicit) then
-                ! That of the Newton matrix (81), reduced.
+                ! The condition number of the reduced Newton matrix (81).
                 health%condition = 1.0_wp/max(self%stage%reciprocal_condition(), tiny(1.0_wp))
             else if (watch%condition) then
                 call watch%condition_of(terms%mass, self%velocity_basis%null_space, terms%jacobian, health%condition)
@@ -198,7 +198,7 @@ contains
         energy = 0.5_wp*dot_product(qd, matmul(self%model%terms%mass, qd))
     end procedure kinetic_energy
 
-    !> Something failed here: was a term not finite, and which? Nothing of the point is kept, so that it can be tried again.
+    !> Find the term that is not finite, if there is one, after a failure. Forget the point, so that it can be tried again.
     module procedure name_infinite
         call self%forget()
         associate (terms => self%model%terms)

@@ -51,28 +51,28 @@ module tandem_chart_dense
         type(position_type) :: position
         type(velocity_basis_type) :: velocity_basis
         type(dynamics_type) :: dynamics
-        !> The same where no bases are kept.
+        !> Equations of motion without bases.
         type(free_motion_type) :: free_motion
         !> Friction on reactions.
         type(friction_type) :: friction
         type(stage_type), public :: stage
-        !> What complements of implicit steps follow, and whether they may still be changed: at a chart's origin, before the first
-        !> stage of a step.
+        !> Metric of the complements of implicit steps. True if complements may still be changed: at a chart's origin, before the
+        !> first stage of a step.
         type(metric_type) :: metric
         logical :: may_lean = .false., is_at_origin = .false.
         type(derivatives_type) :: derivatives
         !> nh holonomic and m constraints.
         integer :: nh = 0, m = 0
         logical :: is_implicit = .false., refines = .false., has_bases = .false., uses_svd = .false.
-        !> Whether explicit steps restore velocities in the mass metric.
+        !> True if explicit steps restore velocities in the mass metric.
         logical :: keeps_momentum = .false.
         logical :: has_gamma = .true., has_nu = .true.
-        !> Whether a chart may do without an orthonormal basis: for explicit steps, where nobody watches.
+        !> True if a chart needs no orthonormal basis: for explicit steps without monitored quantities.
         logical :: skips_basis = .false.
-        !> What may be left of a constraint, on its natural scale.
+        !> Largest remaining constraint error, on its natural scale.
         real(wp) :: tolerance = 0.0_wp
         type(watch_type) :: watch
-        !> Coordinate scales (n), and those for bases: where masses differ much, light coordinates move more.
+        !> Coordinate scales (n), and scales for bases: if masses differ much, light coordinates move more.
         real(wp), allocatable :: scale(:), basis_scale(:)
         !> 1 over the time scale of the model.
         real(wp) :: rate = 1.0_wp
@@ -83,7 +83,7 @@ module tandem_chart_dense
         real(wp), allocatable :: q0(:), qd0(:)
         !> Orthonormal bases at the origin, s the scales for bases.
         type(basis_type) :: basis
-        !> diag(s) X (n, m), diag(s) V (n, n - nh), diag(s) W (n, n - m) and the duals of V and W: only where they are kept.
+        !> diag(s) X (n, m), diag(s) V (n, n - nh), diag(s) W (n, n - m) and the duals of V and W: only if bases are kept.
         real(wp), allocatable :: x_basis(:, :), v_basis(:, :), w_basis(:, :), v_dual(:, :), w_dual(:, :)
         !> Work space (m), (n).
         real(wp), allocatable :: x(:), trial(:)
@@ -93,17 +93,17 @@ module tandem_chart_dense
         integer :: origin_orientation = 1
         !> The independence of C at the last state, see `velocity_basis_type`.
         real(wp) :: last_independence = 1.0_wp
-        !> C where the current step starts (m, n), and a closer look at how C changes from there.
+        !> C at the start of the current step (m, n), and a detailed check of its changes from there.
         real(wp), allocatable :: step_jacobian(:, :)
         type(row_space_type) :: row_space
-        !> How C ties the coordinates without mass.
+        !> Conditioning of the coordinates without mass by C.
         type(massless_ties_type) :: ties
-        !> Where bases are kept: C X there (m, m), and its factors.
+        !> If bases are kept: C X at the start of the step (m, m), and its factors.
         real(wp), allocatable :: origin_c_x(:, :)
         type(lu_type) :: origin_lu
         !> The point of the terms in `model`.
         type(visited_point_type) :: point
-        !> The segment of the model where the last Newton matrix was formed, and what a new one costs in corrections.
+        !> The segment of the model in which the last Newton matrix was formed, and the cost of a new one in corrections.
         integer :: stage_segment = 0
         real(wp) :: cost = 0.0_wp
         !> Work space for stages.
@@ -135,7 +135,7 @@ module tandem_chart_dense
             integer, intent(in), optional :: kept(:)
         end subroutine initialize
 
-        !> The origin, its bases, what was evaluated and factored last, and the Newton matrix.
+        !> The origin, its bases, the last evaluations and factors, and the Newton matrix.
         module subroutine pack_state(self, pack)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
@@ -151,17 +151,17 @@ module tandem_chart_dense
             integer, intent(out) :: stat
         end subroutine renew
 
-        !> Bases at the origin from the orthonormal ones, complements as the metric has them.
+        !> Bases at the origin from the orthonormal ones, complements orthogonal in the metric.
         module subroutine place_bases(self)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
         end subroutine place_bases
 
-        !> Something failed here: was a term not finite, and which?
+        !> Find the term that is not finite, if there is one, after a failure.
         module subroutine name_infinite(self, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            !> Kept as it is where all terms are finite.
+            !> Unchanged if all terms are finite.
             integer, intent(inout) :: stat
         end subroutine name_infinite
 
@@ -174,7 +174,7 @@ module tandem_chart_dense
             integer, intent(out) :: stat
         end subroutine restore_position
 
-        !> Evaluate C, nu and M at (t, q), unless that was the last point. Splitting C later shows whether its rank is full.
+        !> Evaluate C, nu and M at (t, q), unless (t, q) was the last point. Splitting C later detects rank loss.
         module subroutine visit(self, t, q, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
@@ -182,7 +182,7 @@ module tandem_chart_dense
             integer, intent(out) :: stat
         end subroutine visit
 
-        !> The same, and refuse what is not finite.
+        !> Evaluate C, nu and M at (t, q), and refuse values that are not finite.
         module subroutine move_to(self, t, q, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
@@ -190,14 +190,14 @@ module tandem_chart_dense
             integer, intent(out) :: stat
         end subroutine move_to
 
-        !> Refuse C and nu that are not finite.
+        !> Refuse values of C and nu that are not finite.
         module subroutine refuse_infinite(self, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             integer, intent(out) :: stat
         end subroutine refuse_infinite
 
-        !> What R and D at the current point follow from, and with `refine` B too.
+        !> Compute the factors of C from which R and D follow, and with `refine` also B.
         module subroutine find_velocity_basis(self, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
@@ -220,7 +220,7 @@ module tandem_chart_dense
             integer, intent(out) :: stat
         end subroutine restore_velocity
 
-        !> Evaluate gamma and the forces at (t, q, qd) too, unless it was done last.
+        !> Evaluate also gamma and the forces at (t, q, qd), unless it was the last point.
         module subroutine move_with(self, t, q, qd, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
@@ -237,7 +237,7 @@ module tandem_chart_dense
             integer, intent(out) :: stat
         end subroutine solve_dynamics
 
-        !> All of them, without a look whether the point is known.
+        !> Position, velocity and acceleration, assuming that the point is new.
         module subroutine restore_motion(self, t, increment, increment_qd, q, qd, qdd, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
@@ -255,21 +255,21 @@ module tandem_chart_dense
             integer, intent(out) :: stat
         end subroutine restore_near
 
-        !> Take from errors of rates what `restore_near` takes of a curve.
+        !> Remove from errors of rates the components that `restore_near` removes from a curve.
         module subroutine keep_tangent(self, error_q, error_qd)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
         end subroutine keep_tangent
 
-        !> Take over what another chart of the same run has seen of how firm the constraints were.
+        !> Copy the independence measures of another chart of the same run.
         module subroutine inherit(self, other)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             class(chart_type), intent(in) :: other
         end subroutine inherit
 
-        !> How many steps as the one to (t, q) C is away from losing rank.
+        !> Number of steps like the one to (t, q) until C loses rank.
         module subroutine measure_rank(self, t_from, q_from, t, q, room, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
@@ -285,7 +285,7 @@ module tandem_chart_dense
             class(dense_chart_type), intent(inout) :: self
         end subroutine measure_split
 
-        !> What C loses on the straight way ahead of a state, soon enough for that way to mean something.
+        !> Loss of C on the straight line ahead of a state, unless C changes too much on the line.
         module integer function loss_ahead(self, t, q, qd, h)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
@@ -300,17 +300,17 @@ module tandem_chart_dense
             real(wp), intent(in), contiguous :: way(:)
         end function contraction
 
-        !> How far C has changed from the start of the step to the current point: rows of unit length, Frobenius norm.
+        !> Change of C from the start of the step to the current point: rows of unit length, Frobenius norm.
         module real(wp) function relative_change(self)
             implicit none (type, external)
             class(dense_chart_type), intent(in) :: self
         end function relative_change
 
-        !> Remember which rows depend on each other at the current point.
+        !> Store the rows that depend on each other at the current point.
         module subroutine blame_dependent(self, row)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            !> The one found to depend on others; 0 leaves the choice to the combination.
+            !> Row found to depend on others; if 0, it is chosen by its part in the combination.
             integer, intent(in) :: row
         end subroutine blame_dependent
 
@@ -324,7 +324,7 @@ module tandem_chart_dense
             integer, intent(out) :: stat
         end subroutine factor_stage
 
-        !> Make the last Newton matrix serve ha.
+        !> Reuse the last Newton matrix for ha.
         module subroutine reuse_stage(self, ha, can)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
@@ -332,7 +332,7 @@ module tandem_chart_dense
             logical, intent(out) :: can
         end subroutine reuse_stage
 
-        !> What a new Newton matrix costs, in corrections.
+        !> Cost of a new Newton matrix, in corrections.
         pure module real(wp) function matrix_cost(self)
             implicit none (type, external)
             class(dense_chart_type), intent(in) :: self
@@ -396,7 +396,7 @@ module tandem_chart_dense
             integer, intent(out) :: stat
         end subroutine move_rates
 
-        !> The error through the Newton matrix.
+        !> Filter an error by a solve with the Newton matrix.
         module subroutine filter_error(self, error_q, error_qd)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
@@ -433,7 +433,7 @@ module tandem_chart_dense
             integer, intent(out) :: rows(3), stat
         end subroutine constraint_errors
 
-        !> What the policy watches: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
+        !> Measures for the policy: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
         module subroutine measure_health(self, t, q, qd, health, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
@@ -456,7 +456,7 @@ module tandem_chart_dense
 
 contains
 
-    !> Take note of where a step starts.
+    !> Store the start of a step.
     subroutine start_step(self, qdd)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in), contiguous :: qdd(:)
@@ -464,7 +464,7 @@ contains
         call self%position%start_step(self%step_jacobian, qdd)
     end subroutine start_step
 
-    !> Go back to where the step starts.
+    !> Go back to the start of the step.
     subroutine retry_step(self)
         class(dense_chart_type), intent(inout) :: self
 
@@ -472,7 +472,7 @@ contains
         call self%position%retry_step()
     end subroutine retry_step
 
-    !> What rounding took from q = q0 + xi - U u.
+    !> Rounding error of q = q0 + xi - U u.
     pure subroutine remainder(self, increment, q, left)
         class(dense_chart_type), intent(in) :: self
         real(wp), intent(in), contiguous :: increment(:), q(:)
@@ -510,7 +510,7 @@ contains
         call self%point%forget()
     end subroutine forget
 
-    !> Forget the last point, the constant mass matrix, and the Newton matrix, which are those of the model as it was.
+    !> Forget the last point, the constant mass matrix, and the Newton matrix, because the model has changed.
     subroutine forget_model(self)
         class(dense_chart_type), intent(inout) :: self
 
@@ -519,7 +519,7 @@ contains
         self%stage_segment = 0
     end subroutine forget_model
 
-    !> Keep what the next step starts from.
+    !> Save the start of the next step.
     subroutine hold(self)
         class(dense_chart_type), intent(inout) :: self
 
@@ -527,7 +527,7 @@ contains
         call self%velocity_basis%hold()
     end subroutine hold
 
-    !> Go back to what was kept.
+    !> Restore the saved state.
     subroutine release(self)
         class(dense_chart_type), intent(inout) :: self
         integer :: choice
@@ -535,11 +535,11 @@ contains
         call self%position%release()
         choice = self%velocity_basis%elimination%choice
         call self%velocity_basis%release()
-        ! What was eliminated with other pivots is worth nothing to these.
+        ! Factors of an elimination with other pivots are not usable with the restored pivots.
         if (self%velocity_basis%elimination%choice /= choice) call self%point%forget_velocity_basis()
     end subroutine release
 
-    !> Remember which row is to blame, by its number in the model.
+    !> Store the row at fault, by its number in the model.
     subroutine blame(self, row, value)
         class(dense_chart_type), intent(inout) :: self
         !> Row among those in use, 0 for none, and its error.
@@ -551,7 +551,7 @@ contains
         if (row > 0 .and. allocated(self%rows%dropped)) self%failed_row = self%model%kept(row)
     end subroutine blame
 
-    !> Refuse M at the start of a step if it is not zero outside of its blocks.
+    !> Refuse M at the start of a step if it is not zero outside its blocks.
     subroutine judge_blocks(self, stat)
         class(dense_chart_type), intent(inout) :: self
         integer, intent(out) :: stat
@@ -561,7 +561,7 @@ contains
         if (stat /= status_ok) call self%fail_term()
     end subroutine judge_blocks
 
-    !> Remember which term of the model failed.
+    !> Store the name of the term of the model that failed.
     subroutine fail_term(self)
         class(dense_chart_type), intent(inout) :: self
 

@@ -3,8 +3,8 @@
 !>
 !>   qdd = D a - R gamma,   (D' M D) a = D' (S + Q_A + M R gamma)   (33), (42)
 !>
-!> and the multipliers lambda = R' (S + Q_A - M qdd), only on request. With D = (I - X H C) W and R = X H these are
-!> the paper's formulas; every other choice gives the same qdd and lambda. M may be singular, as long as D' M D is not.
+!> and the multipliers lambda = R' (S + Q_A - M qdd), only on request. With D = (I - X H C) W and R = X H these are the paper's
+!> formulas; every other choice gives the same qdd and lambda. M may be singular, as long as D' M D is not.
 module tandem_chart_dense_dynamics
     use tandem_kinds, only: wp
     use tandem_linalg_cholesky, only: cholesky_type
@@ -57,7 +57,7 @@ contains
         class(dynamics_type), intent(inout) :: self
         !> M (n, n), C (m, n), D (n, k), R (n, m), gamma (m), S + Q_A (n).
         real(wp), intent(in), contiguous :: mass(:, :), jacobian(:, :), basis(:, :), right_inverse(:, :), gamma(:), force(:)
-        !> Whether to remove what rounding in R and D leaves of C qdd + gamma.
+        !> True to remove rounding errors of R and D from C qdd + gamma.
         logical, intent(in) :: polish
         real(wp), intent(out), contiguous :: qdd(:)
         !> A status code.

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Velocities and accelerations of explicit steps, with R = [Cd^-1; 0] and D = [-Y; I] as an elimination of C gives them. Beside
-!> the general `tandem_chart_dense_dynamics`, which has the equations: the same results in a small part of the time.
+!> Velocities and accelerations of explicit steps, with R = [Cd^-1; 0] and D = [-Y; I] from an elimination of C. Same results as the
+!> general `tandem_chart_dense_dynamics`, which documents the equations, in a small part of the time.
 module tandem_chart_dense_free_motion
     use tandem_kinds, only: lane, short, wp
     use tandem_linalg_aligned, only: allocate_aligned
@@ -25,25 +25,25 @@ module tandem_chart_dense_free_motion
         private
         !> n coordinates, m constraints, k = n - m degrees of freedom; height and width are m and k padded.
         integer :: n = 0, m = 0, k = 0, height = 0, width = 0
-        !> The choice of pivots that D belongs to.
+        !> The choice of pivots to which D belongs.
         integer :: choice = -1
-        !> That of the chart's origin.
+        !> The choice of pivots at the chart's origin.
         integer :: origin_choice = -1
         !> D' at the current point and D0' M0 at the origin (width, n), diag(s)^2 and diag(s)^-2 (n).
         real(wp), allocatable :: basis(:, :), origin(:, :), square(:), inverse_square(:)
         !> D' M (width, n), D' M D or D0' M0 D with factors in place (width, width), inverse pivots (k).
         real(wp), allocatable :: basis_mass(:, :), matrix(:, :), inverse(:)
-        !> The factors of D0' M0 D where its pivots want a search.
+        !> The factors of D0' M0 D if it requires a search for pivots.
         type(lu_type) :: overlap_lu
         !> Vectors over the degrees of freedom (width), over the rows of C (height), over the coordinates (n).
         real(wp), allocatable :: z(:), r(:), x(:), work(:)
         !> The identity, for the rows of D that belong to the free unknowns.
         real(wp) :: unit(short, short) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
             1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [short, short])
-        !> Whether the loops for two or three degrees of freedom are for this size.
+        !> True if the loops for two or three degrees of freedom apply to this size.
         logical :: has_few = .false.
-        !> Whether LAPACK and BLAS work here, and for them: coordinate scales (n), scaled rows of C (height, n), their Gram matrix
-        !> (m, m), the factor of D' M D.
+        !> True if LAPACK and BLAS are used, with the following arrays: coordinate scales (n), scaled rows of C (height, n), their
+        !> Gram matrix (m, m), the factor of D' M D.
         logical :: is_large = .false.
         real(wp), allocatable :: scale(:), rows(:, :), gram(:, :)
         type(cholesky_type) :: mass_factor
@@ -91,7 +91,7 @@ contains
         end associate
     end subroutine allocate_reduced
 
-    !> Take D of an elimination: that of C at the point of the calls that follow.
+    !> Copy D from an elimination of C at the point of the following calls.
     subroutine load(self, elimination)
         class(free_motion_type), intent(inout) :: self
         type(elimination_type), intent(in) :: elimination
@@ -101,7 +101,7 @@ contains
         self%choice = elimination%choice
     end subroutine load
 
-    !> Make the point the chart's origin: D0' M0 qd is what a velocity keeps where it is restored.
+    !> Make the point the chart's origin: restoring a velocity preserves D0' M0 qd.
     subroutine set_origin(self, n_blocks, blocks, mass)
         class(free_motion_type), intent(inout) :: self
         !> As for `solve`; M0 is diag(s)^-2 without a mass.
@@ -116,8 +116,8 @@ contains
         self%origin_choice = self%choice
     end subroutine set_origin
 
-    !> How independent the rows of C are: 1/|C+|, in the Frobenius norm, of C with rows of unit length in scaled unknowns. A lower
-    !> bound of its smallest singular value, at most sqrt(m) below, that does not depend on the choice of pivots.
+    !> Independence of the rows of C: 1/|C+|, in the Frobenius norm, of C with rows of unit length in scaled unknowns. A lower bound
+    !> of its smallest singular value, at most sqrt(m) below, that does not depend on the choice of pivots.
     subroutine find_independence_here(self, elimination, independence)
         class(free_motion_type), intent(inout) :: self
         type(elimination_type), intent(in) :: elimination
@@ -139,7 +139,7 @@ contains
     subroutine restore_velocity(self, elimination, has_nu, polishes, nu, qd, stat)
         class(free_motion_type), intent(inout) :: self
         type(elimination_type), intent(in) :: elimination
-        !> Whether nu is not zero, and whether to remove what rounding leaves of C qd - nu.
+        !> True if nu is not zero; true to remove rounding errors of C qd - nu.
         logical, intent(in) :: has_nu, polishes
         !> nu (m).
         real(wp), intent(in) :: nu(self%m)
@@ -156,7 +156,7 @@ contains
             return
         end if
         associate (m => self%m, n => self%n, k => self%k, e => elimination)
-            ! The end of a step takes the general way, where rounding is removed too.
+            ! The end of a step uses the general method, which also removes rounding errors.
             if (k == 1 .and. .not. polishes) then
                 call find_single_velocity(m, n, self%height, self%width, e%order, e%eliminated, self%basis, self%origin, has_nu, &
                     nu, self%r, qd, stat)
@@ -164,8 +164,8 @@ contains
                 return
             end if
             stat = 1
-            ! With the pivots of the origin D0' M0 D is near D' M D. With others it is not, and where a motion is symmetric,
-            ! what rounding leaves of a zero on the diagonal may be all that its pivot is compared with.
+            ! With the pivots of the origin D0' M0 D is near D' M D. With other pivots it is not, and in a symmetric motion the
+            ! rounding error of a zero on the diagonal may be the only value to which its pivot is compared.
             if (self%choice == self%origin_choice) then
                 if (self%has_few .and. .not. polishes) call find_few_velocity(m, n, e%order, e%eliminated, self%basis, &
                     self%origin, has_nu, nu, qd, stat)
@@ -185,7 +185,7 @@ contains
                     end do
                 end if
             end if
-            ! D0' M0 D wants a search for pivots.
+            ! D0' M0 D requires a search for pivots.
             call set_overlap(n, self%width, self%basis, self%origin, self%work, self%matrix, self%z)
             call self%overlap_lu%factor(self%matrix(:k, :k), stat)
             stat = merge(status_ok, status_chart_left, stat == 0)
@@ -200,7 +200,7 @@ contains
     subroutine solve(self, elimination, polishes, n_blocks, blocks, mass, gamma, force, qdd, stat)
         class(free_motion_type), intent(inout) :: self
         type(elimination_type), intent(in) :: elimination
-        !> Whether to remove what rounding leaves of C qdd + gamma.
+        !> True to remove rounding errors of C qdd + gamma.
         logical, intent(in) :: polishes
         !> The diagonal blocks of M with more than one entry, see `tandem_model_evaluator`.
         integer, intent(in) :: n_blocks, blocks(2, n_blocks)

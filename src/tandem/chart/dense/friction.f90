@@ -5,19 +5,18 @@
 !>
 !>   lambda = lambda_0 + P B N,   P = R' (I - M D (D' M D)^-1 D'),
 !>
-!> lambda_0 those without friction, so that N solves N = p(lambda_0 + P B N), as many equations as there are frictions. As p are
-!> norms, the right side contracts where the matrix K of p_i(P B_j), which says what normal force at i one at j makes by its
-!> friction, has a spectral radius below one: then there is one N, and it is found by Newton's iteration, or by the contraction
-!> itself where that does not come nearer. Otherwise there may be several motions or none, which is Painleve's paradox, and the
-!> point is refused.
+!> lambda_0 without friction, so that N solves N = p(lambda_0 + P B N), one equation per friction. As p are norms, the right side
+!> contracts if the matrix K of p_i(P B_j), the normal force at i due to the friction of a normal force at j, has a spectral radius
+!> below one: then N is unique, and is found by Newton's iteration, or by the contraction itself if Newton's iteration does not come
+!> nearer. Otherwise there may be several motions or none, which is Painleve's paradox, and the point is refused.
 !>
 !> Once N is known B N is a force like any other, and explicit and implicit steps need nothing more. Its derivative along the motion
-!> has B N_x, with N_x = -(I - p' P B)^-1 p' P G, where G is the gradient of M qdd + C' lambda - S - Q_A - B N for constant N on
-!> the manifold of accelerations; so that in the Newton matrix
+!> contains B N_x, with N_x = -(I - p' P B)^-1 p' P G, where G is the gradient of M qdd + C' lambda - S - Q_A - B N for constant N
+!> on the manifold of accelerations; so that in the Newton matrix
 !>
 !>   D' (G - B N_x) = E' G,   E = D + P' p'' (I - p' P B)^-T B' D,
 !>
-!> that is E' (C' - B p') = 0: E is to what the multipliers do together with their friction what D is to C'.
+!> that is E' (C' - B p') = 0: E corresponds to the multipliers together with their friction as D does to C'.
 module tandem_chart_dense_friction
     use tandem_chart_dense_dynamics, only: dynamics_type
     use tandem_kinds, only: wp
@@ -31,7 +30,7 @@ module tandem_chart_dense_friction
     public :: friction_type
 
     type :: friction_type
-        !> How many there are; nothing else is there where that is 0.
+        !> Number of frictions; if it is 0 the arrays are not allocated.
         integer :: n = 0
         !> E (n, k) of the last `find_left_basis`.
         real(wp), allocatable :: left_basis(:, :)
@@ -111,8 +110,7 @@ contains
         if (.not. sum(abs(evaluator%terms%force)) <= huge(1.0_wp)) stat = status_not_finite
     end subroutine add_force
 
-    !> Whether the spectral radius of K is below one. For any x > 0 it is at most the largest (K x)_i/x_i; powers of K make x
-    !> better.
+    !> True if the spectral radius of K is below one. For any x > 0 it is at most the largest (K x)_i/x_i; powers of K improve x.
     logical function contracts(self, evaluator)
         class(friction_type), intent(inout) :: self
         type(evaluator_type), intent(inout) :: evaluator
@@ -127,7 +125,7 @@ contains
         do k = 1, most
             self%residual = matmul(self%coupling, self%trial)
             if (all(self%residual < self%trial)) return
-            ! Half of x itself keeps it positive.
+            ! Half of x itself keeps x positive.
             self%trial = self%residual + 0.5_wp*self%trial
             self%trial = self%trial/maxval(self%trial)
         end do
@@ -140,9 +138,9 @@ contains
         type(evaluator_type), intent(inout) :: evaluator
         !> A status code.
         integer, intent(out) :: stat
-        !> A contraction by a half comes down to rounding in fifty steps; Newton's iteration takes two or three.
+        !> A contraction by a half reaches rounding level in fifty steps; Newton's iteration takes two or three.
         integer, parameter :: most = 200
-        !> Rounding of the sums that N comes from, and what it may grow to where K is near one.
+        !> Rounding error of the sums for N, and the largest one allowed, when the spectral radius of K is near one.
         real(wp), parameter :: enough = 8*epsilon(1.0_wp), most_left = 1.0e-12_wp
         real(wp) :: size_of, last
         integer :: k, i
@@ -194,7 +192,7 @@ contains
         self%residual = normals - self%residual
     end subroutine find_residual
 
-    !> E at the point of the last `add_force`, with D and R as they are now.
+    !> E at the point of the last `add_force`, with the given D and R.
     subroutine find_left_basis(self, evaluator, dynamics, basis, right_inverse, stat)
         class(friction_type), intent(inout) :: self
         type(evaluator_type), intent(in) :: evaluator
@@ -213,7 +211,7 @@ contains
             self%pressed(:, i) = 0.0_wp
             call dynamics%project(basis, right_inverse, self%lambda, self%pressed(:, i))
         end do
-        ! (I - p' P B)^-1 is wanted from the right: its transpose is factored.
+        ! (I - p' P B)^-1 is applied from the right: its transpose is factored.
         self%matrix = -matmul(transpose(evaluator%directions), self%pressed)
         do i = 1, self%n
             self%matrix(i, i) = self%matrix(i, i) + 1.0_wp

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What chart policies watch: how far a point is from the chart's origin, the angles between the tangent spaces here and there,
-!> and the condition of the equations. Only what the policy looks at is allocated and measured.
+!> Measures for chart policies: the distance of a point from the chart's origin, the angles between the tangent spaces of both, and
+!> the condition of the equations. Only the measures of the policy are allocated and computed.
 module tandem_chart_dense_health
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: basis_type
@@ -12,7 +12,7 @@ module tandem_chart_dense_health
     public :: watch_type, length_outside
 
     type :: watch_type
-        !> Whether |v|, |w|, the secants |D| and |Fbar|, and the condition matter.
+        !> True if |v|, |w|, the secants |D| and |Fbar|, and the condition are measured.
         logical :: v = .false., w = .false., secants = .false., condition = .false.
         integer, private :: nh = 0, m = 0
         !> Orthonormal basis at the point, cosines (m, m), [M D, C'] (n, n).
@@ -29,8 +29,8 @@ contains
     subroutine allocate_watch(self, options, implicit, n, nh, m)
         class(watch_type), intent(inout) :: self
         type(options_type), intent(in) :: options
-        !> Whether the steps are implicit, whose errors grow with the secants on a chart that is kept too long. Explicit ones are
-        !> watched where the paper's limits are none, and a chart would be kept until it fails.
+        !> True for implicit steps, whose errors grow with the secants on a chart that is kept too long. Explicit steps are watched
+        !> if the paper's limits are off, and a chart would be kept until it fails.
         logical, intent(in) :: implicit
         integer, intent(in) :: n, nh, m
 
@@ -53,8 +53,8 @@ contains
         end if
     end subroutine allocate_watch
 
-    !> |D|_2 and |Fbar|_2: the singular values of Y' X are the cosines of the angles between range(C') here (Y) and at the
-    !> origin (X), those of their leading blocks the same for Phi.
+    !> |D|_2 and |Fbar|_2: the singular values of Y' X are the cosines of the angles between range(C') here (Y) and at the origin
+    !> (X); the singular values of the leading blocks correspond to Phi.
     subroutine measure_secants(self, jacobian, scale, origin, d, fbar)
         class(watch_type), intent(inout) :: self
         !> C (m, n) at the point, coordinate scales (n), X (n, m) at the origin, orthonormal.
@@ -67,7 +67,7 @@ contains
         fbar = self%basis%largest_secant(self%cosines(:self%nh, :self%nh))
     end subroutine measure_secants
 
-    !> The condition number of [M D, C'], the matrix of (38) without its unit block; infinite where it is singular.
+    !> The condition number of [M D, C'], the matrix of (38) without its unit block; infinite if it is singular.
     subroutine condition_of(self, mass, null_space, jacobian, condition)
         class(watch_type), intent(inout) :: self
         !> M (n, n), D (n, n - m), C (m, n).

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Implicit stages: the Newton matrix, its use, and the error through it.
+!> Implicit stages: the Newton matrix, its use, and the filter of errors.
 submodule(tandem_chart_dense) tandem_chart_dense_implicit_stage
     implicit none (type, external)
 
@@ -48,7 +48,7 @@ contains
         call self%stage%adapt(ha, self%v_basis, self%v_dual, self%w_basis, self%w_dual, self%counts%newton_factorizations, can)
     end procedure reuse_stage
 
-    !> Let the chart's complements follow the metric for ha. Other complements are another chart: not within a step.
+    !> Adapt the chart's complements to the metric for ha. Other complements define another chart: not within a step.
     subroutine follow_stiffness(self, ha)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: ha
@@ -63,7 +63,7 @@ contains
         call self%point%forget_velocity_basis()
     end subroutine follow_stiffness
 
-    !> What a new Newton matrix costs, in corrections.
+    !> Cost of a new Newton matrix, in corrections.
     module procedure matrix_cost
         matrix_cost = self%cost
     end procedure matrix_cost
@@ -80,7 +80,7 @@ contains
         call judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
     end procedure correct_stage
 
-    !> The size of the last correction, and whether the rates are finite.
+    !> Measure the size of the last correction, and check that the rates are finite.
     subroutine judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:)
@@ -106,7 +106,7 @@ contains
         call self%stage%expect_pairs(ratios)
     end procedure expect_pairs
 
-    !> The residual of a stage at the restored point. Nothing is kept by the number of the stage here.
+    !> The residual of a stage at the restored point. This chart stores nothing under the number of the stage.
     module procedure find_residual
         self%failed_row = 0
         self%may_lean = .false.

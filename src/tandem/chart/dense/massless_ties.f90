@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The coordinates without mass, and how firmly the constraints tie them: what nothing ties has no acceleration.
+!> Conditioning of the coordinates without mass by the constraints: an unconstrained one has no acceleration.
 module tandem_chart_dense_massless_ties
     use tandem_kinds, only: short, wp
     use tandem_pack, only: pack_type
@@ -9,14 +9,14 @@ module tandem_chart_dense_massless_ties
     public :: massless_ties_type
 
     type :: massless_ties_type
-        !> The coordinate that is tied least, 0 where all have mass.
+        !> The coordinate with the weakest conditioning, 0 if all have mass.
         integer :: loosest = 0
-        !> How many coordinates have no mass, and their numbers.
+        !> Number of coordinates without mass, and their indices.
         integer :: n = 0
         integer, allocatable, private :: columns(:)
-        !> What the rows of C weigh (m), and work space (m, m), its columns padded.
+        !> Weights of the rows of C (m), and work space (m, m), its columns padded.
         real(wp), allocatable, private :: weight(:), product(:, :), weighted(:, :)
-        !> How firmly the loosest was tied at the last comparison, and at best: about squares of singular values.
+        !> Conditioning of `loosest` at the last comparison, and its best value: similar to squares of singular values.
         real(wp), private :: weakest = 0.0_wp, best = 0.0_wp
     contains
         procedure :: allocate => allocate_ties, find_massless, weigh_rows, compare, measure, inherit, pack_state
@@ -24,7 +24,7 @@ module tandem_chart_dense_massless_ties
 
 contains
 
-    !> For n coordinates and m constraints.
+    !> Allocate for n coordinates and m constraints.
     subroutine allocate_ties(self, n, m)
         class(massless_ties_type), intent(inout) :: self
         integer, intent(in) :: n, m
@@ -47,11 +47,11 @@ contains
             self%n = self%n + 1
             self%columns(self%n) = i
         end do
-        ! More than there are constraints cannot be tied, which the factors of D' M D tell.
+        ! If they outnumber the constraints, factoring D' M D reports it.
         if (self%n > size(self%weight)) self%n = 0
     end subroutine find_massless
 
-    !> Weigh the rows, once a run and only where a coordinate has no mass: 1 over their squared lengths in scaled unknowns, so that
+    !> Weigh the rows, once per run and only if a coordinate has no mass: 1 over their squared lengths in scaled unknowns, so that
     !> their units do not matter.
     pure subroutine weigh_rows(self, jacobian, scale)
         class(massless_ties_type), intent(inout) :: self
@@ -67,8 +67,8 @@ contains
         self%weight = 1.0_wp/max(self%weight, tiny(1.0_wp))
     end subroutine weigh_rows
 
-    !> Whether the columns of C that belong to coordinates without mass have kept their orientation from one point to another:
-    !> det(A' B) of these is positive.
+    !> True if the columns of C that belong to coordinates without mass have kept their orientation from one point to another:
+    !> det(A' B) of these columns is positive.
     pure subroutine compare(self, from, to, scale, is_kept)
         class(massless_ties_type), intent(inout) :: self
         !> C at the two points (m, n), and the scales of the unknowns (n).
@@ -79,19 +79,19 @@ contains
             self%weight, self%loosest, self%weakest, is_kept)
     end subroutine compare
 
-    !> How many steps as the last one the constraints are away from no longer tying a coordinate, where they hardly do. Some
-    !> coordinate has no mass.
+    !> Number of steps like the last one until the constraints no longer condition a coordinate, if conditioning is weak. At least
+    !> one coordinate has no mass.
     pure subroutine measure(self, from, to, scale, horizon, room, loosened, coordinate)
         class(massless_ties_type), intent(inout) :: self
         !> C at the ends of the step, which were compared before, and the scales.
         real(wp), intent(in) :: from(:, :), to(:, :), scale(:)
-        !> The most steps that are of interest.
+        !> Limit of the number of steps.
         real(wp), intent(in) :: horizon
-        !> Their number, replaced where it is less, and the part that is left of the tie, where little is.
+        !> The number of steps, replaced by a smaller one, and the remaining part of the conditioning, if small.
         real(wp), intent(inout) :: room, loosened
         !> The coordinate, replaced likewise.
         integer, intent(inout) :: coordinate
-        !> Squares are looked at more closely below this part of the largest so far.
+        !> Squares below this part of the largest so far are examined further.
         real(wp), parameter :: loose = 1.0e-4_wp
         real(wp) :: before, after
         logical :: is_kept
@@ -100,7 +100,7 @@ contains
             self%best = max(self%best, self%weakest)
             return
         end if
-        ! Columns that have turned far have small pivots too; these are those of A' A.
+        ! Columns that have turned far also have small pivots; use the pivots of A' A.
         call self%compare(from, from, scale, is_kept)
         before = sqrt(max(self%weakest, 0.0_wp))
         call self%compare(to, to, scale, is_kept)
@@ -110,7 +110,7 @@ contains
         if (after < horizon*(before - after)) room = min(room, max(after/(before - after), tiny(1.0_wp)))
     end subroutine measure
 
-    !> Take over what another chart of the run has learnt.
+    !> Copy the state of another chart of the run.
     pure subroutine inherit(self, other)
         class(massless_ties_type), intent(inout) :: self
         type(massless_ties_type), intent(in) :: other
@@ -120,7 +120,7 @@ contains
         self%weight = other%weight
     end subroutine inherit
 
-    !> What a run has learnt.
+    !> State accumulated during a run.
     subroutine pack_state(self, pack)
         class(massless_ties_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -129,18 +129,18 @@ contains
         call pack%item(self%weight)
     end subroutine pack_state
 
-    !> Whether det(A' W B) of some columns of two matrices is positive, and the smallest pivot of an elimination, with weights W of
-    !> rows and scaled unknowns. Near each other, A and B have pivots as those of A' A, which need no exchange of rows.
+    !> True if det(A' W B) of some columns of two matrices is positive, and the smallest pivot of an elimination, with weights W of
+    !> rows and scaled unknowns. If A is near B, the pivots are near those of A' A, which needs no exchange of rows.
     pure subroutine compare_columns(m, n, k, columns, scale, a, b, product, weighted, weight, weakest, smallest, is_positive)
-        !> Rows, columns, those to compare and their numbers.
+        !> Rows, columns, the number of columns to compare and their indices.
         integer, intent(in) :: m, n, k, columns(n)
         !> Scales of the unknowns, A and B.
         real(wp), intent(in) :: scale(n), a(m, n), b(m, n)
-        !> Work space: A' W B, and W A, transposed, so that the innermost loops run along columns, in registers: columns are few as
-        !> a rule. What the rows weigh.
+        !> Work space: A' W B, and W A, transposed, so that the innermost loops run along columns, in registers: there are usually
+        !> few columns. Weights of the rows.
         real(wp), intent(inout) :: product(m + short, m), weighted(m + short, m)
         real(wp), intent(in) :: weight(m)
-        !> The column of the smallest pivot, a negative one before all others, and that; 0 and huge where there are no columns.
+        !> The column of the smallest pivot, with negative ones first, and that pivot; 0 and huge if there are no columns.
         integer, intent(out) :: weakest
         real(wp), intent(out) :: smallest
         logical, intent(out) :: is_positive

@@ -1,14 +1,14 @@
 ! SPDX-License-Identifier: MIT
-!> A metric in which what is stiff in a step is dear, from its Newton matrix M + beta D + beta^2 K with beta = h a_ii, D and K the
+!> A metric that weights stiff directions, from the Newton matrix M + beta D + beta^2 K of a step with beta = h a_ii, D and K the
 !> symmetric parts of the gradients of the forces; and the complements that are orthogonal to the tangent spaces in it.
 !>
-!> A chart's complement is the direction in which a step is brought back to the constraints. Where that moves a stiff coordinate,
-!> the stiff force is nonlinear in the chart's coordinates, and an implicit method loses its order. In this metric a stiff
-!> coordinate is dear: the complement moves the others, the stiff force stays linear, and an L-stable method sees the slow motion.
-!> Any smooth complement gives the same motion, so the metric need not be exact, and is kept as long as the matrix is.
+!> A chart's complement is the direction in which a step is brought back to the constraints. If that moves a stiff coordinate, the
+!> stiff force is nonlinear in the chart's coordinates, and an implicit method loses its order. In this metric a stiff coordinate is
+!> weighted: the complement moves the others, the stiff force stays linear, and an L-stable method resolves the slow motion. Any
+!> smooth complement gives the same motion, so the metric need not be exact, and is kept as long as the matrix is.
 !>
-!> Complements follow it where that pays. The last step shows how far the plain one moved, and so how much it strains what is
-!> stiff: the stiff force of that move, over what resists it, a velocity. Below a few tolerances of that it costs no steps.
+!> Complements follow the metric if this saves steps. The displacement of the last step along the plain complement gives the strain
+!> of stiff directions, as a velocity: their force over its resistance. Below a few tolerances it costs no steps.
 module tandem_chart_dense_metric
     use tandem_kinds, only: wp
     use tandem_linalg_cholesky, only: cholesky_type
@@ -21,25 +21,25 @@ module tandem_chart_dense_metric
     public :: metric_type
 
     type :: metric_type
-        !> Whether something is so stiff that complements follow it.
+        !> True if complements follow stiff directions.
         logical :: is_on = .false.
         integer, private :: n = 0
         !> M, D and K of the last `load` (n, n), symmetric; the sums of |D| and of |K| by rows (n), the mean of M's diagonal.
         real(wp), allocatable, private :: mass(:, :), damping(:, :), stiffness(:, :), row_damping(:), row_stiffness(:)
         real(wp), private :: mean = 0.0_wp
-        !> By how much, relatively, they have changed since the metric was free to. beta of the last `set`, of the metric and of the
-        !> trace; a part of M that every direction has.
+        !> Relative change of D and K since the last update of the metric. beta of the last `set`, of the metric and of the trace; a
+        !> part of M that every direction has.
         real(wp), private :: drift = 0.0_wp, asked = 0.0_wp, beta = 0.0_wp, trace_beta = 0.0_wp, floor = 0.0_wp
-        !> How much of the mass forces are across the tangent space, at `trace_beta`.
+        !> Part of the mass forces across the tangent space, at `trace_beta`.
         real(wp), private :: trace = 0.0_wp
         !> The velocity error that a run allows, in units of coordinate scales.
         real(wp), private :: tolerance = 0.0_wp
-        !> How far a step with beta = `move_beta` moved along the plain complement (n), in units of coordinate scales.
+        !> Displacement along the plain complement in a step with beta = `move_beta` (n), in units of coordinate scales.
         logical, private :: has_moved = .false.
         real(wp), private :: move_beta = 0.0_wp
         real(wp), allocatable, private :: move(:), new_move(:)
-        !> Steps of the trial so far, beta before it; steps for which the outcome of the last one is taken for granted, and for
-        !> which that of the next one will be.
+        !> Steps of the trial so far, beta before it; remaining steps for which the outcome of the last trial is assumed, and their
+        !> number after the next trial.
         integer, private :: tried = 0, for_granted = 0, rest = 0
         real(wp), private :: before = 0.0_wp
         !> beta D + beta^2 K, then the metric G (n, n), its factor and its inverse.
@@ -57,24 +57,24 @@ module tandem_chart_dense_metric
         procedure, private :: pays, measure, is_felt, form, add_forces, find_trace
     end type metric_type
 
-    !> A metric, and a trace, serve steps that are so many times longer or shorter.
+    !> A metric, and a trace, are reused for steps that are longer or shorter by up to this factor.
     real(wp), parameter :: near = 1.5_wp
-    !> The part of the mass from which on forces are felt in a step.
+    !> Forces above this part of the mass affect a step.
     real(wp), parameter :: felt = 0.1_wp
-    !> Forces on a coordinate of this part of the mass are those of the motion itself.
+    !> Forces on a coordinate below this part of the mass belong to the motion itself.
     real(wp), parameter :: soft = 5.0e-3_wp
 
 contains
 
-    !> Allocate for n coordinates, nh holonomic and m constraints in all, and a run that allows velocities an error, relative to
-    !> coordinate scales; 0 where it says nothing of errors.
+    !> Allocate for n coordinates, nh holonomic and m constraints in all, and the velocity error that a run allows, relative to
+    !> coordinate scales; 0 if unspecified.
     subroutine allocate_metric(self, n, nh, m, tolerance, rate)
         class(metric_type), intent(inout) :: self
         integer, intent(in) :: n, nh, m
         real(wp), intent(in) :: tolerance
         !> 1 over the time scale.
         real(wp), intent(in) :: rate
-        !> What stands for it where steps are fixed.
+        !> Default tolerance for fixed steps.
         real(wp), parameter :: usual = 1.0e-7_wp
 
         self%n = n
@@ -104,7 +104,7 @@ contains
         class(metric_type), intent(inout) :: self
         !> M, the gradients of the equations of motion by qd and by q (n, n), scales of the bases and of coordinates (n).
         real(wp), intent(in), contiguous :: mass(:, :), damping(:, :), stiffness(:, :), scale(:), unit(:)
-        !> The part by which forces may change before the metric does.
+        !> Relative change of forces above which the metric changes.
         real(wp), parameter :: alike = 0.05_wp
         real(wp) :: change(3), total(3), new
         integer :: i, j
@@ -134,7 +134,7 @@ contains
         end do
         total(2) = sum(self%row_damping)
         total(3) = sum(self%row_stiffness)
-        ! Any smooth complement will do, so that one of matrices that are nearly these will.
+        ! Any smooth complement will do, so a complement for nearly equal matrices will, too.
         self%drift = self%drift + maxval(change/max(total, tiny(1.0_wp)))
         if (self%drift <= alike) return
         self%drift = 0.0_wp
@@ -142,14 +142,14 @@ contains
         self%trace_beta = 0.0_wp
     end subroutine load
 
-    !> Take note of how far a step has moved along the plain complement. What it did less than those before it may do again.
+    !> Record the displacement of a step along the plain complement. A step may repeat a larger displacement of earlier steps.
     subroutine note_move(self, complement, q0, q, scale)
         class(metric_type), intent(inout) :: self
-        !> That of the positions, orthonormal in scaled coordinates (n, nh).
+        !> Complement of the positions, orthonormal in scaled coordinates (n, nh).
         real(wp), intent(in), contiguous :: complement(:, :)
-        !> Where the step began and ended, coordinate scales (n).
+        !> Start and end of the step, coordinate scales (n).
         real(wp), intent(in), contiguous :: q0(:), q(:), scale(:)
-        !> What a step leaves of the memory of those before it.
+        !> Factor by which a step reduces the memory of earlier steps.
         real(wp), parameter :: fading = 0.25_wp
         real(wp) :: part
         integer :: i, j
@@ -171,7 +171,7 @@ contains
             end do
         end do
         if (self%has_moved) then
-            ! In one step the move grows as beta**2.
+            ! In one step the displacement grows as beta**2.
             part = fading*(self%asked/self%move_beta)**2
             self%move = part*self%move
             self%move_beta = self%asked
@@ -188,7 +188,7 @@ contains
         real(wp), intent(in) :: beta
         !> The plain complement of the velocities and the tangent space, orthonormal in scaled coordinates (n, m), (n, n - m).
         real(wp), intent(in), contiguous :: complement(:, :), tangent(:, :)
-        !> False where complements may stay as they are.
+        !> False if complements need not change.
         logical, intent(out) :: has_changed
 
         self%asked = beta
@@ -203,28 +203,28 @@ contains
         end if
     end subroutine set
 
-    !> Whether a metric or a trace made for one beta serves another; none does where there is none.
+    !> True if a metric or a trace made for one beta can be reused for another; false if there is none.
     pure logical function is_near(beta, made_for)
         real(wp), intent(in) :: beta, made_for
 
         is_near = made_for > 0.0_wp .and. beta <= near*made_for .and. made_for <= near*beta
     end function is_near
 
-    !> Whether the plain complement would cost steps. What it does in the first step nobody knows: there it would where forces
-    !> are felt. A strain of a few tolerances is no matter, and one of many is; between them a few steps with the metric show it:
-    !> where they do not become longer, the next ones are plain, and after some of them it is tried again.
+    !> True if the plain complement would cost steps. In the first step this is unknown: it is assumed if forces are felt. A strain
+    !> of a few tolerances is harmless, and one of many is not; between these limits a few steps with the metric are tried: if they
+    !> do not become longer, the next ones use the plain complement; later the trial is repeated.
     logical function pays(self, beta, complement, tangent)
         class(metric_type), intent(inout) :: self
         real(wp), intent(in) :: beta
         real(wp), intent(in), contiguous :: complement(:, :), tangent(:, :)
-        !> Of a strain, an error is what the method's stages miss. Measured: with the plain complement, steps on stiff pendulums
-        !> become so short that it is five to a hundred tolerances; forty cost none on suspensions.
+        !> Only the part of a strain that the method's stages miss is an error. Measured: with the plain complement, steps on stiff
+        !> pendulums become so short that it is five to a hundred tolerances; forty cost none on suspensions.
         real(wp), parameter :: few = 4.0_wp, many = 200.0_wp
-        !> Where springs dominate so, the plain complement is no match for them.
+        !> Above this dominance of springs the plain complement is unsuitable.
         real(wp), parameter :: stiff = 0.3_wp
         !> Below this part of the mass, forces across the tangent space are those of gravity and of turning bodies.
         real(wp), parameter :: least = 2.0e-3_wp
-        !> Steps of a trial, by how much they must become longer, and how long its outcome is taken for granted.
+        !> Steps of a trial, the growth of steps required, and the number of steps for which its outcome is assumed.
         integer, parameter :: trial = 5, shortest = 32, longest = 1024
         real(wp), parameter :: growth = 1.5_wp
         real(wp) :: strain, dominance
@@ -252,7 +252,7 @@ contains
         if (self%for_granted > 0) then
             self%for_granted = self%for_granted - 1
         else if (self%tried == 0) then
-            ! Where the metric is on, nobody knows what the plain complement would do.
+            ! If the metric is on, the effect of the plain complement is unknown.
             pays = .not. self%is_on
             if (pays) self%before = beta
             if (pays) self%tried = 1
@@ -266,14 +266,14 @@ contains
         end if
     end function pays
 
-    !> The velocity by which the plain complement strains what is stiff in a step, as far as the method's stages miss it, in units
-    !> of coordinate scales. With a = beta D and b = beta^2 K over the mass of a coordinate, its spring moves it by b/(1 + a + b) of
-    !> the move. Of that, a method of stage order 1 misses a part that falls with a + b where a step resolves the spring, and where
-    !> a damper holds it: there the coordinate follows slowly, which the step resolves too.
+    !> The velocity by which the plain complement strains stiff directions in a step, as far as the method's stages miss it, in
+    !> units of coordinate scales. With a = beta D and b = beta^2 K over the mass of a coordinate, its spring moves it by b/(1 + a +
+    !> b) of the displacement. Of that, a method of stage order 1 misses a part that falls with a + b if a step resolves the spring,
+    !> and if a damper holds the coordinate, which then follows slowly and is resolved by the step, too.
     pure subroutine measure(self, beta, strain, dominance)
         class(metric_type), intent(in) :: self
         real(wp), intent(in) :: beta
-        !> The velocity, and the largest of those parts.
+        !> The velocity, and the largest missed part of a displacement.
         real(wp), intent(out) :: strain, dominance
         real(wp) :: force, part, a, b
         integer :: i, j
@@ -296,7 +296,7 @@ contains
         strain = sqrt(strain)*(beta/self%move_beta)**2
     end subroutine measure
 
-    !> Whether springs and dampers of a coordinate are more than soft.
+    !> True if springs and dampers of a coordinate are more than soft.
     pure logical function is_felt(self, beta)
         class(metric_type), intent(in) :: self
         real(wp), intent(in) :: beta
@@ -312,12 +312,12 @@ contains
     subroutine form(self, beta)
         class(metric_type), intent(inout) :: self
         real(wp), intent(in) :: beta
-        !> What a direction without mass has, of the mean mass; and the most that the metric is of it, for the sake of rounding.
+        !> Metric of a direction without mass, relative to the mean mass; and its upper limit, because of rounding.
         real(wp), parameter :: massless = 1.0e-3_wp, most = 1.0e12_wp
-        !> Forces that are a times the mean mass count for the fourth power of so many times a. What is soft in a step hardly
-        !> counts: complements would reach far for what is softer still. What is stiff counts for so much that they do not move it.
+        !> Forces that are a times the mean mass count for the fourth power of a times this factor. Soft directions hardly count:
+        !> complements would reach far for softer ones. Stiff directions count so much that complements do not move them.
         real(wp), parameter :: steep = 30.0_wp
-        !> Steps that the plain complement has made short are stiff in steps so many times as long at most.
+        !> Steps that the plain complement has shortened are stiff in steps that are longer by at most this factor.
         real(wp), parameter :: longest = 15.0_wp
         real(wp) :: weight
         integer :: i, j, stat
@@ -359,8 +359,8 @@ contains
         end do
     end subroutine add_forces
 
-    !> The trace of (N' M N + floor)^-1 N' (beta D + beta^2 K) N for a beta near this one: it does not depend on which basis of
-    !> the complement N is. 0 where there is none.
+    !> The trace of (N' M N + floor)^-1 N' (beta D + beta^2 K) N for a beta near this one: independent of the choice of the basis N
+    !> of the complement. 0 if there is none.
     subroutine find_trace(self, beta, complement, tangent)
         class(metric_type), intent(inout) :: self
         real(wp), intent(in) :: beta
@@ -399,12 +399,12 @@ contains
         integer, intent(in) :: nh, m
         !> Orthonormal in scaled coordinates (n, n): range(Phi_q'), the rest of range(C'), null(C); coordinate scales (n).
         real(wp), intent(in), contiguous :: basis(:, :), scale(:)
-        !> U (n, nh), the dual of V (n, n - nh), X (n, m), the dual of W (n, n - m). Where the metric does not tell complement and
-        !> tangent space apart, all stay as they are.
+        !> U (n, nh), the dual of V (n, n - nh), X (n, m), the dual of W (n, n - m). If the metric does not separate complement and
+        !> tangent space, all are unchanged.
         real(wp), intent(inout), contiguous :: u_basis(:, :), v_dual(:, :), x_basis(:, :), w_dual(:, :)
         integer :: stat
 
-        ! The first nh columns of what is needed for C are those for Phi_q.
+        ! The first nh columns of the product for C are those for Phi_q.
         call set_product(self%inverse, basis(:, :m), self%moved(:, :m))
         call set_gram(basis(:, :m), self%moved(:, :m), self%gram)
         call self%velocity_gram%factor(self%gram, stat)
@@ -423,9 +423,9 @@ contains
         end if
     end subroutine lean
 
-    !> One of the two.
+    !> Adapt one of the two complements and its dual.
     subroutine lean_by(gram, plain, tangent, moved, scale, shift, complement, dual)
-        !> Where N' G^-1 N is factored.
+        !> Factor of N' G^-1 N.
         type(cholesky_type), intent(in) :: gram
         !> N and the tangent space, orthonormal (n, m), (n, n - m), G^-1 N (n, m), coordinate scales (n).
         real(wp), intent(in), contiguous :: plain(:, :), tangent(:, :), moved(:, :), scale(:)
@@ -445,8 +445,8 @@ contains
                 dual(i, j) = (tangent(i, j) - dual(i, j))/scale(i)
             end do
         end do
-        ! U = N + V V' U, which keeps N' U = I and the dual's zero on U where the metric is too ill-conditioned for its factors to:
-        ! what the dual saw of U, Newton's corrections would leave for ever.
+        ! U = N + V V' U, which keeps N' U = I and the dual's zero on U even if the metric is too ill-conditioned for its factors to
+        ! preserve it: Newton's corrections would never remove the component of U along the dual.
         do j = 1, size(plain, 2)
             complement(:, j) = plain(:, j)
             do k = 1, size(tangent, 2)
@@ -460,7 +460,7 @@ contains
         end do
     end subroutine lean_by
 
-    !> All that later charts depend on.
+    !> State on which later charts depend.
     subroutine pack_state(self, pack)
         class(metric_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

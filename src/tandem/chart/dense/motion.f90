@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The motion at a point: position, velocity and acceleration that belong to increments, and what C splits the velocities into.
+!> The motion at a point: position, velocity and acceleration that belong to increments, and the splitting of velocities by C.
 submodule(tandem_chart_dense) tandem_chart_dense_motion
     implicit none (type, external)
 
@@ -31,13 +31,13 @@ contains
         if (stat == status_ok) call self%point%arrive(t, q)
     end subroutine go_to
 
-    !> The same, whatever the point is.
+    !> Evaluate C, nu and M at (t, q) unconditionally.
     subroutine evaluate_place(self, t, q, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(self%n)
         integer, intent(out) :: stat
 
-        ! None of these depends on the velocity; q stands in for it.
+        ! None of these depends on the velocity; q is passed in its place.
         call self%model%evaluate(need_jacobian + need_nu + need_mass, t, q, q, self%counts, stat)
         if (stat /= status_ok) call self%fail_term()
     end subroutine evaluate_place
@@ -59,7 +59,7 @@ contains
     module procedure find_velocity_basis
         stat = status_ok
         if (self%point%has_velocity_basis) return
-        ! An elimination notices when C is not finite.
+        ! An elimination detects values of C that are not finite.
         if (self%has_bases .or. self%has_nu) call self%refuse_infinite(stat)
         if (stat /= status_ok) return
         associate (jacobian => self%model%terms%jacobian)
@@ -79,7 +79,7 @@ contains
         if (.not. self%has_bases) call self%free_motion%load(self%velocity_basis%elimination)
     end procedure find_velocity_basis
 
-    !> Say which row of C, or what is not finite in it.
+    !> Store the row of C at fault, or the term that is not finite.
     subroutine blame_velocity_basis(self, stat)
         class(dense_chart_type), intent(inout) :: self
         integer, intent(inout) :: stat
@@ -100,7 +100,7 @@ contains
         if (stat == status_ok) call restore_velocity_here(self, increment, qd, stat)
     end procedure restore_velocity
 
-    !> The same at the current point.
+    !> Restore the velocity at the current point.
     subroutine restore_velocity_here(self, increment, qd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: increment(self%n)
@@ -121,7 +121,7 @@ contains
             return
         end if
         associate (terms => self%model%terms)
-            ! qd - R (C qd - nu); twice where rounding is to be removed, once for what H gives with the paper's tolerance.
+            ! qd - R (C qd - nu); twice if rounding errors are removed, once with the accuracy of H, the paper's tolerance.
             do pass = 1, merge(1, 2, self%refines)
                 self%x = -terms%nu
                 call add_product(terms%jacobian, qd, 1.0_wp, self%x)
@@ -147,7 +147,7 @@ contains
         if (stat == status_ok) call self%point%note_motion(qd)
     end subroutine go_with
 
-    !> The same, whatever the velocity is.
+    !> Evaluate gamma and the forces at the current point unconditionally.
     subroutine evaluate_motion(self, t, q, qd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(self%n), qd(self%n)
@@ -162,7 +162,7 @@ contains
         if (stat /= status_ok) call self%fail_term()
     end subroutine evaluate_motion
 
-    !> Add what friction makes of the reactions here to the forces.
+    !> Add the friction due to the reactions at this point to the forces.
     subroutine add_friction(self, t, q, qd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(self%n), qd(self%n)
@@ -175,14 +175,14 @@ contains
 
     module procedure solve_dynamics
         self%failed_row = 0
-        ! A stage that was not projected left Phi as it was elsewhere.
+        ! Phi still belongs to another point after a stage that was not projected.
         if (self%is_stage) self%point%has_phi = .false.
         call self%move_with(t, q, qd, stat)
         if (stat == status_ok) call self%find_velocity_basis(stat)
         if (stat == status_ok) call solve_here(self, qdd, stat)
     end procedure solve_dynamics
 
-    !> The same at the current point, where gamma and the forces are known.
+    !> The acceleration at the current point, with known gamma and forces.
     subroutine solve_here(self, qdd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(out) :: qdd(self%n)
@@ -207,7 +207,7 @@ contains
         call restore_position(self, t, increment, q, stat)
         if (stat /= status_ok) return
         if (self%is_stage) then
-            ! No later call asks for the point of a stage again.
+            ! No later call requests the point of a stage again.
             call self%point%pass(t)
             call evaluate_place(self, t, q, stat)
         else
@@ -221,7 +221,7 @@ contains
             if (stat == status_ok) call solve_here(self, qdd, stat)
             return
         end if
-        ! The same in a row, as explicit steps spend their time here.
+        ! The three calls in sequence, for explicit steps, which spend their time here.
         associate (terms => self%model%terms, elimination => self%velocity_basis%elimination)
             call self%velocity_basis%eliminate(self%n, terms%jacobian, self%scale, self%counts, stat)
             if (stat == status_ok .and. self%has_nu) then

@@ -13,13 +13,13 @@
 !>                                                  R2_v = (dyn_q - M R acc_q) Fbar + (dyn_qd - M R acc_qd) Pbar
 !>
 !> with Pbar = -R vel_q Fbar (56), (75), Fbar (54), and the gradients vel_q, acc_q, acc_qd, dyn_q, dyn_qd of
-!> `tandem_model_derivatives`. One factorisation serves every stage with the same ha = h a_ii; the blocks are kept, so that
-!> another ha costs a factorisation and no derivatives.
+!> `tandem_model_derivatives`. One factorisation is used for every stage with the same ha = h a_ii; the blocks are kept, so that
+!> another ha requires a factorisation but no derivatives.
 !>
 !> A matrix outlives its chart: it stays in the coordinates of the chart where it was formed. T_v = V_then' V_now takes coordinates
-!> there and S_v = V_now' V_then takes them back, the primes being the charts' duals; alike T_w and S_w. So r1 goes as T_v r1, the
-!> force r2 as S_w' r2, and corrections come back by S. What that neglects is of second order in the angle between the charts and
-!> enters the contraction only. Along what is stiff it neglects nothing, as the duals of a metric keep that.
+!> there and S_v = V_now' V_then takes them back, the primes being the charts' duals; alike T_w and S_w. So r1 is transformed to T_v
+!> r1, the force r2 to S_w' r2, and corrections return by S. The neglected terms are of second order in the angle between the charts
+!> and affect the contraction only. They vanish along stiff directions, which the duals of a metric preserve.
 module tandem_chart_dense_newton_matrix
     use tandem_kinds, only: long, wp
     use tandem_linalg_kernels, only: add_product, add_transposed_product, set_gram, set_product
@@ -35,7 +35,7 @@ module tandem_chart_dense_newton_matrix
 
     public :: stage_type
 
-    !> Pairs of systems of the methods that there are: seven stages.
+    !> Largest number of pairs of systems of any method: seven stages.
     integer, parameter :: most_pairs = 3
 
     type :: stage_type
@@ -48,22 +48,22 @@ module tandem_chart_dense_newton_matrix
         !> D' M D (nw, nw) of the last `form`.
         real(wp), allocatable, private :: origin_mass(:, :)
         real(wp), allocatable, private :: matrix(:, :), block_wv(:, :), block_ww(:, :), rhs(:), force(:), defect(:)
-        !> ha of the last `factor`, 0 where there is none.
+        !> ha of the last `factor`, 0 if there is none.
         real(wp), private :: ha = 0.0_wp
-        !> Whether the chart is another than that of the last `form`, and whether T_v (nv, nv) and T_w (nw, nw) are those of it; the
-        !> duals of V and W of that form; a right side in its coordinates.
+        !> True if the chart differs from the chart of the last `form`; true if T_v (nv, nv) and T_w (nw, nw) are current. The duals
+        !> of V and W of that form; a right side in its coordinates.
         logical, private :: is_carried = .false., carry_is_current = .false.
-        !> Whether duals are the bases but for coordinate scales, there and here: ways back are the transposes of ways there.
+        !> True if duals equal bases up to coordinate scales, there and here: S_v and S_w are then the transposes of T_v, T_w.
         logical, private :: is_plain_there = .true., is_plain_here = .true.
         real(wp), allocatable, private :: carry_v(:, :), carry_w(:, :), back_v(:, :), back_w(:, :)
         real(wp), allocatable, private :: formed_v(:, :), formed_w(:, :), formed_v_basis(:, :), formed_w_basis(:, :), carried(:)
         type(lu_type), private :: lu
-        !> How many complex pairs of systems there are, ha of each over that of the real one, work space for one of their matrices.
+        !> Number of complex pairs of systems, ratio of the ha of each to the real ha, work space for one of their matrices.
         integer, private :: n_pairs = 0
         complex(wp), private :: pairs(most_pairs) = (0.0_wp, 0.0_wp)
         complex(wp), allocatable, private :: pair_matrix(:, :)
         type(complex_lu_type), private :: pair_lu(most_pairs)
-        !> Whether the factors are of other pairs.
+        !> True if the factors belong to other pairs.
         logical, private :: is_outdated = .false.
     contains
         procedure :: allocate => allocate_stage, form, factor, adapt, enter_chart
@@ -103,8 +103,8 @@ contains
         if (allocated(self%pair_matrix)) deallocate (self%pair_matrix)
     end subroutine allocate_stage
 
-    !> From now on factor the matrices of complex pairs of systems too, whose ha are `ratios` times that of the real one. The blocks
-    !> serve them as they are.
+    !> From now on also factor the matrices of complex pairs of systems, whose ha are `ratios` times the real ha. Uses the same
+    !> blocks.
     subroutine expect_pairs(self, ratios)
         class(stage_type), intent(inout) :: self
         !> At most three.
@@ -134,10 +134,10 @@ contains
         !> V as a basis and as the dual that gives coordinates (n, nv), the same of W (n, nw), U (n, nh), B Phi_q (nh, n) at the
         !> point.
         real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :), u_basis(:, :), b_phi(:, :)
-        !> D (n, nw), what stands in its place before R2_v and R2_w (n, nw), which is D where there is no friction on reactions, and
-        !> R (n, m) at the point.
+        !> D (n, nw), the matrix to the left of R2_v and R2_w (n, nw), which is D without friction on reactions, and R (n, m) at the
+        !> point.
         real(wp), intent(in), contiguous :: null_space(:, :), left_basis(:, :), right_inverse(:, :)
-        !> Whether the chart's duals are its bases but for coordinate scales.
+        !> True if the chart's duals equal its bases up to coordinate scales.
         logical, intent(in) :: is_plain
         integer :: j, l
 
@@ -211,7 +211,7 @@ contains
         stat = merge(status_ok, status_newton_failed, stat == 0)
     end subroutine factor
 
-    !> Factor the matrix of a pair, ha that of the real system.
+    !> Factor the matrix of a pair; ha belongs to the real system.
     subroutine factor_pair(self, k, ha, stat)
         class(stage_type), intent(inout) :: self
         !> The number of the pair.
@@ -244,7 +244,7 @@ contains
         call self%pair_lu(k)%factor(self%pair_matrix, stat)
     end subroutine factor_pair
 
-    !> Make the last matrix serve another ha: factor its blocks again, where ha has changed by more than rounding.
+    !> Reuse the last matrix for another ha: factor its blocks again if ha has changed by more than rounding.
     subroutine adapt(self, ha, v_basis, v_dual, w_basis, w_dual, factorizations, can)
         class(stage_type), intent(inout) :: self
         real(wp), intent(in) :: ha
@@ -252,9 +252,9 @@ contains
         real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
         !> Counts factorisations.
         integer(long), intent(inout) :: factorizations
-        !> False where there is no matrix, or one of a chart too far away.
+        !> False if there is no matrix, or its chart is too far away.
         logical, intent(out) :: can
-        !> A step of the grid differs from the next by rounding of the time.
+        !> Successive steps of a grid differ by rounding of the time.
         real(wp), parameter :: rounding = 1.0e-6_wp
         integer :: stat
 
@@ -266,10 +266,10 @@ contains
         can = stat == status_ok
     end subroutine adapt
 
-    !> The chart has changed: the matrix is of an old one from now on.
+    !> The chart has changed: the matrix belongs to an old chart from now on.
     pure subroutine enter_chart(self, is_plain)
         class(stage_type), intent(inout) :: self
-        !> Whether its duals are its bases but for coordinate scales.
+        !> True if its duals equal its bases up to coordinate scales.
         logical, intent(in) :: is_plain
 
         self%is_plain_here = is_plain
@@ -305,7 +305,7 @@ contains
         end associate
     end subroutine solve_real
 
-    !> The same with the matrix of one of the pairs, for x + i y.
+    !> Solve with the matrix of one of the pairs, for x + i y.
     subroutine solve_pair(self, v_basis, v_dual, w_basis, w_dual, k, x, y)
         class(stage_type), intent(inout) :: self
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
@@ -325,7 +325,7 @@ contains
         end associate
     end subroutine solve_pair
 
-    !> A right side of the current chart in the coordinates of the chart where the matrix was formed.
+    !> Transform a right side of the current chart to the coordinates of the chart where the matrix was formed.
     subroutine take_there(self, rhs)
         class(stage_type), intent(inout) :: self
         real(wp), intent(inout), contiguous :: rhs(:)
@@ -339,7 +339,7 @@ contains
         end associate
     end subroutine take_there
 
-    !> A correction in the coordinates of the chart where the matrix was formed in those of the current one.
+    !> Transform a correction from the coordinates of the chart where the matrix was formed to the current coordinates.
     subroutine bring_back(self, correction)
         class(stage_type), intent(inout) :: self
         real(wp), intent(inout), contiguous :: correction(:)
@@ -353,7 +353,7 @@ contains
         end associate
     end subroutine bring_back
 
-    !> T_v, T_w and the ways back for the current chart, once.
+    !> Compute T_v, T_w and the ways back for the current chart, once.
     subroutine set_carry(self, v_basis, v_dual, w_basis, w_dual)
         class(stage_type), intent(inout) :: self
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
@@ -385,14 +385,14 @@ contains
         end do
     end subroutine set_transpose
 
-    !> Whether the chart has turned so little since the matrix was formed that it may serve. Corrections become smaller by the
-    !> squared cosines of the angles between the tangent spaces: near right angles an iteration would stand still and seem to
+    !> True if the chart has turned so little since the matrix was formed that the matrix can be reused. Corrections become smaller
+    !> by the squared cosines of the angles between the tangent spaces: near right angles an iteration would stagnate and seem to
     !> converge.
     logical function is_near(self, v_basis, v_dual, w_basis, w_dual)
         class(stage_type), intent(inout) :: self
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
         real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
-        !> Of the sum of squared sines, a bound of what the turn adds to the contraction.
+        !> Limit of the sum of squared sines, a bound of the increase of the contraction due to the rotation of the chart.
         real(wp), parameter :: most = 0.1_wp
 
         is_near = .true.
@@ -402,9 +402,9 @@ contains
             abs(self%nw - sum(self%carry_w*transpose(self%back_w))) <= most
     end function is_near
 
-    !> One Newton correction at the current point. The stage's rates are ambient: their coordinates vd = V' rate_q and
-    !> wd = W' rate_qd are corrected, and the parts that the chart ignores are set to those of qd and qdd, which makes the rates
-    !> good start values for other stages, on other charts too.
+    !> One Newton correction at the current point. The stage's rates are ambient: their coordinates vd = V' rate_q and wd = W'
+    !> rate_qd are corrected, and the parts that the chart ignores are copied from qd and qdd, which makes the rates good start
+    !> values for other stages, on other charts too.
     subroutine correct(self, terms, velocity_basis, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, change_q, &
         change_qd)
         class(stage_type), intent(inout) :: self
@@ -416,8 +416,8 @@ contains
         !> The velocity restored at the stage (n).
         real(wp), intent(in), contiguous :: qd(:)
         real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-        !> V times the correction of vd and W times that of wd (n). At the chart's origin W is D; elsewhere they differ by what the
-        !> chart ignores.
+        !> V times the correction of vd and W times that of wd (n). At the chart's origin W is D; elsewhere they differ by the part
+        !> that the chart ignores.
         real(wp), intent(out), contiguous :: change_q(:), change_qd(:)
 
         call self%find_residual(terms, velocity_basis, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, change_q)
@@ -464,7 +464,7 @@ contains
         !> V (n, nv) and W (n, nw), the correction (nv + nw).
         real(wp), intent(in), contiguous :: v_basis(:, :), w_basis(:, :), correction(:)
         real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-        !> What they are moved by (n).
+        !> Changes of the rates (n).
         real(wp), intent(out), contiguous :: change_q(:), change_qd(:)
 
         associate (nv => self%nv)
@@ -477,7 +477,7 @@ contains
         end associate
     end subroutine move_rates
 
-    !> The residual of the last `find_residual`, for a caller who solves several at once: the first entries of `residual`.
+    !> The residual of the last `find_residual`, to solve for several stages at once: the first entries of `residual`.
     pure subroutine get_residual(self, residual)
         class(stage_type), intent(in) :: self
         real(wp), intent(inout), contiguous :: residual(:)
@@ -485,8 +485,8 @@ contains
         residual(:self%nv + self%nw) = self%rhs
     end subroutine get_residual
 
-    !> Send errors (e_q, e_qd) through the factored matrix: right sides V' e_q and D' M D W' e_qd. Where Newton's iteration
-    !> contracts by theta with an old matrix, the filtered error is that of the exact one up to a part theta/(1 - theta).
+    !> Filter errors (e_q, e_qd) by the factored matrix: right sides V' e_q and D' M D W' e_qd. If Newton's iteration with an old
+    !> matrix contracts by theta, the filtered error differs from that of the exact matrix by at most a part theta/(1 - theta).
     subroutine filter(self, v_basis, v_dual, w_basis, w_dual, error_q, error_qd)
         class(stage_type), intent(inout) :: self
         !> V and its dual (n, nv), W and its dual (n, nw).
@@ -517,7 +517,7 @@ contains
     end subroutine filter
 
     !> The error of a velocity that the chart restores from one whose increment has the error W w: D w = W w - R C W w. It grows
-    !> with the angle between the tangent spaces, without a bound where the chart turns singular.
+    !> with the angle between the tangent spaces, without bound as the chart becomes singular.
     subroutine restore_error(self, jacobian, velocity_basis, x_basis, error_qd)
         class(stage_type), intent(inout) :: self
         !> C (m, n) of the point, and R there; X (n, m).
@@ -538,14 +538,14 @@ contains
         reciprocal_condition = self%lu%reciprocal_condition()
     end function reciprocal_condition
 
-    !> The Newton matrix, its blocks, and the way to the chart where it was formed.
+    !> The Newton matrix, its blocks, and the transformation to the chart where it was formed.
     subroutine pack_state(self, pack)
         class(stage_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
         real(wp) :: ratios(most_pairs, 2)
         integer :: k, n_pairs
 
-        ! A chart that is restored does not know yet which pairs its stepper wants.
+        ! A restored chart has not received the pairs of its stepper yet.
         n_pairs = self%n_pairs
         ratios(:, 1) = real(self%pairs, wp)
         ratios(:, 2) = aimag(self%pairs)

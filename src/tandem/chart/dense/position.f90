@@ -22,12 +22,12 @@ module tandem_chart_dense_position
     private
 
     public :: position_type
-    ! For tests: what `restore` does in its iteration.
+    ! For tests: the operations of the iteration of `restore`.
     public :: correct, place
 
-    !> Stages of which something is remembered.
+    !> Largest number of stages with a memory.
     integer, parameter :: most_stages = 16
-    !> Stands for an error or a part of it that nothing is known of.
+    !> Stands for an unknown error or part of an error.
     real(wp), parameter :: unknown = 1.0e100_wp
 
     type :: position_type
@@ -36,40 +36,39 @@ module tandem_chart_dense_position
         !> After a failure: the worst row and its error on its natural scale.
         integer :: failed_row = 0
         real(wp) :: failed_value = 0.0_wp
-        !> Most corrections that an iteration for u, or a refinement of B, has taken since the caller set this to zero.
+        !> Largest number of corrections of an iteration for u, or a refinement of B, since the caller set this to zero.
         integer :: most_corrections = 0
-        !> Whether stages are predicted and their last correction is trusted: not where the paper's iterations are counted.
+        !> True if stages are predicted and their last correction is not checked: false if the paper's iterations are counted.
         logical :: predicts = .false.
         logical, private :: refines = .false.
         integer, private :: n = 0, nh = 0
         real(wp), private :: utol = 0.0_wp, stage_utol = 0.0_wp, btol = 0.0_wp
-        !> u (width), carried from stage to stage as a start value; Phi_q U (nh, nh); what the rows of Phi weigh, the reciprocals of
+        !> u (width), carried from stage to stage as a start value; Phi_q U (nh, nh); weights of the rows of Phi, the reciprocals of
         !> their natural scales (width).
         real(wp), allocatable, private :: u(:), correction(:), z(:), phi_u(:, :), weight(:)
         !> u at the start of the step and B Phi_q qdd there (width), from which stages are predicted.
         real(wp), allocatable, private :: u_start(:), curvature(:)
-        !> What that prediction misses of u, stage by stage (width, most_stages, 2): in the last step that was kept, at `known`, and
-        !> in the one that is tried, in the other place, which has something then. The sizes of these steps, 0 where the prediction
-        !> has served as it was.
+        !> Error of that prediction of u, stage by stage (width, most_stages, 2): in the last accepted step, at `known`, and in the
+        !> current attempt, at the other index if `has_tried`. The sizes of these steps, 0 if the prediction needed no correction.
         real(wp), allocatable, private :: missed(:, :, :)
         real(wp), private :: step_of_missed(most_stages, 2) = 0.0_wp
         integer, private :: known = 1
         logical, private :: has_tried = .false.
-        !> B of a chart without basis (width, width), width is nh padded: at its origin the inverse of a Gram matrix, which is kept,
-        !> then what other points and corrections taught, if they did; the last Phi and the first u of an iteration (width);
-        !> whether B is in use; work space.
+        !> B of a chart without basis (width, width), width is nh padded: the stored inverse of a Gram matrix at its origin, later
+        !> updated by other points and corrections if `has_learnt`; the last Phi and the first u of an iteration (width); true if B
+        !> is in use; work space.
         real(wp), allocatable, private :: gram(:, :), origin_gram(:, :), product(:, :), residual(:, :), last_phi(:), first_u(:)
         logical, private :: has_learnt = .false., held_has_learnt = .false.
         integer, private :: width = 0
         logical, private :: has_gram = .false.
         integer, private :: held_most_corrections = 0
-        !> The time that B belongs to and that of the origin. A correction with a B of age t leaves the part `ageing` t of an
-        !> error, as was seen of late. How many corrections the last point took.
+        !> The time of B and of the origin. A correction with a B of age t recently left the part `ageing` t of an error. Number of
+        !> corrections at the last point.
         real(wp), private :: b_time = 0.0_wp, origin_time = 0.0_wp, ageing = unknown
-        !> What a refinement has left of an error at the time of B.
+        !> Remaining part of an error after a refinement, at the time of B.
         real(wp), private :: b_rest = 0.0_wp
         integer, private :: n_taken = 0
-        !> u and B while the caller looks elsewhere.
+        !> Saved u and B while the caller evaluates other points.
         real(wp), allocatable, private :: held_u(:), held_b(:, :), held_gram(:, :)
         real(wp), private :: held_b_time = 0.0_wp, held_b_rest = 0.0_wp, held_ageing = unknown
         type(lu_type), private :: lu
@@ -91,11 +90,10 @@ module tandem_chart_dense_position
             real(wp), intent(in) :: t
             !> q0 (n) and xi (n).
             real(wp), intent(in) :: origin(self%n), increment(self%n)
-            !> Whether the tolerance of stages suffices, and the last correction may be trusted to have done what those before it
-            !> did.
+            !> True if the tolerance of stages suffices, and the last correction may be assumed to contract like the previous ones.
             logical, intent(in) :: is_stage
-            !> h^2 (c^2/2 - sum a c) of an explicit stage, by which its increment misses the motion's second derivative; huge for
-            !> none: then the last u is the start value.
+            !> h^2 (c^2/2 - sum a c) of an explicit stage, by which its increment misses the motion's second derivative; if huge,
+            !> the last u is the start value.
             real(wp), intent(in) :: defect
             !> The number of that stage, 0 for none, and the size of its step.
             integer, intent(in) :: stage
@@ -123,7 +121,7 @@ module tandem_chart_dense_position
             real(wp), intent(inout) :: last_phi(width), b(width, width), u(width), w(width), z(width)
         end subroutine correct
 
-        !> The error of a Phi (nh) on the natural scale of its rows, not finite where Phi is not; `failed_row` is the worst one.
+        !> The error of a Phi (nh) on the natural scale of its rows, not finite if Phi is not; `failed_row` is the worst one.
         pure module subroutine judge(self, phi, error)
             implicit none (type, external)
             class(position_type), intent(inout) :: self
@@ -138,7 +136,7 @@ contains
     subroutine allocate_position(self, n, nh, refines, utol, stage_utol, btol)
         class(position_type), intent(inout) :: self
         integer, intent(in) :: n, nh
-        !> Whether B follows by the paper's refinement; tolerances of (17) on the natural scale, at the ends of steps and at stages,
+        !> True if B follows by the paper's refinement; tolerances of (17) on the natural scale, at the ends of steps and at stages,
         !> and of (20).
         logical, intent(in) :: refines
         real(wp), intent(in) :: utol, stage_utol, btol
@@ -188,7 +186,7 @@ contains
 
         stat = status_ok
         self%u = 0.0_wp
-        ! Another basis may point another way.
+        ! The orientation of another basis may differ.
         self%step_of_missed = 0.0_wp
         if (self%nh == 0) return
         call self%refresh(t, jacobian, magnitude, scale, counts, stat)
@@ -206,7 +204,7 @@ contains
         real(wp), intent(in) :: matrix(height, self%n)
         real(wp), intent(in), contiguous :: magnitude(:), scale(:)
         type(counts_type), intent(inout) :: counts
-        !> False where the rows of Phi_q are so nearly dependent that U wants to be an orthonormal basis.
+        !> False if the rows of Phi_q are so nearly dependent that U must be an orthonormal basis.
         logical, intent(out) :: can
 
         can = .true.
@@ -227,7 +225,7 @@ contains
         counts%position_factorizations = counts%position_factorizations + 1
     end subroutine start_without_basis
 
-    !> Take note of where a step starts: stages of an explicit method are predicted from there.
+    !> Store the start of a step, from which stages of an explicit method are predicted.
     subroutine start_step(self, jacobian, qdd)
         class(position_type), intent(inout) :: self
         !> C (m, n) and the acceleration (n) at the start of the step.
@@ -242,12 +240,12 @@ contains
             call multiply_columns(self%nh, self%width, self%gram, self%correction, self%curvature)
         else
             call self%lu%solve(self%correction(:self%nh))
-            ! Behind these `multiply_rows` may leave other rows of C; the padding of u stays zero.
+            ! Behind the first nh entries `multiply_rows` may leave other rows of C; the padding of u stays zero.
             call copy(self%nh, self%correction, self%curvature)
         end if
     end subroutine start_step
 
-    !> Begin a step anew with the u that it started from, not with the one that a longer try has left.
+    !> Begin a step anew with its initial u instead of the u of a rejected longer step.
     subroutine retry_step(self)
         class(position_type), intent(inout) :: self
 
@@ -255,7 +253,7 @@ contains
         self%has_tried = .false.
     end subroutine retry_step
 
-    !> Let B follow the motion to the point that was restored last, by one refinement (20), if that took many corrections.
+    !> Update B to the point that was restored last, by one refinement (20), if that took many corrections.
     subroutine follow(self, t, height, matrix, counts)
         class(position_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -278,13 +276,13 @@ contains
         self%b_rest = rest
     end subroutine follow
 
-    !> Of the correction U u that brings a way into the tangent space of the origin, the part that B of the origin leaves at another
-    !> point, by the rows on their natural scales.
+    !> The part of the correction U u of a displacement into the tangent space of the origin that B of the origin leaves at another
+    !> point, in the rows on their natural scales.
     real(wp) function contraction(self, origin, there, way, least)
         class(position_type), intent(inout) :: self
         !> C of the origin and of the point (m, n).
         real(wp), intent(in), contiguous :: origin(:, :), there(:, :)
-        !> The way (n); below this part of the natural scale of every row the correction is too small.
+        !> The displacement (n); below this part of the natural scale of every row the correction is too small.
         real(wp), intent(in), contiguous :: way(:)
         real(wp), intent(in) :: least
         real(wp) :: above, below, bend
@@ -322,7 +320,7 @@ contains
         end associate
     end function contraction
 
-    !> Go back to the B of the chart's origin: where that is nearer in time, or what B has learnt since does not serve.
+    !> Go back to the B of the chart's origin: if that is nearer in time, or if updates of B are unsuitable.
     subroutine forget_motion(self)
         class(position_type), intent(inout) :: self
 
@@ -332,7 +330,7 @@ contains
         self%has_learnt = .false.
     end subroutine forget_motion
 
-    !> Bring row scales and the factor of Phi_q U to a point: frozen at the origin it would be too weak on a large chart.
+    !> Bring row scales and the factor of Phi_q U to a point: on a large chart those of the origin would be too inaccurate.
     subroutine refresh(self, t, jacobian, magnitude, scale, counts, stat)
         class(position_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -364,7 +362,7 @@ contains
         self%most_corrections = max(self%most_corrections, self%b%last_corrections)
     end subroutine refine
 
-    !> Keep what the next step starts from, so that a look at another point leaves no trace.
+    !> Save the start of the next step, so that other points can be evaluated without effect.
     subroutine hold(self)
         class(position_type), intent(inout) :: self
 
@@ -378,7 +376,7 @@ contains
         if (self%refines) self%held_b = self%b%inverse
     end subroutine hold
 
-    !> Go back to what was kept.
+    !> Restore the saved state.
     subroutine release(self)
         class(position_type), intent(inout) :: self
 
@@ -392,19 +390,19 @@ contains
         if (self%refines) self%b%inverse = self%held_b
     end subroutine release
 
-    !> What rounding took from q = origin + increment - U u with the u of the last `restore`.
+    !> Rounding error of q = origin + increment - U u with the u of the last `restore`.
     pure subroutine find_remainder(self, origin, increment, q, scale, left, is_rounding)
         class(position_type), intent(in) :: self
         !> All (n), `scale` the coordinate scales.
         real(wp), intent(in), contiguous :: origin(:), increment(:), q(:), scale(:)
         real(wp), intent(out), contiguous :: left(:)
-        !> Whether it is no more than rounding.
+        !> True if the remainder is no more than rounding.
         logical, intent(out) :: is_rounding
 
         call find_rounding(self%n, self%width, self%u_basis, self%u, origin, increment, q, scale, left, is_rounding)
     end subroutine find_remainder
 
-    !> Whether an error is what the iteration ends with.
+    !> True if an error satisfies the tolerance of the iteration.
     pure logical function is_restored(self, error)
         class(position_type), intent(in) :: self
         real(wp), intent(in) :: error
@@ -449,7 +447,7 @@ contains
         stat = merge(status_ok, status_chart_left, stat == 0)
     end subroutine factor
 
-    !> Bases, u, B, and what they were made with.
+    !> Bases, u, B, and the data from which they were computed.
     subroutine pack_state(self, pack)
         class(position_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

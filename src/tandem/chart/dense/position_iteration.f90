@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Newton's iteration for u, and what it asks of vectors.
+!> Newton's iteration for u, and its vector operations.
 submodule(tandem_chart_dense_position) tandem_chart_dense_position_iteration
     implicit none (type, external)
 
@@ -11,7 +11,7 @@ contains
             stat = status_ok
             call add(self%n, origin, increment, q)
         else if (self%width == short) then
-            ! The same, in the common cases of a length that the compiler knows.
+            ! Calls with a constant length for the common cases.
             call iterate(self, short, model, t, origin, increment, is_stage, defect, stage, step, q, counts, stat)
         else if (self%width == lane) then
             call iterate(self, lane, model, t, origin, increment, is_stage, defect, stage, step, q, counts, stat)
@@ -20,7 +20,7 @@ contains
         end if
     end procedure restore
 
-    !> The same by Newton's iteration, for a given padded length.
+    !> Newton's iteration for a given padded length.
     subroutine iterate(self, width, model, t, origin, increment, is_stage, defect, stage, step, q, counts, stat)
         class(position_type), intent(inout) :: self
         integer, intent(in), value :: width
@@ -33,14 +33,14 @@ contains
         real(wp), intent(out) :: q(self%n)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        !> A contraction by 0.5 reaches 1e-12 from 1 in 40; whatever is slower has left the chart.
+        !> A contraction by 0.5 goes from 1 to 1e-12 in 40 corrections; slower iterations have left the chart.
         integer, parameter :: limit = 40
-        !> A correction is trusted to leave no more than this times what its B and the error itself let expect. Of what was seen
-        !> before, this part is kept where the last one did better: of 190000 trusted corrections on the scenes the worst left 4
-        !> times the tolerance; it was 38 times where nothing was kept.
+        !> The last correction is assumed to leave at most this times the error expected from its B and the error itself. Of an
+        !> earlier estimate this part is kept if the last correction did better: of 190000 unchecked corrections on the scenes the
+        !> worst left 4 times the tolerance; without memory it left 38 times the tolerance.
         real(wp), parameter :: distrust = 8.0_wp, kept = 0.5_wp
         real(wp) :: age, error, total, first_error, last_error, utol
-        !> B learns from a correction that has made errors smaller by this factor, if they are well above rounding.
+        !> B is updated by a correction that has reduced errors by less than this factor, if they are well above rounding.
         real(wp), parameter :: slow = 0.9_wp, noise = 1.0e-10_wp, rounding = 1.0e-15_wp
         logical :: is_predicted, learns, remembers, trusts
         integer :: k
@@ -73,7 +73,7 @@ contains
                 return
             end if
             call measure(self%nh, model%terms%phi, self%weight, error, total)
-            ! Later pairs are nearer to rounding, and what rounding has made zero says nothing.
+            ! Later pairs are nearer to rounding, and errors that are zero by rounding carry no information.
             if (k == 1 .and. age > 0.0_wp .and. total <= huge(1.0_wp)) self%ageing = max(max(error, rounding)/(last_error*age), &
                 merge(kept*self%ageing, 0.0_wp, self%ageing < unknown))
             if (error <= utol .and. total <= huge(1.0_wp)) then
@@ -89,7 +89,7 @@ contains
             if (k == 0) then
                 first_error = error
             else if (self%has_learnt .and. .not. error < last_error) then
-                ! What was learnt elsewhere does not serve here.
+                ! Updates at another point do not apply here.
                 call self%forget_motion()
                 self%u(:) = self%first_u
                 last_error = unknown
@@ -116,12 +116,12 @@ contains
         stat = status_position_diverged
         self%failed_row = maxloc(abs(model%terms%phi)*self%weight(:self%nh), dim=1)
         self%failed_value = maxval(abs(model%terms%phi)*self%weight(:self%nh))
-        ! Nothing of a failed iteration may reach the next step.
+        ! No part of a failed iteration may enter the next step.
         self%u = 0.0_wp
         if (self%has_learnt) call self%forget_motion()
     end subroutine iterate
 
-    !> The first u of an iteration, predicted where it can be.
+    !> The first u of an iteration, predicted if possible.
     pure subroutine begin(width, is_predicted, defect, u_start, curvature, u, first_u)
         integer, intent(in), value :: width
         logical, intent(in) :: is_predicted
@@ -142,14 +142,14 @@ contains
         end if
     end subroutine begin
 
-    !> Add to u what its prediction missed at this stage of the last step, where the two are of a size: a part of third order.
+    !> Add to u the error of its prediction at this stage of the last step, if the step sizes are similar: a part of third order.
     pure subroutine expect(self, width, is_predicted, stage, step, remembers)
         class(position_type), intent(inout) :: self
         integer, intent(in), value :: width
         logical, intent(in) :: is_predicted
         integer, intent(in) :: stage
         real(wp), intent(in) :: step
-        !> Whether the stage is one to remember.
+        !> True if the error of this stage is to be stored.
         logical, intent(out) :: remembers
         real(wp), parameter :: alike = 4.0_wp
         real(wp) :: f
@@ -168,7 +168,7 @@ contains
         end do
     end subroutine expect
 
-    !> Take note of what the prediction has missed, unless it needed no correction.
+    !> Store the error of the prediction, unless it needed no correction.
     pure subroutine remember(self, width, defect, stage, step)
         class(position_type), intent(inout) :: self
         integer, intent(in), value :: width
@@ -190,7 +190,7 @@ contains
         end do
     end subroutine remember
 
-    !> q := origin + increment - U u. The last entries are a whole register too, which takes some of those before once more.
+    !> q := origin + increment - U u. The last entries also fill a register, which overlaps the previous one.
     pure subroutine place_of(width, n, u_basis, u, origin, increment, q)
         integer, intent(in), value :: width
         integer, intent(in) :: n
@@ -225,7 +225,7 @@ contains
         end do
     end subroutine place_of
 
-    !> The largest error of the rows of Phi and their sum, which is not finite where one of them is not.
+    !> The largest error of the rows of Phi and their sum, which is not finite if one of them is not.
     pure subroutine measure(nh, phi, weight, error, total)
         integer, intent(in) :: nh
         real(wp), intent(in) :: phi(nh), weight(nh)
@@ -245,8 +245,8 @@ contains
     end subroutine measure
 
     !> u := u + B Phi. With `learns`, B first satisfies the secant condition of the last correction, which has changed Phi by -y:
-    !> B := B + w z'/(z'y) with w = B Phi and z = y weighted, by which the units of rows do not matter (C. G. Broyden, Math. Comp.
-    !> 19 (1965) 577-593, his second method). One vector, and w only grows longer by it.
+    !> B := B + w z'/(z'y) with w = B Phi and weighted z = y, which makes it independent of the units of rows (C. G. Broyden,
+    !> Math. Comp. 19 (1965) 577-593, his second method). One vector suffices, because w only becomes longer.
     pure subroutine correct_of(width, nh, phi, weight, learns, last_phi, b, u, w, z)
         integer, intent(in), value :: width
         integer, intent(in) :: nh
@@ -257,7 +257,7 @@ contains
         real(wp) :: along, f, square, y
         integer :: i, j, s
 
-        ! Zeros are written in halves of a register, and a load of the whole would wait for them: start with a column.
+        ! Zeros are written in halves of a register, and a load of the whole register would wait for them: start with a column.
         f = phi(1)
         z(1) = last_phi(1) - f
         last_phi(1) = f

@@ -1,15 +1,15 @@
 ! SPDX-License-Identifier: MIT
-!> How near C is to losing rank: watched by what the split knows, decided by singular values and by the orientation of C; and
-!> whether it goes on tying the coordinates without mass.
+!> Detection of rank loss of C: monitored by quantities of the splitting, decided by singular values and by the orientation of C;
+!> likewise the conditioning of the coordinates without mass.
 submodule(tandem_chart_dense) tandem_chart_dense_rank
     implicit none (type, external)
 
 contains
 
     module procedure measure_rank
-        !> A redundant row leaves at most this of itself in the motions that the others allow; rounding is far below.
+        !> Largest remainder of a redundant row in the motions that the other rows allow; rounding is far below.
         real(wp), parameter :: largest_rest = 1.0e-6_wp
-        !> A loss of rank further away than so many steps is not looked for.
+        !> A loss of rank more steps away than this is not searched for.
         real(wp), parameter :: horizon = 8.0_wp
         real(wp) :: smallest, smallest_before, fall
         logical :: falls
@@ -42,8 +42,8 @@ contains
                 end associate
             end do
         end if
-        ! These are at hand, and cheap: what falls towards a loss of rank, and the orientation of the pivot columns. That changes
-        ! with the one of C, and where the pivot columns alone turn singular: in a step that does both it is what it was.
+        ! Both are available and cheap: the measure that falls towards a loss of rank, and the orientation of the pivot columns. It
+        ! changes with that of C, and if the pivot columns alone become singular: in a step with both it is unchanged.
         fall = self%last_independence - self%velocity_basis%independence
         falls = .not. self%velocity_basis%independence > horizon*fall
         if (falls .or. self%velocity_basis%orientation /= self%origin_orientation) then
@@ -81,13 +81,13 @@ contains
         end select
     end procedure inherit
 
-    !> Between the ends of a step C seems to have lost what it has to keep. Find where, on the straight way, or that it has merely
-    !> turned: then both parts of the way keep it, and only a shorter step could tell what has happened.
+    !> Between the ends of a step C seems to have lost its rank or its conditioning. Locate the loss on the straight line, or find
+    !> that C has merely turned: then both parts of the line are free of losses, and only a shorter step could decide.
     subroutine look_within(self, t_from, q_from, t, q, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t_from, t
         real(wp), intent(in), contiguous :: q_from(:), q(:)
-        !> The loss, replaced by `chart_left` where it is none.
+        !> The loss, replaced by `chart_left` if there is none.
         integer, intent(inout) :: stat
         integer, parameter :: most_halvings = 12
         real(wp), allocatable :: near(:, :), middle(:, :), far(:, :)
@@ -119,7 +119,7 @@ contains
         if (stat == status_rank_deficient) call self%blame_dependent(0)
     end subroutine look_within
 
-    !> What C has lost from one point to a neighbouring one: its rank, or that of its columns of the coordinates without mass.
+    !> Loss of C from one point to a neighbouring one: of its rank, or of the rank of its columns of the coordinates without mass.
     integer function loss_between(self, from, to) result(loss)
         class(dense_chart_type), intent(inout) :: self
         !> C at the two points (m, n).
@@ -133,7 +133,7 @@ contains
         end if
     end function loss_between
 
-    !> Whether the rows of C have kept their orientation.
+    !> True if the rows of C have kept their orientation.
     logical function keeps_rank(self, from, to)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: from(:, :), to(:, :)
@@ -141,7 +141,7 @@ contains
         keeps_rank = self%row_space%keeps_orientation(self%m, self%n, from, to, self%scale)
     end function keeps_rank
 
-    !> Whether C has kept tying the coordinates without mass.
+    !> True if C still conditions the coordinates without mass.
     logical function keeps_ties(self, from, to)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: from(:, :), to(:, :)
@@ -157,7 +157,7 @@ contains
             self%velocity_basis%independence)
     end procedure measure_split
 
-    !> The orientation of C and its smallest pivot at the start of the step, where bases are kept: both of C X.
+    !> The orientation of C and its smallest pivot at the start of the step, if bases are kept: both of C X.
     subroutine measure_origin(self)
         class(dense_chart_type), intent(inout) :: self
         integer :: stat
@@ -169,9 +169,9 @@ contains
         self%last_independence = self%origin_lu%smallest_pivot()
     end subroutine measure_origin
 
-    !> What C loses on the straight way ahead of a state, soon enough for that way to mean something.
+    !> Loss of C on the straight line ahead of a state, unless C changes too much on the line.
     module procedure loss_ahead
-        !> Halvings of the way; how much C may change until the loss.
+        !> Halvings of the line; largest change of C until the loss.
         integer, parameter :: most_halvings = 12
         real(wp), parameter :: largest_change = 0.5_wp
         real(wp), allocatable :: here(:, :)
@@ -199,13 +199,13 @@ contains
         if (keeps_until(far)) return
         if (.not. change_from(self, here) <= largest_change) return
         loss_ahead = loss
-        ! It names a coordinate.
+        ! This status refers to a coordinate.
         if (loss == status_singular_mass) self%failed_row = 0
         if (loss == status_rank_deficient) call self%blame_dependent(0)
 
     contains
 
-        !> Whether nothing is lost yet; what cannot be evaluated counts as no loss.
+        !> True if nothing is lost yet; points that are not evaluable count as no loss.
         logical function keeps_until(ahead)
             real(wp), intent(in) :: ahead
 
@@ -217,7 +217,7 @@ contains
         end function keeps_until
     end procedure loss_ahead
 
-    !> How far C has changed from the start of the step to the current point.
+    !> Change of C from the start of the step to the current point.
     module procedure relative_change
         relative_change = change_from(self, self%step_jacobian)
     end procedure relative_change
@@ -226,7 +226,7 @@ contains
         contraction = self%position%contraction(self%step_jacobian, self%model%terms%jacobian, way, least_bend)
     end procedure contraction
 
-    !> How far C has changed from another to that of the current point: rows of unit length in the other, Frobenius norm.
+    !> Change of C from another point to the current point: rows of unit length at the other point, Frobenius norm.
     pure real(wp) function change_from(self, other)
         class(dense_chart_type), intent(in) :: self
         !> C elsewhere (m, n).
@@ -242,7 +242,7 @@ contains
     end function change_from
 
     module procedure blame_dependent
-        !> Smaller parts of the combination are not named.
+        !> Smaller parts of the combination are not reported.
         real(wp), parameter :: smallest_part = 0.01_wp
         real(wp) :: share(self%m), smallest
         integer :: i

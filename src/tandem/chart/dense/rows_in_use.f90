@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The rows of C that a chart uses, where redundant ones were dropped: what differences give for all rows of the model is taken for
-!> those in use, and dropped rows carry no load.
+!> The rows of C that a chart uses after redundant rows were dropped: results of differences for all rows of the model are copied to
+!> the rows in use, and dropped rows carry no load.
 module tandem_chart_dense_rows_in_use
     use tandem_kinds, only: wp
     use tandem_model_counts, only: counts_type
@@ -13,7 +13,7 @@ module tandem_chart_dense_rows_in_use
     public :: rows_in_use_type
 
     type :: rows_in_use_type
-        !> The numbers of the dropped rows in the model; unallocated where all are in use.
+        !> The numbers of the dropped rows in the model; unallocated if all are in use.
         integer, allocatable :: dropped(:)
         !> The derivatives, gamma and the multipliers of all rows.
         type(derivatives_type), private :: derivatives
@@ -63,7 +63,7 @@ contains
     subroutine evaluate_derivatives(self, differences, kept, t, q, qd, qdd, lambda, derivatives, counts, stat)
         class(rows_in_use_type), intent(inout) :: self
         type(differences_type), intent(inout) :: differences
-        !> The rows in use, where some were dropped.
+        !> The rows in use, if some were dropped.
         integer, intent(in), allocatable :: kept(:)
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)

@@ -13,12 +13,13 @@ contains
         self%is_implicit = implicit
         self%follows_stiffness = implicit .and. self%damps .and. options%chart /= 'paper'
         self%uses_svd = options%basis == 'svd'
-        ! The reach of kept charts is measured for the paper's complement; ends whose stages are not restored do better by it; and
-        ! fixed steps, which have no error estimate, end by name where C has turned too far for it.
+        ! The reach of kept charts is measured for the paper's complement; without restored stages the end of a step is more
+        ! accurate with it; and fixed steps, which have no error estimate, end with status `chart_left` if C has turned too far for
+        ! it.
         self%keeps_momentum = options%is_adaptive() .and. projects_stages(options) .and. &
             options%chart == chart_policies(1)
         self%tolerance = options%constraint_tolerance
-        ! Handed on where it is absent, gfortran computes with bounds that it has not.
+        ! gfortran would use undefined bounds if an absent argument were passed on.
         if (present(kept)) then
             call self%model%initialize(model, kept)
         else
@@ -45,15 +46,15 @@ contains
         self%rate = 1.0_wp/model%time_scale
         self%basis_scale = self%scale
         self%magnitude = self%scale
-        ! Of a mass matrix that changes, entries may be small by the choice of coordinates alone.
+        ! Entries of a variable mass matrix may be small by the choice of coordinates alone.
         self%knows_masses = .not. (implicit .and. model%constant_mass) .or. options%chart == 'paper'
         self%has_nu = iand(self%model%has, need_nu) /= 0
         self%has_gamma = iand(self%model%has, need_gamma) /= 0 .or. self%m == 0
         associate (n => self%n, nh => self%nh, m => self%m)
             way = by_elimination
             if (self%has_bases) way = merge(by_refinement, by_factor, self%refines)
-            ! Rows are judged by their scales at the start of a step during the iteration, by those at its end afterwards: what was
-            ! accepted must not miss the tolerance for that.
+            ! Rows are weighted by their scales at the start of a step during the iteration, by those at its end afterwards: an
+            ! accepted point must not miss the tolerance for this reason.
             utol = options%position_tolerance()
             if (.not. self%refines) utol = min(utol, 0.25_wp*max(utol, options%constraint_tolerance))
             call self%position%allocate(n, nh, self%refines, utol, max(utol, options%stage_tolerance()), options%b_tolerance())
@@ -76,7 +77,7 @@ contains
                 allocate (self%x_basis(0, 0), self%w_basis(0, 0))
                 call self%free_motion%allocate(m, n, self%scale)
             end if
-            ! Of redundant rows the singular values say when others are wanted.
+            ! With redundant rows the singular values decide when to choose other rows.
             self%skips_basis = .not. (self%has_bases .or. self%uses_svd .or. self%watch%v .or. self%watch%w .or. &
                 self%watch%secants .or. present(kept))
             if (implicit) then
@@ -96,7 +97,7 @@ contains
         call self%point%allocate(self%n)
     end procedure initialize
 
-    !> Make (t, q, qd) the origin: bases and the rank decision, then what the position and velocity levels start from.
+    !> Make (t, q, qd) the origin: bases and the rank decision, then the start of the position and velocity levels.
     module procedure renew
         logical :: is_done
         integer :: split_stat
@@ -109,12 +110,12 @@ contains
         call copy(self%n, qd, self%qd0)
         call self%visit(t, q, stat)
         if (stat == status_ok .and. self%has_bases) call self%refuse_infinite(stat)
-        ! A promise that was kept at the start may be broken later.
+        ! A condition that holds at the start may be violated later.
         if (stat == status_ok) call self%judge_blocks(stat)
         if (stat /= status_ok) return
         call copy(self%m*self%n, self%model%terms%jacobian, self%step_jacobian)
         split_stat = status_ok
-        ! Implicit steps split where they need it.
+        ! Implicit steps split velocities when needed.
         if (.not. self%has_bases) call self%find_velocity_basis(split_stat)
         if (split_stat == status_not_finite) then
             stat = split_stat
@@ -149,15 +150,15 @@ contains
         end if
     end procedure renew
 
-    !> Where masses differ much, make light coordinates as easy to move in the bases as they are, once a run. Bases that mix masses
-    !> lose the digits by which these differ of a light one's acceleration; a Newton matrix that is carried to another chart takes a
-    !> light motion for a heavy one, where the light one has turned.
+    !> If masses differ much, scale the bases so that light coordinates move as easily as their masses allow, once per run. In bases
+    !> that mix masses the acceleration of a light one loses as many digits as the masses differ by; and a Newton matrix carried to
+    !> another chart takes a light motion for a heavy one if the light one has turned.
     subroutine weigh_coordinates(self)
         class(dense_chart_type), intent(inout) :: self
-        !> Masses that differ by less are no matter: bodies and their moments of inertia differ so much. Those that differ by
-        !> more count as if by so much, and below this part of the largest there is no mass.
+        !> Ratios of masses below this are harmless: bodies and their moments of inertia differ as much. Larger ratios are limited,
+        !> and masses below this part of the largest count as zero.
         real(wp), parameter :: much = 1.0e7_wp, most = 1.0e12_wp, none = 1.0e-15_wp
-        !> The part of the rows' independence that this may cost: a light body between heavy ones ties its coordinates twice.
+        !> Largest permitted reduction of the rows' independence: a light body between heavy ones constrains its coordinates twice.
         real(wp), parameter :: least = 0.1_wp
         real(wp) :: largest, smallest, mass, plain
         integer :: i
@@ -184,14 +185,14 @@ contains
         if (self%basis%deficient .or. self%basis%smallest < least*plain) self%basis_scale = self%scale
     end subroutine weigh_coordinates
 
-    !> Orthonormal bases at the current point, as many columns as are needed, and the rank decision.
+    !> Orthonormal bases at the current point, with the required number of columns, and the rank decision.
     subroutine load_bases(self, stat)
         class(dense_chart_type), intent(inout) :: self
         integer, intent(out) :: stat
         integer :: columns
 
         stat = status_ok
-        ! U is all that explicit steps need; |w| and |D| need X, kept bases are whole.
+        ! U is sufficient for explicit steps; |w| and |D| need X, kept bases are complete.
         columns = self%nh
         if (self%watch%w .or. self%watch%secants) columns = self%m
         if (self%has_bases) columns = self%n
@@ -210,7 +211,7 @@ contains
         call self%place_bases()
     end subroutine load_bases
 
-    !> Bases from the orthonormal ones: complements orthogonal to the tangent spaces, or so in the metric.
+    !> Bases from the orthonormal ones: complements orthogonal to the tangent spaces, in the metric if it is on.
     module procedure place_bases
         integer :: j
 
@@ -258,18 +259,18 @@ contains
         call pack%item(self%stage_segment)
     end procedure pack_state
 
-    !> Where C has full rank by far, no basis is needed.
+    !> If C clearly has full rank, no basis is needed.
     subroutine start_without_basis(self, t, can)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         logical, intent(out) :: can
-        !> A smallest singular value above this needs no closer look.
+        !> A larger smallest singular value needs no detailed check.
         real(wp), parameter :: clearly_independent = 1.0e-5_wp
-        !> Neither does one that is hardly larger than all before.
+        !> A value that is hardly larger than all earlier ones needs none either.
         real(wp), parameter :: much_better = 1.25_wp
 
         associate (e => self%velocity_basis%elimination, bound => self%velocity_basis%independence)
-            ! The largest so far is to be that of the singular values, not of their bound.
+            ! The largest value so far must be a singular value, not a bound.
             can = bound > clearly_independent .and. .not. bound > much_better*self%best_independence
             if (.not. can) return
             self%independence = bound

@@ -1,12 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> How C splits the space of velocities at a point: a right inverse R (C R = I) and a basis D of null(C).
+!> Splitting of the space of velocities by C at a point: a right inverse R (C R = I) and a basis D of null(C).
 !>
-!> Three ways to them. By elimination of C alone, R = [Cd^-1; 0] and D = [-Y; I]: the cheapest, for explicit steps, which work with
-!> the elimination itself (`tandem_chart_dense_free_motion`). With the
-!> chart's bases X and W, R = X H and D = (I - X H C) W (31), where H = (C X)^-1 comes from a factorisation or from the
-!> paper's refinement (29): for implicit steps, whose Newton matrix must be that of one system of coordinates. With a
-!> factorisation, a correction of a stage needs no more than products with a vector, two or three solutions with C X. R and D are
-!> formed only if they are needed as matrices (`complete`).
+!> Three methods. By elimination of C alone, R = [Cd^-1; 0] and D = [-Y; I]: the cheapest, for explicit steps, which use the
+!> elimination itself (`tandem_chart_dense_free_motion`). With the chart's bases X and W, R = X H and D = (I - X H C) W (31), where
+!> H = (C X)^-1 comes from a factorisation or from the paper's refinement (29): for implicit steps, whose Newton matrix must belong
+!> to one system of coordinates. With a factorisation, a correction of a stage needs only products with a vector, and two or three
+!> solutions with C X. R and D are formed only if they are needed as matrices (`complete`).
 module tandem_chart_dense_velocity_basis
     use tandem_kinds, only: wp
     use tandem_linalg_elimination, only: elimination_type
@@ -21,25 +20,25 @@ module tandem_chart_dense_velocity_basis
 
     public :: velocity_basis_type, by_elimination, by_factor, by_refinement
 
-    !> The ways to R and D.
+    !> Methods for R and D.
     integer, parameter :: by_elimination = 1, by_factor = 2, by_refinement = 3
 
     type :: velocity_basis_type
         !> R (n, m) and D (n, k), k = n - m.
         real(wp), allocatable :: right_inverse(:, :), null_space(:, :)
-        !> The sign of the determinant that `measure_orientation` has met, of Cd or C X: where it changes along a motion, C may have
-        !> lost rank.
+        !> The sign of the determinant of Cd or C X found by `measure_orientation`: if it changes along a motion, C may have lost
+        !> rank.
         integer :: orientation = 1
-        !> What falls to zero where C loses rank: the smallest pivot met there; by elimination, what the chart sets.
+        !> Measure that falls to zero when C loses rank: the smallest pivot; by elimination, a value set by the chart.
         real(wp) :: independence = 1.0_wp
-        !> Whether both are those of the last `update`.
+        !> True if both belong to the last `update`.
         logical :: is_measured = .false.
-        !> After a failure: the row without a pivot, 0 where it is not one row's fault.
+        !> After a failure: the row without a pivot, 0 if no single row is at fault.
         integer :: failed_row = 0
-        !> Most corrections that a refinement of H has taken since the caller set this to zero.
+        !> Largest number of corrections of a refinement of H since the caller set this to zero.
         integer :: most_corrections = 0
         integer, private :: held_most_corrections = 0
-        !> Whether R and D are those of the last `update`.
+        !> True if R and D belong to the last `update`.
         logical :: is_complete = .false.
         integer, private :: way = by_elimination
         integer, private :: m = 0
@@ -62,7 +61,7 @@ contains
     subroutine allocate_split(self, n, m, way, htol)
         class(velocity_basis_type), intent(inout) :: self
         integer, intent(in) :: n, m
-        !> One of the ways above; the tolerance of (29) for `by_refinement`.
+        !> One of the methods above; the tolerance of (29) for `by_refinement`.
         integer, intent(in) :: way
         real(wp), intent(in) :: htol
 
@@ -72,7 +71,7 @@ contains
         if (allocated(self%right_inverse)) deallocate (self%right_inverse, self%null_space, self%c_x, self%c_w, self%held_h, &
             self%y)
         allocate (self%y(m), self%held_h(m, m), source=0.0_wp)
-        ! Explicit steps of many coordinates never touch them, and need not have the memory.
+        ! Explicit steps of many coordinates do not use them and need not allocate the memory.
         allocate (self%right_inverse(n, m), self%null_space(n, n - m))
         if (way == by_elimination) then
             allocate (self%c_x(0, 0), self%c_w(0, 0))
@@ -96,7 +95,7 @@ contains
         if (self%way == by_refinement) call self%invert(jacobian, x_basis, stat)
     end subroutine start
 
-    !> Eliminate C at a point: all that explicit steps need of R and D.
+    !> Eliminate C at a point, which gives R and D for explicit steps.
     subroutine eliminate(self, n, jacobian, scale, counts, stat)
         class(velocity_basis_type), intent(inout) :: self
         integer, intent(in) :: n
@@ -163,7 +162,7 @@ contains
     !> y := y - R x.
     subroutine subtract_right_inverse(self, x_basis, x, y)
         class(velocity_basis_type), intent(inout) :: self
-        !> X (n, m); not looked at where R is formed.
+        !> X (n, m); not used if R is formed.
         real(wp), intent(in), contiguous :: x_basis(:, :)
         !> x (m); its value is lost.
         real(wp), intent(inout), contiguous :: x(:)
@@ -177,7 +176,7 @@ contains
         end if
     end subroutine subtract_right_inverse
 
-    !> f := (I - C' R') f, so that W' f is what D' f was.
+    !> f := (I - C' R') f, after which W' f equals the former D' f.
     subroutine subtract_reaction(self, jacobian, x_basis, force)
         class(velocity_basis_type), intent(inout) :: self
         !> C (m, n), X (n, m).
@@ -212,7 +211,7 @@ contains
         self%independence = self%c_x_lu%smallest_pivot()
     end subroutine measure_orientation
 
-    !> Keep what the next update starts from, so that a look at another point leaves no trace.
+    !> Save the start of the next update, so that other points can be evaluated without effect.
     subroutine hold(self)
         class(velocity_basis_type), intent(inout) :: self
 
@@ -221,7 +220,7 @@ contains
         self%held_most_corrections = self%most_corrections
     end subroutine hold
 
-    !> Go back to what was kept.
+    !> Restore the saved state.
     subroutine release(self)
         class(velocity_basis_type), intent(inout) :: self
 
@@ -244,7 +243,7 @@ contains
         stat = merge(status_ok, status_chart_left, stat == 0)
     end subroutine invert
 
-    !> R, D, and what they follow from and are followed by.
+    !> R, D, their factors, and dependent data.
     subroutine pack_state(self, pack)
         class(velocity_basis_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The point that a chart has visited last, and what of it is known: so that nothing is evaluated twice at the same point.
+!> The last point of a chart, and the quantities known there: avoids repeated evaluations at a point.
 module tandem_chart_dense_visited_point
     use tandem_kinds, only: wp
     use tandem_linalg_kernels, only: are_same, copy
@@ -12,9 +12,9 @@ module tandem_chart_dense_visited_point
     type :: visited_point_type
         !> The time of the point where C, nu and M were evaluated last.
         real(wp) :: t = 0.0_wp
-        !> Whether R and D, and Phi, are those of it; whether C and nu are known to be finite there.
+        !> True if R and D, and Phi, belong to it; true if C and nu are known to be finite there.
         logical :: has_velocity_basis = .false., has_phi = .false., is_finite = .false.
-        !> Whether its coordinates are remembered, and whether gamma and the forces are those of it and of a velocity.
+        !> True if its coordinates are stored; true if gamma and the forces belong to it and to a velocity.
         logical, private :: has_point = .false., has_motion = .false.
         real(wp), allocatable, private :: q(:), qd(:)
     contains
@@ -33,7 +33,7 @@ contains
         self%qd = self%q
     end subroutine allocate_point
 
-    !> Whether (t, q) is the point.
+    !> True if (t, q) is the point.
     pure logical function is_at(self, t, q)
         class(visited_point_type), intent(in) :: self
         real(wp), intent(in) :: t
@@ -64,7 +64,7 @@ contains
         call copy(size(q), q, self%q)
     end subroutine arrive
 
-    !> A point at time t is to be evaluated that no later call asks for.
+    !> A point at time t is to be evaluated that no later call requests.
     pure subroutine pass(self, t)
         class(visited_point_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -74,7 +74,7 @@ contains
         self%t = t
     end subroutine pass
 
-    !> R and D were found there, which takes a finite C.
+    !> R and D were found there, which requires a finite C.
     pure subroutine note_velocity_basis(self)
         class(visited_point_type), intent(inout) :: self
 
@@ -82,14 +82,14 @@ contains
         self%is_finite = .true.
     end subroutine note_velocity_basis
 
-    !> R and D are another chart's.
+    !> R and D belong to another chart.
     pure subroutine forget_velocity_basis(self)
         class(visited_point_type), intent(inout) :: self
 
         self%has_velocity_basis = .false.
     end subroutine forget_velocity_basis
 
-    !> Whether gamma and the forces were evaluated there with this velocity.
+    !> True if gamma and the forces were evaluated there with this velocity.
     pure logical function is_moving_with(self, qd)
         class(visited_point_type), intent(in) :: self
         real(wp), intent(in), contiguous :: qd(:)
@@ -114,7 +114,7 @@ contains
         call copy(size(qd), qd, self%qd)
     end subroutine note_motion
 
-    !> Nothing of it is known any more.
+    !> Forget the point and everything known there.
     pure subroutine forget(self)
         class(visited_point_type), intent(inout) :: self
 
@@ -122,7 +122,7 @@ contains
         self%has_phi = .false.
     end subroutine forget
 
-    !> All of it.
+    !> All components.
     subroutine pack_state(self, pack)
         class(visited_point_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
