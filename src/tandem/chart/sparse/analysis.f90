@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> What a sparse chart knows before the first number: which rows go together, which bodies are eliminated first, in which order the
-!> rest follows, and where every block stands.
+!> Symbolic analysis of a sparse chart: grouping of rows, bodies that are eliminated first, the order of the remaining nodes, and
+!> the position of every block.
 !>
-!> The system is M x + C' lambda = f, C x = g. Bodies with few rows go first, each with the row that it owns; what is left is the
-!> matrix K of nodes: rows that touch the same bodies, with -C M^-1 C' of what has gone, and bodies that are kept (hubs), whose
-!> rows would otherwise all become neighbours. Without hubs -K is positive definite where C has full rank, and any order serves.
-!> With hubs a row between a hub and what has gone acts as if the hub were ground: among bodies that hang together one such row may
-!> go before its hub, and only if they have no ground of their own, since otherwise those rows alone could be dependent. The other
-!> rows wait for their hubs.
+!> The system is M x + C' lambda = f, C x = g. Bodies with few rows are eliminated first, each with the row that it owns; the
+!> remaining matrix K couples nodes: rows that touch the same bodies, with -C M^-1 C' of the eliminated bodies, and bodies that are
+!> kept (hubs), whose rows would otherwise all become neighbours. Without hubs -K is positive definite if C has full rank, and any
+!> order is valid. With hubs a row between a hub and eliminated bodies acts as if the hub were ground: among connected bodies one
+!> such row may precede its hub, and only if they have no ground of their own, since otherwise those rows alone could be dependent.
+!> The other rows are eliminated after their hubs.
 module tandem_chart_sparse_analysis
     use tandem_kinds, only: long, wp
     use tandem_model_pattern, only: pattern_type
@@ -19,58 +19,58 @@ module tandem_chart_sparse_analysis
 
     public :: analysis_type, most_rows, most_coordinates, most_links
 
-    !> The most rows of a node, and nodes at a body that is eliminated first.
+    !> Largest number of rows of a node, and of nodes at a body that is eliminated first.
     integer, parameter :: most_rows = 6, most_links = 8
 
     type :: analysis_type
         integer :: n = 0, m = 0, n_bodies = 0, n_nodes = 0
         !> The first coordinate of each body (n_bodies + 1), and of each coordinate's block of M (n); the row that a body owns, and
-        !> the one of these that is eliminated with it, 0 for none; whether a body is kept, and its node.
+        !> the owned row that is eliminated with it, 0 for none; true for hubs; the node of each hub.
         integer, allocatable :: first(:), block_first(:), norm_row(:), own_row(:), node_of_body(:)
         logical, allocatable :: is_kept(:)
-        !> What the blocks of each body's M are, see `tandem_chart_sparse_blocks`.
+        !> Kind of the blocks of each body's M, see `tandem_chart_sparse_blocks`.
         integer, allocatable :: kind(:)
-        !> A link is where a body and a node meet: those of body b are link_start(b) to link_start(b + 1) - 1. Of each its node, and
-        !> before which entry its part of C begins among all, (rows, coordinates) in size, or would if the columns of the place
-        !> were kept that hinges and pins do without.
+        !> A link connects a body and a node: the links of body b are link_start(b) to link_start(b + 1) - 1. For each link: its
+        !> node, and the entry before its part of C, (rows, coordinates) in size, as if the columns of the position were stored,
+        !> which hinges and pins omit.
         integer, allocatable :: link_start(:), link_node(:), link_offset(:)
-        !> The same for loops, side by side in memory: of each link the first unknown less one and the height of its node, the
-        !> offset in C, the first row, the offset of W c' and the sign of a joint that makes points meet (6, links + 1); the links
-        !> of node k are node_link(:, node_start(k)) to node_link(:, node_start(k + 1) - 1), each with the first coordinate and
-        !> the number of coordinates of its body, the offset in C and that sign (4, links + 1). The last ones are empty, so that
-        !> there is one to begin with where a list is empty.
+        !> The same data for loops, contiguous in memory: for each link the first unknown less one and the height of its node, the
+        !> offset in C, the first row, the offset of W c' and the sign of a joint of coincident points (6, links + 1); the links of
+        !> node k are node_link(:, node_start(k)) to node_link(:, node_start(k + 1) - 1), each with the first coordinate and the
+        !> number of coordinates of its body, the offset in C and that sign (4, links + 1). The last ones are empty, so that an
+        !> empty list also has a first element.
         integer, allocatable :: link(:, :), node_start(:), node_link(:, :)
-        !> Of each body the first coordinate and the first link, how many links there are, the row that is eliminated with it, and
-        !> what it has to do with (5, n_bodies).
+        !> For each body the first coordinate and the first link, the number of links, the row that is eliminated with it, and the
+        !> kind of its joints (5, n_bodies).
         integer, allocatable :: body(:, :)
         !> Entries of C, and of W c' of all links.
         integer :: n_entries = 0, n_moved = 0
-        !> Whether a body goes first and has to do with hinges alone, or with pins, and whether a node is one
-        !> (`tandem_chart_sparse_meetings`).
+        !> For each body that is eliminated first the kind of its joints if these are hinges alone or pins alone; for each node its
+        !> kind (`tandem_chart_sparse_meetings`).
         integer, allocatable :: joints_of_body(:), joint_of_node(:)
-        !> Where a product of the parts of two links of a body that is eliminated goes: of link 1 with itself, of 2 with 1 and with
-        !> itself, and so on; of a kept body the block of each link. From pair_start(b) + 1 on.
+        !> Target of a product of the parts of two links of a body that is eliminated: of link 1 with itself, of 2 with 1 and with
+        !> itself, and so on; for a hub the block of each link. From pair_start(b) + 1 on.
         integer, allocatable :: pair_start(:), pair_target(:)
-        !> Nodes in their order of elimination: how many unknowns each has, before which entry of the vector of all they stand, the
-        !> first row or coordinate, and whether it is a body.
+        !> Nodes in their order of elimination: number of unknowns, offset in the vector of all unknowns, first row or coordinate,
+        !> and true for a body.
         integer, allocatable :: height(:), place(:), origin(:)
         logical, allocatable :: is_body(:)
         integer :: n_unknowns = 0
-        !> Neighbours behind node k: later(later_start(k)) to later(later_start(k + 1) - 1), ascending; where each block begins, and
-        !> the diagonal ones. A block has as many rows as the later node has unknowns.
+        !> Neighbours behind node k: later(later_start(k)) to later(later_start(k + 1) - 1), ascending; the offset of each block,
+        !> and of the diagonal blocks. A block has as many rows as the later node has unknowns.
         integer, allocatable :: later_start(:), later(:), later_offset(:), diagonal_offset(:)
-        !> The same for loops: the first unknown less one, height, offset of the diagonal block, first row or coordinate of each
-        !> node (4, nodes); the first three of each neighbour behind, the offset that of the block (3, neighbours + 1).
+        !> The same data for loops: the first unknown less one, height, offset of the diagonal block, first row or coordinate of
+        !> each node (4, nodes); the first three of each neighbour behind, with the offset of the block (3, neighbours + 1).
         integer, allocatable :: node(:, :), behind(:, :)
-        !> How many nodes of five rows from each one on are no neighbours of each other, so that their blocks are inverted at once;
-        !> 0 where the node has other rows or is one of those before.
+        !> Number of successive nodes of five rows, from each one on, that are not neighbours of each other, so that their blocks
+        !> are inverted together; 0 if the node has other rows or belongs to an earlier group.
         integer, allocatable :: together(:)
         !> Entries of all blocks.
         integer :: n_factor = 0
-        !> Where the products of those neighbours go when node k is eliminated, from update_start(k) + 1 on, in the order of pairs;
-        !> the last one is empty.
+        !> Targets of the products of those neighbours when node k is eliminated, from update_start(k) + 1 on, in the order of
+        !> pairs; the last one is empty.
         integer, allocatable :: update_start(:), update_target(:)
-        !> Multiplications of a factorization, about.
+        !> Approximate number of multiplications of a factorization.
         integer(long) :: work = 0
     contains
         procedure :: analyse
@@ -85,8 +85,8 @@ module tandem_chart_sparse_analysis
     public :: sorted
 
     interface
-        !> Nodes that are hinges or pins, with the signs of their links, and bodies that have to do with these alone; where C and
-        !> W c' stand, which take less of them.
+        !> Find nodes that are hinges or pins, with the signs of their links, and bodies with these joints alone; set the positions
+        !> of C and W c', which are smaller for them.
         pure module subroutine find_joints(self, pattern, rows)
             implicit none (type, external)
             class(analysis_type), intent(inout) :: self
@@ -128,7 +128,7 @@ contains
             end associate
         end do
         call self%gather_rows(pattern, rows, node_first, node_size, nodes_of, bodies_of)
-        ! Kept bodies are nodes behind those of rows.
+        ! Hubs are nodes behind the nodes of rows.
         self%n_nodes = size(node_first)
         if (allocated(self%node_of_body)) deallocate (self%node_of_body)
         allocate (self%node_of_body(self%n_bodies), source=0)
@@ -150,7 +150,7 @@ contains
         call find_together(self)
     end subroutine analyse
 
-    !> Nodes of five rows that follow each other and are no neighbours.
+    !> Find successive nodes of five rows that are not neighbours.
     pure subroutine find_together(self)
         class(analysis_type), intent(inout) :: self
         integer :: n, next
@@ -171,13 +171,13 @@ contains
         end do
     end subroutine find_together
 
-    !> What loops read, side by side.
+    !> Build the contiguous lists for loops.
     pure subroutine list_for_loops(self)
         class(analysis_type), intent(inout) :: self
         integer, allocatable :: next(:)
         integer :: b, k, l, n
 
-        ! gfortran looks at the shape of what an assignment allocates before it does.
+        ! gfortran reads the shape of an unallocated left side before it allocates.
         if (allocated(self%node)) deallocate (self%node, self%behind, self%link)
         allocate (self%node(4, self%n_nodes), self%behind(3, size(self%later) + 1), self%link(6, size(self%link_node) + 1))
         self%node = reshape([(self%place(n), self%height(n), self%diagonal_offset(n), self%origin(n), n=1, self%n_nodes)], &
@@ -208,12 +208,12 @@ contains
         end do
     end subroutine list_for_loops
 
-    !> Rows that follow each other and touch the same bodies become nodes; bodies with many of them are kept.
+    !> Successive rows that touch the same bodies become nodes; bodies with many of them become hubs.
     subroutine gather_rows(self, pattern, rows, node_first, node_size, nodes_of, bodies_of)
         class(analysis_type), intent(inout) :: self
         type(pattern_type), intent(in) :: pattern
         integer, intent(in) :: rows(:)
-        !> The first row in use of each node, and how many it has.
+        !> The first row in use of each node, and its number of rows.
         integer, allocatable, intent(out) :: node_first(:), node_size(:)
         !> The nodes of each body, the bodies of each node.
         type(list_type), allocatable, intent(out) :: nodes_of(:), bodies_of(:)
@@ -226,7 +226,7 @@ contains
         do i = 1, size(rows)
             if (pattern%owner(rows(i)) > 0) own_row(pattern%owner(rows(i))) = i
         end do
-        ! Which bodies are kept follows from the nodes without owned rows; those are nodes of their own where their body is kept.
+        ! The choice of hubs follows from the nodes without owned rows; owned rows of hubs are nodes of their own.
         do pass = 1, 2
             n = 0
             if (allocated(node_first)) deallocate (node_first, node_size, bodies_of, nodes_of)
@@ -260,7 +260,7 @@ contains
 
     contains
 
-        !> Whether row i follows a node's last one and touches the same bodies.
+        !> True if row i follows a node's last one and touches the same bodies.
         pure logical function belongs_to(node)
             integer, intent(in) :: node
             integer :: one, two
@@ -278,7 +278,7 @@ contains
         end function belongs_to
     end subroutine gather_rows
 
-    !> Nodes that meet at a body that goes first are neighbours; one that meets a kept body is a neighbour of that.
+    !> Nodes at a body that is eliminated first are neighbours; a node at a hub is a neighbour of the hub.
     pure subroutine set_neighbours(self, nodes_of, neighbours)
         type(analysis_type), intent(in) :: self
         type(list_type), intent(in) :: nodes_of(:)
@@ -313,7 +313,7 @@ contains
         end do
     end subroutine set_neighbours
 
-    !> The rows that must wait for kept bodies.
+    !> Find the rows that must be eliminated after their hubs.
     subroutine find_waiting(self, bodies_of, waits_for)
         class(analysis_type), intent(in) :: self
         type(list_type), intent(in) :: bodies_of(:)
@@ -323,7 +323,7 @@ contains
         integer :: b, i, k, root, v
         logical :: may_go
 
-        ! What hangs together through rows that touch no kept body, and whether it has a ground.
+        ! Groups of bodies connected through rows that touch no hub, and whether each has a ground.
         allocate (parent(self%n_bodies))
         parent = [(b, b=1, self%n_bodies)]
         allocate (is_grounded(self%n_bodies), source=.false.)
@@ -368,7 +368,7 @@ contains
             end do
         end function touches_kept
 
-        !> The body that stands for all that hang together with this one.
+        !> Representative body of the group of connected bodies.
         integer function root_of(body)
             integer, intent(in) :: body
 
@@ -432,7 +432,7 @@ contains
         self%later = spread(0, 1, k)
         do i = 1, self%n_nodes
             associate (list => neighbours(order(i)))
-                ! One that never had a neighbour has no list.
+                ! A node that never had a neighbour has no list.
                 if (list%n == 0) cycle
                 self%later(self%later_start(i):self%later_start(i + 1) - 1) = sorted(position(list%item(:list%n)))
             end associate
@@ -470,7 +470,7 @@ contains
         end do
     end function sorted
 
-    !> Where the blocks of the factor stand: a node's diagonal block, then those below it.
+    !> Set the offsets of the blocks of the factor: a node's diagonal block, then the blocks below it.
     pure subroutine place_blocks(self)
         class(analysis_type), intent(inout) :: self
         integer(long) :: below
@@ -493,7 +493,7 @@ contains
         end do
     end subroutine place_blocks
 
-    !> Where the block of two nodes begins, the diagonal one of a node with itself.
+    !> Offset of the block of two nodes; the diagonal block for a node with itself.
     pure integer function block_of(self, one, two) result(offset)
         class(analysis_type), intent(in) :: self
         integer, intent(in) :: one, two
@@ -518,7 +518,7 @@ contains
         offset = self%later_offset(from)
     end function block_of
 
-    !> Where the products of the neighbours of each node go.
+    !> Set the targets of the products of the neighbours of each node.
     pure subroutine find_updates(self)
         class(analysis_type), intent(inout) :: self
         integer :: i, j, k, n
@@ -543,7 +543,7 @@ contains
         end do
     end subroutine find_updates
 
-    !> Where the parts of the bodies go.
+    !> Set the targets of the parts of the bodies.
     pure subroutine find_pairs(self)
         class(analysis_type), intent(inout) :: self
         integer :: b, count, j, k, n

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Products and solutions of small blocks. Heights that joints have, 5 in space and 2 in the plane, are constants to the
-!> compiler: loops of known length are several times as fast. Work space has a fixed size: of a length that is known at run time it
-!> would be allocated by each call.
+!> Products and solutions of small blocks. The usual heights of joints, 5 in space and 2 in the plane, are compile-time constants:
+!> loops of known length are several times as fast. Work space has a fixed size: with a length known only at run time, each call
+!> would allocate it.
 module tandem_chart_sparse_blocks
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -11,11 +11,11 @@ module tandem_chart_sparse_blocks
     public :: multiply_inverse, set_owned, subtract_rows, subtract_seven_rows, subtract_transposed, subtract_transposed_sized
     public :: of_single_blocks, of_rigid_body, of_any_blocks, most_coordinates, read_behind
 
-    !> The most coordinates of a body, and so the most unknowns of a block.
+    !> Largest number of coordinates of a body, and so of unknowns of a block.
     integer, parameter :: most_coordinates = 12
-    !> At most so many entries behind the last of a matrix are read, and go nowhere: columns of 5 rows are read as 8.
+    !> At most this number of entries behind the last of a matrix are read, and ignored: columns of 5 rows are read as 8.
     integer, parameter :: read_behind = 3
-    !> The blocks of a body's M: single entries, three of them and one of 4 by 4, or others.
+    !> Kinds of blocks of a body's M: single entries, three single entries and one block of 4 by 4, or others.
     integer, parameter :: of_single_blocks = 1, of_rigid_body = 2, of_any_blocks = 3
 
 contains
@@ -45,7 +45,7 @@ contains
         end if
     end subroutine subtract_product
 
-    !> Column by column as `subtract_five_rows`.
+    !> Column by column like `subtract_five_rows`.
     pure subroutine subtract_five_product(p, n, c, y, x)
         integer, intent(in), value :: p, n
         real(wp), intent(in) :: c(5, n), y(n, p)
@@ -57,7 +57,7 @@ contains
         end do
     end subroutine subtract_five_product
 
-    !> Columns are added as registers: lanes behind the last row hold what nobody uses.
+    !> Columns are added as registers: lanes behind the last row are ignored.
     pure subroutine subtract_product_sized(s, lanes, p, n, c, y, x)
         integer, intent(in), value :: s, lanes, p, n
         real(wp), intent(in) :: c(*), y(n, p)
@@ -140,7 +140,7 @@ contains
         end if
     end subroutine subtract_update
 
-    !> Of five rows, as `subtract_five_rows`.
+    !> For five rows, like `subtract_five_rows`.
     pure subroutine subtract_five_update(q, s, l, b, x)
         integer, intent(in), value :: q, s
         real(wp), intent(in) :: l(8, s), b(q, s)
@@ -167,7 +167,7 @@ contains
         end do
     end subroutine subtract_five_update
 
-    !> The same of seven rows.
+    !> Update of seven rows.
     pure subroutine subtract_seven_update(q, s, l, b, x)
         integer, intent(in), value :: q, s
         real(wp), intent(in) :: l(8, s), b(q, s)
@@ -221,7 +221,7 @@ contains
         end do
     end subroutine subtract_update_sized
 
-    !> The l of `multiply_right` (p, s) without what pads its columns.
+    !> Copy the l of `multiply_right` (p, s) without the padding of its columns.
     pure subroutine keep_rows(p, s, l, x)
         integer, intent(in), value :: p, s
         real(wp), intent(in) :: l(*)
@@ -253,7 +253,7 @@ contains
         end do
     end subroutine keep_rows_sized
 
-    !> How far apart columns of p rows stand in work space.
+    !> Distance of columns of p rows in work space.
     pure integer function padded(p)
         integer, intent(in), value :: p
 
@@ -280,7 +280,7 @@ contains
         end select
     end subroutine multiply_inverse
 
-    !> Of five rows, as `subtract_five_rows`.
+    !> For five rows, like `subtract_five_rows`.
     pure subroutine multiply_five(x, z)
         real(wp), intent(in) :: x(5, 5)
         real(wp), intent(inout) :: z(5)
@@ -384,7 +384,7 @@ contains
         end select
     end subroutine subtract_rows
 
-    !> Rows that no register holds at once are taken as four and the rest: so they are read as they were written, and none waits.
+    !> Five rows do not fill whole registers and are processed as four and one: they are read as they were written, without a stall.
     pure subroutine subtract_five_rows(n, c, x, g)
         integer, intent(in), value :: n
         real(wp), intent(in) :: c(5, n), x(n)
@@ -409,7 +409,7 @@ contains
         g(5) = r
     end subroutine subtract_five_rows
 
-    !> The same of seven rows.
+    !> Seven rows as four, two and one.
     pure subroutine subtract_seven_rows(n, c, x, g)
         integer, intent(in), value :: n
         real(wp), intent(in) :: c(7, n), x(n)
@@ -440,7 +440,7 @@ contains
         g(7) = r
     end subroutine subtract_seven_rows
 
-    !> Columns are added as registers: lanes behind the last row hold what nobody uses.
+    !> Columns are added as registers: lanes behind the last row are ignored.
     pure subroutine subtract_rows_sized(s, lanes, n, c, x, g)
         integer, intent(in), value :: s, lanes, n
         real(wp), intent(in) :: c(*), x(n)
@@ -486,7 +486,7 @@ contains
         end if
     end subroutine subtract_transposed
 
-    !> The same, for a caller whose sizes are constants.
+    !> Variant for callers whose sizes are constants.
     pure subroutine subtract_transposed_sized(s, nb, c, l, f)
         integer, intent(in), value :: s, nb
         real(wp), intent(in) :: c(s, nb), l(s)

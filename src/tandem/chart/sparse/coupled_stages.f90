@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> What methods whose stages are solved together ask of the sparse chart. A stage's residual has three parts,
+!> Operations of the sparse chart for methods whose stages are solved together. A stage's residual has three parts,
 !>
 !>   r = qd - rate_q,   e = S + Q_A - M qdd - C' lambda,   g = -gamma - C qdd,
 !>
-!> and the method's transformation parts the systems of all stages into [H, C'; C, 0] [b; mu] = [e - ha K r; g] with
-!> H = M + ha D + ha^2 K, for the real system and with complex ha for pairs; b moves qdd, r + ha b moves rate_q, mu moves lambda.
-!> Each stage keeps multipliers of its own.
+!> and the method's transformation separates the systems of all stages into [H, C'; C, 0] [b; mu] = [e - ha K r; g] with H = M + ha
+!> D + ha^2 K, for the real system and with complex ha for pairs; b corrects qdd, r + ha b corrects rate_q, mu corrects lambda. Each
+!> stage has its own multipliers.
 module tandem_chart_sparse_coupled_stages
     use tandem_chart_sparse_implicit_stage, only: initialize_implicit => initialize, sparse_implicit_type
     use tandem_error, only: error_type
@@ -21,9 +21,9 @@ module tandem_chart_sparse_coupled_stages
 
     !> The chart with stages that are solved together.
     type, abstract, extends(sparse_implicit_type) :: sparse_coupled_type
-        !> Multipliers of the stages (m, stages) and their times, and those of the step before.
+        !> Multipliers of the stages (m, stages) and their times, also of the previous step.
         real(wp), allocatable, private :: lambda_of(:, :), t_of(:), lambda_before(:, :), t_before(:)
-        !> How many of the stages have multipliers, and whether the step before had all.
+        !> Number of stages with multipliers; true if all stages of the previous step have them.
         integer, private :: n_known = 0
         logical, private :: has_before = .false.
         !> Work space: forces (n) and right sides (m) of an imaginary part.
@@ -49,7 +49,7 @@ contains
         if (allocated(self%t_of)) deallocate (self%t_of)
     end subroutine initialize
 
-    !> Factor the matrices of complex pairs of systems too.
+    !> Also factor the matrices of complex pairs of systems.
     subroutine expect_pairs(self, ratios)
         class(sparse_coupled_type), intent(inout) :: self
         complex(wp), intent(in), contiguous :: ratios(:)
@@ -58,7 +58,7 @@ contains
         call self%allocate_stages(2*size(ratios) + 1)
     end subroutine expect_pairs
 
-    !> Space for a number of stages, unless it is there.
+    !> Allocate for a number of stages, unless this is done.
     subroutine allocate_stages(self, stages)
         class(sparse_coupled_type), intent(inout) :: self
         integer, intent(in) :: stages
@@ -107,12 +107,12 @@ contains
         end associate
     end subroutine find_residual
 
-    !> Multipliers for a stage to start from: those of the stages of the step before, on the polynomial through their times.
+    !> Initial multipliers of a stage: extrapolated by the polynomial through the stages of the previous step.
     subroutine begin_stage(self, stage, t)
         class(sparse_coupled_type), intent(inout) :: self
         integer, intent(in) :: stage
         real(wp), intent(in) :: t
-        !> Larger weights would turn errors of the stages into large ones.
+        !> Larger weights would amplify errors of the stages.
         real(wp), parameter :: most_weight = 20.0_wp
         real(wp) :: weight
         integer :: first, i, j, stages
@@ -130,7 +130,7 @@ contains
         self%t_of(stage) = t
         self%n_known = max(self%n_known, stage)
         if (.not. self%has_before) then
-            ! Those of the point where the matrix was formed.
+            ! Multipliers of the point where the matrix was formed.
             self%lambda_of(:, stage) = self%lambda
             return
         end if
@@ -149,7 +149,7 @@ contains
 
     contains
 
-        !> The weight of a stage of the step before in the polynomial through it and others.
+        !> The weight of a stage of the previous step in the polynomial through all its stages.
         pure real(wp) function share(i)
             integer, intent(in) :: i
             integer :: k

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The errors of all constraint levels on the natural scales of their rows, in one pass through C node by node: what a node adds up
-!> stays in registers.
+!> The errors of all constraint levels on the natural scales of their rows, in one pass through C node by node: the sums of a node
+!> stay in registers.
 module tandem_chart_sparse_errors
     use tandem_chart_sparse_analysis, only: analysis_type, most_rows
     use tandem_chart_sparse_blocks, only: most_coordinates
@@ -13,10 +13,10 @@ module tandem_chart_sparse_errors
 
     public :: judge_rows, judge_velocity
 
-    !> The most rows that are looked at together.
+    !> Largest number of rows that are processed together.
     integer, parameter :: most = max(most_rows, most_coordinates)
 
-    !> Of each row C qd - nu and C qdd + gamma, and what their terms, and those of Phi, add up to.
+    !> For each row C qd - nu and C qdd + gamma, and the sums of the sizes of their terms and of the terms of Phi.
     type :: sums_type
         real(wp) :: residual(most, 2) = 0.0_wp, scale(most, 3) = 0.0_wp
     end type sums_type
@@ -38,7 +38,7 @@ contains
         real(wp), intent(in) :: rate
         real(wp), intent(out) :: errors(3)
         integer, intent(out) :: rows(3)
-        !> The natural scales of Phi and of C qd - nu (m, 2); those of Phi without a meaning for rows at velocity level.
+        !> The natural scales of Phi and of C qd - nu (m, 2); the scales of Phi are undefined for rows at velocity level.
         real(wp), intent(inout), contiguous :: scales(:, :)
         type(sums_type) :: sums
         integer :: b, n
@@ -71,7 +71,7 @@ contains
         end do
         do b = 1, a%n_bodies
             if (a%own_row(b) == 0) cycle
-            ! The norm of Euler parameters knows nothing of the place.
+            ! The norm of Euler parameters does not depend on the position.
             associate (row => a%own_row(b), from => a%first(b) + merge(3, 0, a%joints_of_body(b) == of_hinges), &
                 to => a%first(b + 1) - 1)
                 call add_owned(to - from + 1, factor%own(from:to), q(from:to), qd(from:to), qdd(from:to), scale(from:to), rate, &
@@ -82,7 +82,7 @@ contains
 
     contains
 
-        !> Compare what rows have added up to with the worst ones so far.
+        !> Compare the sums of rows with the worst rows so far.
         subroutine take(first, count)
             integer, intent(in) :: first, count
             integer :: i
@@ -98,7 +98,7 @@ contains
             do i = first, min(first + count - 1, nh)
                 is_better = is_better .and. abs(terms%phi(i)) <= errors(1)*sums%scale(i - first + 1, 1)
             end do
-            ! A row at velocity level alone waits for no error of a position.
+            ! Rows at velocity level have no position error.
             if (is_better .and. all(rows(2:) > 0) .and. (rows(1) > 0 .or. first > nh)) return
             do i = 1, count
                 if (first + i - 1 <= nh) call compare(terms%phi(first + i - 1), sums%scale(i, 1), first + i - 1, errors(1), rows(1))
@@ -108,7 +108,7 @@ contains
         end subroutine take
     end subroutine judge_rows
 
-    !> Whether no row's velocity and acceleration is worse than the worst so far; NaN are not better. As products, which cost less.
+    !> True if no velocity or acceleration error of the rows exceeds the worst so far; false for NaN. As products, which cost less.
     pure logical function are_better(count, sums, errors)
         integer, intent(in), value :: count
         type(sums_type), intent(in) :: sums
@@ -136,7 +136,7 @@ contains
         end do
     end subroutine keep_scales
 
-    !> What a velocity leaves of the rows, nu - C qd, and the reciprocals of their natural scales.
+    !> The residual nu - C qd of a velocity, and the reciprocals of the natural scales of the rows.
     pure subroutine judge_velocity(a, factor, nu, qd, scale, rate, left, weight)
         type(analysis_type), intent(in) :: a
         !> With C of the point.
@@ -188,9 +188,9 @@ contains
         end do
     end subroutine judge_velocity
 
-    !> The rows of a node: residuals, and what their terms add up to.
+    !> The rows of a node: residuals, and the sums of the sizes of their terms.
     pure subroutine add_velocity(s, n_place, n_links, node_link, c, qd, scale, rate, left, total)
-        !> How many columns of a place are the unit matrix with a sign (`tandem_chart_sparse_meetings`).
+        !> Number of columns of a position that are the unit matrix with a sign (`tandem_chart_sparse_meetings`).
         integer, intent(in), value :: s, n_place, n_links
         integer, intent(in) :: node_link(4, n_links)
         real(wp), intent(in) :: c(*), qd(*), scale(*), rate
@@ -225,14 +225,14 @@ contains
         end do
     end subroutine add_velocity
 
-    !> max(|x|, scale), where it need not care for NaN as that does: residuals show them.
+    !> max(|x|, scale) without the treatment of NaN in `max`: residuals show NaN.
     elemental real(wp) function larger(x, scale)
         real(wp), intent(in) :: x, scale
 
         larger = merge(abs(x), scale, abs(x) > scale)
     end function larger
 
-    !> The five rows of a hinge: the columns of a place are the unit matrix with a sign, those of a turn follow.
+    !> The five rows of a hinge: the columns of a position are the unit matrix with a sign, followed by the columns of a rotation.
     pure subroutine add_velocity_of_hinge(n_links, node_link, c, qd, scale, rate, left, total)
         integer, intent(in), value :: n_links
         integer, intent(in) :: node_link(4, n_links)
@@ -278,7 +278,7 @@ contains
         total(5) = last(2)
     end subroutine add_velocity_of_hinge
 
-    !> The error of a row against the worst one so far.
+    !> Compare the error of a row with the worst one so far.
     pure subroutine compare(residual, scale, row, worst, worst_row)
         real(wp), intent(in) :: residual, scale
         integer, intent(in) :: row
@@ -291,7 +291,7 @@ contains
         worst_row = row
     end subroutine compare
 
-    !> What the rows of a node add up to.
+    !> The sums of the rows of a node.
     pure subroutine add_node(s, n_place, n_links, node_link, c, q, qd, qdd, scale, rate, nu, gamma, sums)
         integer, intent(in), value :: s, n_place, n_links
         integer, intent(in) :: node_link(4, n_links)
@@ -342,7 +342,7 @@ contains
         end do
     end subroutine add_node
 
-    !> The same of a hinge, as `add_velocity_of_hinge`.
+    !> The sums of a hinge, like `add_velocity_of_hinge`.
     pure subroutine add_hinge(n_links, node_link, c, q, qd, qdd, scale, rate, nu, gamma, sums)
         integer, intent(in), value :: n_links
         integer, intent(in) :: node_link(4, n_links)
@@ -410,7 +410,7 @@ contains
         sums%scale(5, :) = last(3:)
     end subroutine add_hinge
 
-    !> The same of a row that a body owns.
+    !> The sums of a row that a body owns.
     pure subroutine add_owned(nb, own, q, qd, qdd, scale, rate, nu, gamma, sums)
         integer, intent(in) :: nb
         real(wp), intent(in) :: own(nb), q(nb), qd(nb), qdd(nb), scale(nb), rate, nu, gamma

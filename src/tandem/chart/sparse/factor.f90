@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> M x + C' lambda = f, C x = g at one point, by blocks: C and the inverses of the bodies' masses, and the factor of what they
-!> leave, see `tandem_chart_sparse_analysis`.
+!> M x + C' lambda = f, C x = g at one point, by blocks: C and the inverses of the bodies' masses, and the factor of the remaining
+!> matrix, see `tandem_chart_sparse_analysis`.
 module tandem_chart_sparse_factor
     use tandem_kinds, only: wp
     use tandem_chart_sparse_analysis, only: analysis_type, most_rows
@@ -17,38 +17,38 @@ module tandem_chart_sparse_factor
 
     public :: factor_type, least_pivot
 
-    !> A row whose pivot falls to this part of what it would be alone depends on those before it: an angle of 1e-5. Rounding leaves
-    !> some 1e-15 of it.
+    !> A row depends on the rows before it if its pivot falls to this part of its own diagonal entry: an angle of 1e-5. Rounding
+    !> leaves some 1e-15 of it.
     real(wp), parameter :: least_pivot = 1.0e-10_wp
     type :: factor_type
-        !> The parts of C by links, less of hinges and pins (`tandem_chart_sparse_meetings`), and behind them owned rows where the
-        !> model sets these so; owned rows by coordinates (n).
+        !> The parts of C by links, shortened for hinges and pins (`tandem_chart_sparse_meetings`), followed by owned rows if the
+        !> model sets these there; owned rows by coordinates (n).
         real(wp), allocatable :: c(:), own(:)
-        !> W, its blocks as those of M (mass_width, n), and R (n).
+        !> W in blocks like those of M (mass_width, n), and R (n).
         real(wp), allocatable :: w(:, :), r(:)
-        !> By links: what a unit multiplier moves of the body, W c' (coordinates, rows; less of hinges and pins, see
-        !> `tandem_chart_sparse_meetings`), and what a unit of its own row
-        !> gives to the node, -c R (most_rows, links; none where no body goes with a row of its own).
+        !> By links: the motion of the body due to a unit multiplier, W c' (coordinates, rows; shortened for hinges and pins, see
+        !> `tandem_chart_sparse_meetings`), and the contribution of a unit of its own row to the node, -c R (most_rows, links; empty
+        !> if no body is eliminated with an own row).
         real(wp), allocatable :: y(:), sent(:, :)
-        !> Inverse diagonal blocks D^-1 of the factor, and L = B D^-1 of the others, B what they were when their turn came.
+        !> Inverse diagonal blocks D^-1 of the factor, and L = B D^-1 of the others, with B at the time of its elimination.
         real(wp), allocatable :: blocks(:)
-        !> What the pivot of each row would be if it stood alone, then the pivot against that (m); how much of a c c' was added to a
-        !> kept body (n_bodies; none where no body is kept).
+        !> Pivot of each row alone, then the ratio of the pivot to it (m); amount of a c c' added to a hub (n_bodies; empty without
+        !> hubs).
         real(wp), allocatable :: alone(:), added(:)
-        !> The smallest pivot of a row against that, and the row.
+        !> The smallest of these ratios, and its row.
         real(wp) :: least = 1.0_wp
         integer :: weakest = 0
         !> Rows that are left out, as they depend on others (m): they take no part, and their multipliers are zero.
         logical, allocatable :: is_out(:)
         logical :: leaves_out = .false.
-        !> What of those rows the others do not give at most, as a pivot, and of which.
+        !> Largest independent part of these rows, as a pivot, and its row.
         real(wp) :: rest = 0.0_wp
         integer :: loosest = 0
         !> After `singular_mass`: the coordinate.
         integer :: failed_coordinate = 0
-        !> Whether C, and whether the factor too, are those of the current point.
+        !> True if C belongs to the current point; true if the factor does, too.
         logical :: has_rows = .false., is_factored = .false.
-        !> Whether C is what two of them differ by: then the places of points that meet have gone from it.
+        !> True if C is the difference of two: then the constant columns of coincident points vanish.
         logical :: is_difference = .false.
     contains
         procedure :: allocate => allocate_factor, load_rows, invert_masses, factorize, solve, multiply
@@ -57,14 +57,14 @@ module tandem_chart_sparse_factor
     end type factor_type
 
     interface
-        !> The columns of places of joints that make points meet, where they are kept: they do not change, and no model sets them.
+        !> The columns of positions of joints of coincident points, where stored: they are constant, and no model sets them.
         pure module subroutine put_places(a, c)
             implicit none (type, external)
             type(analysis_type), intent(in) :: a
             real(wp), intent(inout) :: c(:)
         end subroutine put_places
 
-        !> Take C.
+        !> Load C.
         module subroutine load_rows(self, a, pattern, jacobian, blocks)
             implicit none (type, external)
             class(factor_type), intent(inout) :: self
@@ -72,11 +72,11 @@ module tandem_chart_sparse_factor
             type(pattern_type), intent(in) :: pattern
             !> Compressed, of the rows in use.
             real(wp), intent(in), contiguous :: jacobian(:, :)
-            !> The rows that the model has set in blocks: they are kept as they are.
+            !> The rows that the model has set in blocks: used without copying.
             real(wp), allocatable, intent(inout) :: blocks(:)
         end subroutine load_rows
 
-        !> Squared lengths of the rows of C, or of what they differ by from those elsewhere.
+        !> Add the squared lengths of the rows of C, or of their differences from the rows elsewhere.
         pure module subroutine add_squares(self, a, scale, squares, other)
             implicit none (type, external)
             class(factor_type), intent(in) :: self
@@ -93,7 +93,7 @@ module tandem_chart_sparse_factor
             implicit none (type, external)
             class(factor_type), intent(in) :: self
             type(analysis_type), intent(in) :: a
-            !> Whether f is not zero.
+            !> True if f is not zero.
             logical, intent(in) :: has_force
             !> f (n), g (m).
             real(wp), intent(in), contiguous :: f(:), g(:)
@@ -122,7 +122,7 @@ module tandem_chart_sparse_factor
             real(wp), intent(inout), contiguous :: f(:)
         end subroutine add_reactions
 
-        !> The forces that are not balanced, f - M x - C' lambda; what owned rows can hold of it they do.
+        !> The unbalanced forces, f - M x - C' lambda; owned rows balance the components along them.
         pure module subroutine find_unbalanced(self, a, mass, f, x, lambda, left)
             implicit none (type, external)
             class(factor_type), intent(in) :: self
@@ -133,7 +133,7 @@ module tandem_chart_sparse_factor
             real(wp), intent(out), contiguous :: left(:)
         end subroutine find_unbalanced
 
-        !> What a force moves of each body by itself: W f; kept bodies stay.
+        !> Apply the inverse mass of each body to a force: W f; unchanged for hubs.
         pure module subroutine move(self, a, f, x)
             implicit none (type, external)
             class(factor_type), intent(in) :: self
@@ -143,7 +143,7 @@ module tandem_chart_sparse_factor
             real(wp), intent(inout), contiguous :: x(:)
         end subroutine move
 
-        !> K before the first node goes.
+        !> K before the elimination of the first node.
         module subroutine add_bodies(self, a)
             implicit none (type, external)
             class(factor_type), intent(inout) :: self
@@ -153,16 +153,16 @@ module tandem_chart_sparse_factor
 
 contains
 
-    !> Allocate for what was analysed.
+    !> Allocate for an analysed pattern.
     subroutine allocate_factor(self, a, pattern, has_terms)
         class(factor_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
         type(pattern_type), intent(in) :: pattern
-        !> Whether C, W and the pivots too: else they come from another factor.
+        !> True to allocate C, W and the pivots too: else they come from another factor.
         logical, intent(in) :: has_terms
 
         if (allocated(self%y)) deallocate (self%y, self%sent, self%r, self%blocks, self%added, self%is_out)
-        ! What goes from one factor to the other may be with either.
+        ! Shared arrays may belong to either factor.
         if (allocated(self%c)) deallocate (self%c)
         if (allocated(self%w)) deallocate (self%w, self%alone)
         if (allocated(self%own)) deallocate (self%own)
@@ -172,7 +172,7 @@ contains
         if (has_terms) allocate (self%c(a%n_entries + read_behind + a%n), self%w(pattern%mass_width, a%n), self%alone(a%m), &
             source=0.0_wp)
         if (has_terms) call put_places(a, self%c)
-        ! Solutions ask for owned rows of kept bodies.
+        ! Solutions use owned rows of hubs.
         if (has_terms .or. any(a%is_kept)) allocate (self%own(a%n), source=0.0_wp)
         allocate (self%is_out(a%m), source=.false.)
         self%leaves_out = .false.
@@ -228,7 +228,7 @@ contains
 
     contains
 
-        !> The rigid bodies that wait for each other.
+        !> Invert the collected rigid bodies together.
         subroutine invert_waiting()
             integer :: bad(side_by_side), l
 
@@ -239,7 +239,7 @@ contains
             waiting = 0
         end subroutine invert_waiting
 
-        !> Say what a coordinate without mass means.
+        !> Set the status of a coordinate without mass.
         subroutine refuse(coordinate)
             integer, intent(in) :: coordinate
             integer :: body, i
@@ -255,7 +255,7 @@ contains
             end do
         end subroutine refuse
 
-        !> Whether a body goes first and has three single entries, and a block of four with the row that it owns, if it has one.
+        !> True if a body is eliminated first and has three single entries and a block of four, with or without an owned row.
         pure logical function is_rigid(body)
             integer, intent(in) :: body
 
@@ -271,7 +271,7 @@ contains
     subroutine factorize(self, a, chooses, stat)
         class(factor_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
-        !> Whether to choose anew which rows are left out: those that depend on others.
+        !> True to choose again the rows that are left out because they depend on others.
         logical, intent(in) :: chooses
         !> ok, `rank_deficient` with `weakest`, `singular_mass` with `failed_coordinate`, or `not_finite`.
         integer, intent(out) :: stat
@@ -326,7 +326,7 @@ contains
 
     contains
 
-        !> A node by itself.
+        !> Invert a node.
         subroutine invert_node(node, bad)
             integer, intent(in) :: node
             integer, intent(out) :: bad
@@ -348,13 +348,13 @@ contains
             end associate
         end subroutine invert_node
 
-        !> The smallest pivot of the rows in use, and the largest of those that are left out.
+        !> Update the smallest pivot of the rows in use, and the largest of the rows that are left out.
         subroutine judge(origin, height)
             integer, intent(in) :: origin, height
             integer :: i
 
             if (height == 5 .and. .not. self%leaves_out) then
-                ! A loop of known length: mostly none is smaller.
+                ! A loop of known length: usually no pivot is smaller.
                 if (.not. smallest_of_five(self%alone(origin)) < self%least) return
             end if
             do i = origin, origin + height - 1
@@ -369,7 +369,7 @@ contains
             end do
         end subroutine judge
 
-        !> Say what a pivot that is too small means.
+        !> Set the status of a pivot that is too small.
         subroutine refuse(unknown, is_body)
             integer, intent(in) :: unknown
             logical, intent(in) :: is_body
@@ -393,8 +393,8 @@ contains
         smallest_of_five = min(min(x(1), x(2)), min(x(3), x(4)), x(5))
     end function smallest_of_five
 
-    !> L = B D^-1 of the neighbours behind a node, and what the node takes from their blocks, L B'. From the last one on, since
-    !> those before it are needed as they were.
+    !> L = B D^-1 of the neighbours behind a node, and the reduction of their blocks by the node, L B'. Proceeds from the last
+    !> neighbour, because the blocks before it are needed unchanged.
     pure subroutine pass_on(s, n_later, diagonal, behind, update_target, blocks)
         integer, intent(in) :: s, n_later, diagonal, behind(3, n_later), update_target(*)
         real(wp), intent(inout) :: blocks(*)
@@ -413,7 +413,7 @@ contains
         end do
     end subroutine pass_on
 
-    !> Exchange the numbers of two factors, but for what goes from one to the other anyway.
+    !> Exchange the contents of two factors, except for shared arrays.
     subroutine exchange(self, other)
         class(factor_type), intent(inout) :: self
         type(factor_type), intent(inout) :: other
@@ -467,7 +467,7 @@ contains
         end subroutine swap_rows
     end subroutine exchange
 
-    !> All of it.
+    !> All components.
     subroutine pack_state(self, pack)
         class(factor_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> What implicit stages ask of the sparse chart: the Newton matrix, corrections of a stage's rates, errors through the matrix.
+!> Operations of the sparse chart for implicit stages: the Newton matrix, corrections of a stage's rates, filter of errors.
 !>
-!> Rates are ambient, and of a stage's rates qd and qdd only what the chart's complement leaves of them counts. So Newton's unknowns
+!> Rates are ambient: only the part of qd and qdd that the chart's complement leaves counts in a stage's rates. So Newton's unknowns
 !> are the acceleration and the multipliers of the stage, and the rate of the position follows: with r = qd - rate_q,
 !>
 !>   [H, C'; C, 0] [b; mu] = [S + Q_A - M qdd - C' lambda - ha K r; -gamma - C qdd],   H = M + ha D + ha^2 K,
 !>   qdd := qdd + b,   lambda := lambda + mu,   rate_q := qd + ha b.
 !>
-!> At its end the equations of motion and C qdd = -gamma hold at the stage itself, whatever matrix led there.
+!> After convergence the equations of motion and C qdd = -gamma hold at the stage itself, whichever matrix was used.
 module tandem_chart_sparse_implicit_stage
     use tandem_chart_sparse_motion, only: initialize_motion => initialize, sparse_motion_type
     use tandem_chart_sparse_newton_matrix, only: newton_matrix_type
@@ -25,26 +25,26 @@ module tandem_chart_sparse_implicit_stage
 
     public :: initialize, sparse_implicit_type
 
-    !> Steps whose multipliers give those that a stage starts from, and the most stages of a step.
+    !> Number of steps whose multipliers extrapolate to those of a stage, and the largest number of stages of a step.
     integer, parameter :: most_past = 6, most_stages = 5
 
     !> The chart with implicit stages.
     type, abstract, extends(sparse_motion_type) :: sparse_implicit_type
-        !> Only where the stepper is implicit, as the rest.
+        !> Allocated for an implicit stepper, like the other arrays.
         type(newton_matrix_type), allocatable :: newton
         !> The model's segment when the matrix was formed.
         integer :: newton_segment = 0
-        !> The multipliers of the last stage (m), its number and its time; those of each stage in some steps before (m, most_past,
-        !> stages), in the order of a ring, and the newest of them.
+        !> The multipliers of the last stage (m), its number and its time; the multipliers of each stage in some earlier steps (m,
+        !> most_past, stages) in a ring buffer, and the index of the newest.
         real(wp), allocatable :: lambda(:), past(:, :, :), t_past(:, :)
         real(wp) :: t_lambda = 0.0_wp
         integer, allocatable :: n_past(:), newest(:)
-        !> 0 where the multipliers are those of no stage.
+        !> 0 if the multipliers belong to no stage.
         integer :: stage_lambda = 0
-        !> What the matrix leaves of a system with the M and C of the point, when it was last seen; more than 1 where that is not
-        !> known.
+        !> Last observed remainder of a system with the M and C of the point after a solution with the matrix; more than 1 if
+        !> unknown.
         real(wp), private :: left = 2.0_wp
-        !> How far C has turned from the matrix to the chart's origin, where that is known.
+        !> Angle by which C has turned from the matrix to the chart's origin, if known.
         real(wp), private :: angle = 1.0_wp
         !> Work space: forces, corrections and their sum (n), multipliers and right sides (m).
         real(wp), allocatable :: force(:), part(:), total(:), mu(:), total_mu(:), rows(:)
@@ -125,17 +125,17 @@ contains
         self%counts%newton_factorizations = self%counts%newton_factorizations + 1
     end subroutine factor_stage
 
-    !> Make the last matrix serve ha.
+    !> Reuse the last matrix for ha.
     subroutine reuse_stage(self, ha, can)
         class(sparse_implicit_type), intent(inout) :: self
         real(wp), intent(in) :: ha
         logical, intent(out) :: can
-        !> A step of the grid differs from the next by rounding of the time.
+        !> Successive steps of a grid differ by rounding of the time.
         real(wp), parameter :: rounding = 1.0e-6_wp
-        !> Squared change of C against its squared length at any joint, an angle of some 13 degrees, up to which a matrix may serve.
+        !> Squared change of C against its squared length at any joint, an angle of some 13 degrees, up to which a matrix is reused.
         real(wp), parameter :: farthest = 0.05_wp
-        !> Where M and C have changed so far that it leaves more of a system than this, those of the chart's origin take their
-        !> place: a factorisation saves the refinement of some ten corrections.
+        !> If M and C have changed so much that the remainder is larger than this, they are replaced by those of the chart's origin:
+        !> a factorisation saves the refinement of some ten corrections.
         real(wp), parameter :: worst = 1.0e-2_wp
         real(wp) :: turned
         logical :: has_new_ha, is_worn
@@ -151,7 +151,7 @@ contains
         if (size(self%newton%pairs) == 0) then
             is_worn = self%left > worst .and. self%left < 2.0_wp
         else
-            ! All stages share their corrections' sizes: what is factored anyway is factored of the origin's terms.
+            ! All stages share their corrections' sizes: a necessary factorisation uses the terms of the origin.
             is_worn = has_new_ha .or. turned > worst**2
         end if
         if (is_worn) then
@@ -172,7 +172,7 @@ contains
         can = stat == status_ok
     end subroutine reuse_stage
 
-    !> What a matrix costs, in corrections; measured on sprung chains.
+    !> Cost of a matrix, in corrections; measured on sprung chains.
     pure real(wp) function matrix_cost(self)
         class(sparse_implicit_type), intent(in) :: self
 
@@ -200,7 +200,7 @@ contains
             call s%load()
             call self%begin_multipliers(t)
             associate (here => s%factor(s%here), terms => s%model%terms)
-                ! What the equations of motion and the rows leave.
+                ! Residuals of the equations of motion and of the rows.
                 call s%pattern%multiply_mass(terms%mass, rate_qd, self%force)
                 self%force(:) = terms%force - self%force
                 call here%add_reactions(s%analysis, self%lambda, self%force)
@@ -225,15 +225,15 @@ contains
         self%counts%newton_corrections = self%counts%newton_corrections + 1
     end subroutine correct_stage
 
-    !> Multipliers for a stage to start from: where steps are alike those of the same stage of the steps before, on the polynomial
-    !> through their times, since a stage of low stage order is off the motion by a part of its own, of which stiff forces make
-    !> much; else those of the last stages. They say how fast a correction arrives, not where.
+    !> Initial multipliers of a stage: after equal steps extrapolated from the same stage of earlier steps, by the polynomial
+    !> through their times, because a stage of low stage order has an error of its own, which stiff forces amplify; else the
+    !> multipliers of the last stage. They affect the number of corrections, not the result.
     subroutine begin_multipliers(self, t)
         class(sparse_implicit_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        !> Larger weights would turn errors of the stages into large ones; six steps that are alike have 20.
+        !> Larger weights would amplify errors of the stages; six equal steps have 20.
         real(wp), parameter :: most_weight = 12.0_wp, most_alike = 21.0_wp
-        !> So many steps tell enough; others of the same length may tell more.
+        !> This number of steps is sufficient; more steps of equal length may be better.
         integer, parameter :: usual_past = 3
         real(wp), parameter :: rounding = 1.0e-6_wp
         real(wp) :: weight(most_past), x(most_past)
@@ -273,7 +273,7 @@ contains
                     if (i /= k) weight(k) = weight(k)*(t - x(i))/(x(k) - x(i))
                 end do
             end do
-            ! Two stages at the same time give none that is finite.
+            ! Two stages at the same time give no finite weights.
             if (all(abs(weight) <= merge(most_alike, most_weight, n > usual_past))) exit
         end do
         self%lambda(:) = 0.0_wp
@@ -282,7 +282,7 @@ contains
         end do
     end subroutine begin_multipliers
 
-    !> Keep what a stage has come to; a step that is tried again replaces its first trial.
+    !> Store the multipliers of a completed stage; a repeated step replaces its first attempt.
     subroutine keep_multipliers(self)
         class(sparse_implicit_type), intent(inout) :: self
         integer :: stage
@@ -305,14 +305,14 @@ contains
         class(sparse_implicit_type), intent(inout) :: self
         real(wp), intent(in), contiguous :: qd(:)
         real(wp), intent(in) :: ha
-        !> Solutions at most; a part of their sum that is of no account; what one may be of the one before. The second one is
-        !> that of the multipliers, which may have changed by more than the rates.
+        !> Largest number of solutions; negligible part of their sum; largest ratio of successive solutions. The second one is due
+        !> to the multipliers, which may have changed by more than the rates.
         integer, parameter :: most = 4
         real(wp), parameter :: negligible = 0.01_wp, slow = 0.5_wp
-        !> How much more may be left than was seen last, the part of the tolerance that is of no account, and how many tolerances
-        !> a solution must have for what is left of it to be no rounding.
+        !> Safety factor of the last observed remainder, the negligible part of the tolerance, and the size of a solution in
+        !> tolerances above which its remainder is not rounding.
         real(wp), parameter :: distrust = 2.0_wp, part = 0.3_wp, large = 1000.0_wp
-        !> What a solution leaves by turns of C, once the multipliers are nearly right, and at least.
+        !> Remainder of a solution per angle of C, once the multipliers are nearly right, and its lower limit.
         real(wp), parameter :: by_angle = 10.0_wp, at_least = 0.1_wp
         real(wp) :: last_size, size
         integer :: pass
@@ -337,7 +337,7 @@ contains
                 end if
                 if (pass > 2 .and. .not. size < slow*last_size) exit
                 last_size = size
-                ! What M and C then leave that they are now.
+                ! Residual due to the changes of M and C.
                 self%rows(:) = 0.0_wp
                 call newton%turn%multiply(s%analysis, self%part, self%rows)
                 self%rows(:) = -self%rows
@@ -361,7 +361,7 @@ contains
         self%force(:) = self%force + sign*self%system%x
     end subroutine add_mass
 
-    !> The error through the Newton matrix; of its velocity, what the chart at the last point makes of it.
+    !> Filter the error by a solve with the Newton matrix; then restore its velocity as the chart at the last point does.
     subroutine filter_error(self, error_q, error_qd)
         class(sparse_implicit_type), intent(inout) :: self
         real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
@@ -379,7 +379,7 @@ contains
         end associate
     end subroutine filter_error
 
-    !> Take from a vector what the chart ignores of it, by the first rows at the origin or at the last point.
+    !> Remove from a vector the part that the chart ignores, by the first rows at the origin or at the last point.
     subroutine make_tangent(self, is_origin, n_rows, x)
         class(sparse_implicit_type), intent(inout) :: self
         logical, intent(in) :: is_origin

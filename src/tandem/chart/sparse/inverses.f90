@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Inverses of small symmetric matrices, such as masses and joints have. The sizes that are common are known to the compiler, which
-!> makes of them what would be written out by hand: that was tried, and gained nothing at orders 2 to 4 and an eighth at 5.
+!> Inverses of small symmetric matrices, such as masses and joints have. The common sizes are compile-time constants; writing them
+!> out by hand was tried, and gained nothing at orders 2 to 4 and an eighth at 5.
 module tandem_chart_sparse_inverses
     use tandem_chart_sparse_blocks, only: most_coordinates
     use tandem_kinds, only: short, wp
@@ -9,19 +9,19 @@ module tandem_chart_sparse_inverses
 
     public :: invert, invert_fives, invert_nodes, invert_some, side_by_side
 
-    !> So many blocks of order 5 are inverted side by side.
+    !> Number of blocks of order 5 that are inverted side by side.
     integer, parameter :: side_by_side = short
 
 contains
 
-    !> The inverse of a symmetric matrix in place, definite with the sign; pivots are compared with what they would be alone.
+    !> The inverse of a symmetric matrix x in place, definite with the sign; pivots are compared with given values.
     pure subroutine invert(s, x, alone, sign, least, worst)
         integer, intent(in) :: s
         real(wp), intent(inout) :: x(s*s)
-        !> On entry the comparison, then the pivots against it; where one is too small it means nothing.
+        !> On entry the values for comparison, then the ratios of the pivots to them; undefined if a pivot is too small.
         real(wp), intent(inout) :: alone(s)
         real(wp), intent(in) :: sign, least
-        !> The first pivot that is not larger than the least part of that, 0 for none.
+        !> The first pivot that is not larger than `least` times its value, 0 for none.
         integer, intent(out) :: worst
 
         select case (s)
@@ -81,16 +81,16 @@ contains
         end do
     end subroutine invert_sized
 
-    !> Inverses of blocks of order 5 side by side, entry by entry in registers: every pivot waits for a division, and those of
-    !> several blocks wait at the same time. A pivot is swept as in `invert_sized`, always the first of those that are left; it then
-    !> goes behind the others, so that all of them meet the same statements.
+    !> Inverses of blocks of order 5 side by side, entry by entry in registers: every pivot waits for a division, and the divisions
+    !> of several blocks overlap. A pivot is swept as in `invert_sized`, always the first remaining one; it then moves behind the
+    !> others, so that the statements are the same for all pivots.
     pure subroutine invert_fives(x, alone, least, worst)
         !> The upper triangles are used.
         real(wp), intent(inout) :: x(side_by_side, 5, 5)
-        !> On entry the comparison with the sign of the pivot, then the pivots against it.
+        !> On entry the values for comparison with the sign of the pivot, then the ratios of the pivots to them.
         real(wp), intent(inout) :: alone(side_by_side, 5)
         real(wp), intent(in) :: least
-        !> As of `invert`, of each block.
+        !> As of `invert`, for each block.
         integer, intent(out) :: worst(side_by_side)
         real(wp), dimension(side_by_side) :: x11, x12, x22, x13, x23, x33, x14, x24, x34, x44, x15, x25, x35, x45, x55
         real(wp), dimension(side_by_side) :: pivot, v2, v3, v4, v5
@@ -170,7 +170,7 @@ contains
     pure subroutine invert_nodes(n_nodes, node, blocks, alone, least, worst)
         !> As of `tandem_chart_sparse_analysis`.
         integer, intent(in) :: n_nodes, node(4, n_nodes)
-        !> Those of all nodes; of all rows what pivots are compared with, then the pivots against it.
+        !> The blocks of all nodes; for all rows the values for comparison, then the ratios of the pivots to them.
         real(wp), intent(inout) :: blocks(*), alone(*)
         real(wp), intent(in) :: least
         integer, intent(out) :: worst(side_by_side)
@@ -178,7 +178,7 @@ contains
         integer :: i, j, l
 
         do l = 1, side_by_side
-            ! Places that are left over hold what the first one does.
+            ! Unused lanes repeat the first block.
             associate (diagonal => node(3, merge(l, 1, l <= n_nodes)), origin => node(4, merge(l, 1, l <= n_nodes)))
                 !GCC$ UNROLL 5
                 do j = 1, 5
@@ -206,8 +206,8 @@ contains
         end do
     end subroutine invert_nodes
 
-    !> The inverse without the rows that are left out, whose rows and columns of the inverse are zero. With `chooses` pivots are
-    !> sought, the largest first, and rows are left out that have none.
+    !> The inverse without the rows that are left out, whose rows and columns of the inverse are zero. With `chooses` the largest
+    !> pivots are taken first, and rows without a pivot are left out.
     pure subroutine invert_some(s, x, alone, sign, least, chooses, is_out, worst)
         integer, intent(in) :: s
         real(wp), intent(inout) :: x(s, s), alone(s)
@@ -252,7 +252,7 @@ contains
         end do
         do i = 1, s
             if (.not. is_out(i)) cycle
-            ! What of it the others do not give.
+            ! Independent part of the row.
             alone(i) = max(sign*x(i, i), 0.0_wp)/max(alone(i), tiny(1.0_wp))
             x(i, :) = 0.0_wp
             x(:, i) = 0.0_wp

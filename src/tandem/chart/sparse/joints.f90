@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Which nodes are hinges or pins, and which bodies these alone hold.
+!> Find the nodes that are hinges or pins, and the bodies with these joints alone.
 submodule(tandem_chart_sparse_analysis) tandem_chart_sparse_joints
     use tandem_chart_sparse_meetings, only: n_in_plane, n_in_space, n_of_place, of_hinges, of_others, of_pins
     implicit none (type, external)
@@ -24,7 +24,7 @@ contains
         if (allocated(self%body)) deallocate (self%body)
         allocate (self%body(5, self%n_bodies))
         self%n_moved = 0
-        ! No offset less than nothing.
+        ! Offsets must not be negative.
         self%n_entries = most_rows*n_of_place(of_hinges)
         do b = 1, self%n_bodies
             joint = of_others
@@ -42,7 +42,7 @@ contains
                 self%norm_row(b), joint]
             do l = self%link_start(b), self%link_start(b + 1) - 1
                 n = self%link_node(l)
-                ! Behind the columns that are not kept.
+                ! Behind the columns that are not stored.
                 self%n_entries = self%n_entries - self%height(n)*n_of_place(joint)
                 self%link_offset(l) = self%n_entries
                 self%link(3, l) = self%n_entries
@@ -54,7 +54,7 @@ contains
                 else if (joint == of_pins) then
                     self%n_moved = self%n_moved + n_in_plane
                 else if (.not. self%is_kept(b)) then
-                    ! Kept bodies go with their nodes: what forces move of them alone is not asked for.
+                    ! Hubs are eliminated with their nodes: their inverse mass is never applied alone.
                     self%n_moved = self%n_moved + self%height(n)*(self%first(b + 1) - self%first(b))
                 end if
                 if (self%joint_of_node(n) /= of_others) then

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> The inverses of bodies' masses with the rows that they own.
+!> The inverses of bodies' masses with their owned rows.
 !>
 !> A body with a row of its own, c'x = g, has the inverse W = N - u u'/(c'u), R = u/(c'u) with N = (M + a c c')^-1, u = N c: M need
-!> be definite across c only, and any a > 0 gives the same.
+!> be definite across c only, and any a > 0 gives the same result.
 module tandem_chart_sparse_masses
     use tandem_chart_sparse_blocks, only: most_coordinates
     use tandem_chart_sparse_inverses, only: invert, invert_fives, side_by_side
@@ -12,14 +12,14 @@ module tandem_chart_sparse_masses
 
     public :: invert_block, invert_rigid, least_mass
 
-    !> A coordinate whose pivot falls to this part of what it would be alone carries no mass.
+    !> A coordinate has no mass if its pivot falls to this part of its own diagonal entry.
     real(wp), parameter :: least_mass = 1.0e-14_wp
 
 contains
 
     !> W and R of some rigid bodies in space, side by side. They are blocks of [M + a c c', c; c', 0]^-1.
     pure subroutine invert_rigid(n_bodies, first, has_row, n, mass, own, ldw, w, r, worst)
-        !> At most `side_by_side` of them, the first coordinate of each, and whether it owns a row.
+        !> At most `side_by_side` bodies, the first coordinate of each; true if it owns a row.
         integer, intent(in) :: n_bodies, first(side_by_side), n, ldw
         logical, intent(in) :: has_row(side_by_side)
         !> The compressed M, and the owned rows.
@@ -31,7 +31,7 @@ contains
         integer :: b, i, j, l
 
         do l = 1, side_by_side
-            ! Places that are left over hold what the first one does.
+            ! Unused lanes repeat the first body.
             b = merge(l, 1, l <= n_bodies)
             associate (at => first(b) + 2)
                 square = 0.0_wp
@@ -51,7 +51,7 @@ contains
                     x(l, j, 5) = merge(own(at + j), 0.0_wp, square > 0.0_wp)
                 end do
                 x(l, 5, 5) = merge(0.0_wp, 1.0_wp, square > 0.0_wp)
-                ! The last pivot is -c'(M + a c c')^-1 c, that is -1/a where M c = 0.
+                ! The last pivot is -c'(M + a c c')^-1 c, which is -1/a if M c = 0.
                 alone(l, 5) = 1.0_wp
                 if (square > 0.0_wp) alone(l, 5) = -1.0_wp/added
             end associate
@@ -81,10 +81,10 @@ contains
         end do
     end subroutine invert_rigid
 
-    !> W and R of one block of M. Of a kept body W is M + a c c' itself.
+    !> W and R of one block of M. For a hub W is M + a c c' itself.
     pure subroutine invert_block(s, ld, mass, has_row, is_kept, c, ldw, w, r, added, n, worst)
         integer, intent(in) :: s, ld, ldw
-        !> The block (s, s) in its places, rows and columns of the compressed M.
+        !> The block (s, s) in its position, rows and columns of the compressed M.
         real(wp), intent(in) :: mass(ld, s)
         logical, intent(in) :: has_row, is_kept
         !> The part of the owned row.

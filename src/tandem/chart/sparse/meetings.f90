@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> Bodies that are held by hinges in space, or by pins in the plane, alone. The first rows of such a joint say that points of two
-!> bodies meet: there the columns of a body's place are the unit matrix with a sign, and in its other rows they are zero. So of the
-!> part of C of a link the columns of the turn alone are kept, behind where those of the place would stand, and W c' as
-!>     the mobilities of the place with that sign (3 or 2), then that of the turn, (4, 5) or (1, 2).
-!> One body or node a call, whose lengths are constants.
+!> Bodies that are held by hinges in space, or by pins in the plane, alone. The first rows of such a joint make points of two bodies
+!> coincident: there the columns of a body's position are the unit matrix with a sign, and in its other rows they are zero. So for a
+!> link only the columns of the rotation are stored, at their offsets as if the columns of the position preceded them, and W c' as
+!> the mobilities of the position with that sign (3 or 2), then W c' of the rotation, (4, 5) or (1, 2).
+!> One body or node per call, with constant lengths.
 module tandem_chart_sparse_meetings
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -13,18 +13,18 @@ module tandem_chart_sparse_meetings
     public :: send_in_space, send_own_in_space, send_in_plane, fetch_in_space, fetch_in_plane, multiply_in_space, multiply_in_plane
     public :: add_in_space, add_in_plane, leave_in_space, leave_in_plane, react_in_space
 
-    !> What a body, or a node, has to do with: hinges alone, pins alone, or others.
+    !> Kinds of joints of a body, or of a node: hinges alone, pins alone, or others.
     integer, parameter :: of_others = 0, of_hinges = 1, of_pins = 2
-    !> Numbers that W c' of a link takes; one of them stays zero, so that registers are filled.
+    !> Number of stored values of W c' of a link; one of them stays zero, to fill registers.
     integer, parameter :: n_in_space = 24, n_in_plane = 4
-    !> What a list says of each link, see `analysis_type`.
+    !> Entries of the list of links, see `analysis_type`.
     integer, parameter :: n_link = 6
 
 contains
 
-    !> How many columns of a body's place its joints enter with a sign alone: these are not kept.
+    !> Number of columns of a body's position that are the unit matrix with a sign: these are not stored.
     elemental integer function n_of_place(joints)
-        !> What the body has to do with.
+        !> Kind of the joints of the body.
         integer, intent(in) :: joints
 
         n_of_place = 0
@@ -32,11 +32,11 @@ contains
         if (joints == of_pins) n_of_place = 2
     end function n_of_place
 
-    !> x = R g of a body, and what that gives to its nodes.
+    !> x = R g of a body, and its contribution to the nodes.
     pure subroutine send_own_in_space(n_links, link, r, g, sent, x, z)
         integer, intent(in), value :: n_links
         integer, intent(in) :: link(n_link, n_links)
-        !> R of the body, what a unit of its own row gives to nodes, the right-hand side of that row.
+        !> R of the body, the contribution of a unit of its own row to nodes, the right-hand side of that row.
         real(wp), intent(in) :: r(7), sent(6, n_links)
         real(wp), intent(in), value :: g
         real(wp), intent(out) :: x(7)
@@ -58,7 +58,7 @@ contains
         end do
     end subroutine send_own_in_space
 
-    !> x = W f + R g of a body, and what that takes from its nodes.
+    !> x = W f + R g of a body, subtracted from its nodes.
     pure subroutine send_in_space(n_links, link, ldw, w, f, r, g, c, x, z)
         integer, intent(in), value :: n_links, ldw
         integer, intent(in) :: link(n_link, n_links)
@@ -89,7 +89,7 @@ contains
         end do
     end subroutine send_in_space
 
-    !> g := g - c x for the columns of the turn.
+    !> g := g - c x for the columns of the rotation.
     pure subroutine subtract_turn(c, x, g)
         real(wp), intent(in) :: c(5, 4), x(4)
         real(wp), intent(inout) :: g(5)
@@ -113,7 +113,7 @@ contains
         g(5) = u
     end subroutine subtract_turn
 
-    !> The same in the plane, where no body owns a row.
+    !> x = W f of a body in the plane, which owns no row, subtracted from its nodes.
     pure subroutine send_in_plane(n_links, link, ldw, w, f, c, x, z)
         integer, intent(in), value :: n_links, ldw
         integer, intent(in) :: link(n_link, n_links)
@@ -159,7 +159,7 @@ contains
         do i = 1, 4
             x(3 + i) = turn(i)
         end do
-        ! In a loop of its own: the compiler would fill registers with places and turns in turn.
+        ! In a separate loop: the compiler would fill registers with positions and rotations alternately.
         !GCC$ UNROLL 1
         do l = 1, n_links
             do i = 1, 3
@@ -168,7 +168,7 @@ contains
         end do
     end subroutine fetch_in_space
 
-    !> The same in the plane: x := x - W C' z of a body.
+    !> In the plane: x := x - W C' z of a body.
     pure subroutine fetch_in_plane(n_links, link, y, z, x)
         integer, intent(in), value :: n_links
         integer, intent(in) :: link(n_link, n_links)
@@ -188,9 +188,9 @@ contains
     !> g := g - C x of a node.
     pure subroutine multiply_in_space(n_links, link, of_place, c, x, g)
         integer, intent(in), value :: n_links
-        !> Of each link the first coordinate, how many there are, the offset in C, the sign.
+        !> For each link the first coordinate, the number of coordinates, the offset in C, the sign.
         integer, intent(in) :: link(4, n_links)
-        !> 1, or 0 where places have gone from C, as it is what two of them differ by.
+        !> 1, or 0 if C is a difference, in which the columns of positions vanish.
         real(wp), intent(in), value :: of_place
         real(wp), intent(in) :: c(*), x(*)
         real(wp), intent(inout) :: g(5)
@@ -223,7 +223,7 @@ contains
         g(5) = u
     end subroutine multiply_in_space
 
-    !> The same in the plane: g := g - C x of a node.
+    !> In the plane: g := g - C x of a node.
     pure subroutine multiply_in_plane(n_links, link, of_place, c, x, g)
         integer, intent(in), value :: n_links
         integer, intent(in) :: link(4, n_links)
@@ -264,7 +264,7 @@ contains
         end do
     end subroutine react_in_space
 
-    !> f - M x - C' lambda of a body; what its own row can hold of it that does.
+    !> f - M x - C' lambda of a body; its own row balances the component along it.
     pure subroutine leave_in_space(n_links, link, ldm, mass, f, x, c, own, z, left)
         integer, intent(in), value :: n_links, ldm
         integer, intent(in) :: link(n_link, n_links)
@@ -301,7 +301,7 @@ contains
         end do
     end subroutine leave_in_space
 
-    !> The same in the plane.
+    !> In the plane: f - M x - C' lambda of a body.
     pure subroutine leave_in_plane(n_links, link, mass, f, x, c, z, left)
         integer, intent(in), value :: n_links
         integer, intent(in) :: link(n_link, n_links)
@@ -321,7 +321,7 @@ contains
         end do
     end subroutine leave_in_plane
 
-    !> W c' of the links of a body, what its own row gives to nodes, and C W C' taken from the blocks of the nodes.
+    !> W c' of the links of a body, the contributions of its own row to nodes, and C W C' subtracted from the blocks of the nodes.
     pure subroutine add_in_space(n_links, link, ldw, w, r, pair_target, c, sent, y, blocks)
         integer, intent(in), value :: n_links, ldw
         integer, intent(in) :: link(n_link, n_links), pair_target(*)
@@ -353,7 +353,7 @@ contains
             end associate
             do k = 1, l
                 d = d + 1
-                ! The node that comes later has the rows of the block.
+                ! The later node has the rows of the block.
                 if (link(1, k) > link(1, l)) then
                     call subtract_in_space(c(link(3, k) + 16), link(6, k), y(link(5, l) + 1), blocks(pair_target(d) + 1))
                 else
@@ -363,7 +363,7 @@ contains
         end do
     end subroutine add_in_space
 
-    !> x := x - c y for the columns of the turn of one link, its sign, and W c' of another.
+    !> x := x - c y for the columns of the rotation of one link, its sign, and W c' of another.
     pure subroutine subtract_in_space(c, sign, y, x)
         real(wp), intent(in) :: c(5, 4), y(n_in_space)
         integer, intent(in), value :: sign
@@ -371,7 +371,7 @@ contains
         integer :: i, j
 
         do j = 1, 5
-            ! Kept a loop, whose turns fill one register.
+            ! Kept as a loop, whose iterations fill one register.
             !GCC$ UNROLL 1
             do i = 1, 4
                 x(i, j) = x(i, j) - ((c(i, 1)*y(4*j + 1) + c(i, 2)*y(4*j + 2)) + (c(i, 3)*y(4*j + 3) + c(i, 4)*y(4*j + 4)))
@@ -383,7 +383,7 @@ contains
         end do
     end subroutine subtract_in_space
 
-    !> The same in the plane: W c' of the links of a body, and C W C' taken from the blocks of the nodes.
+    !> In the plane: W c' of the links of a body, and C W C' subtracted from the blocks of the nodes.
     pure subroutine add_in_plane(n_links, link, ldw, w, pair_target, c, y, blocks)
         integer, intent(in), value :: n_links, ldw
         integer, intent(in) :: link(n_link, n_links), pair_target(*)

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> What explicit steps ask of the sparse chart: points, velocities and accelerations that belong to increments.
+!> Operations of the sparse chart for explicit steps: points, velocities and accelerations that belong to increments.
 !>
 !> The complements are those of the mass metric, q = q0 + xi - Y0 mu and qd = qd0 + eta - Y0 x with the columns Y0 = M^-1 C' of the
-!> origin, so that the factor with which the acceleration there was found serves all corrections of the step. Neither a basis nor a
-!> projector is formed. Corrections for Phi move no row of E, which is one complement of the tangent space as good as others.
+!> origin, so that the factor for the acceleration there is reused for all corrections of the step. Neither a basis nor a projector
+!> is formed. Corrections for Phi use no row of E: this complement of the tangent space is as good as others.
 module tandem_chart_sparse_motion
     use tandem_chart_sparse_partners, only: find_partners_of => find_partners
     use tandem_chart_sparse_progress, only: is_rounding, is_trusted, largest, learn, progress_type, unknown
@@ -25,40 +25,40 @@ module tandem_chart_sparse_motion
 
     public :: sparse_motion_type, find_obstacle, initialize
 
-    !> Where a correction leaves no more than this, the second derivative tells where an implicit stage will be; where bodies turn
-    !> far within a step it misleads.
+    !> If a correction leaves no more than this, the second derivative predicts an implicit stage; if bodies turn far within a step
+    !> it is inaccurate.
     real(wp), parameter :: near = 0.05_wp
 
-    !> The chart without what is asked between steps.
+    !> The chart without the operations between steps.
     type, abstract, extends(chart_type) :: sparse_motion_type
         type(system_type) :: system
         type(rank_type) :: rank
-        !> What may be left of a constraint on its natural scale: in the end; of Phi and of C qd - nu at ends of steps and at
+        !> Largest constraint errors on their natural scale: after projection; of Phi and of C qd - nu at ends of steps and at
         !> stages.
         real(wp) :: tolerance = 0.0_wp
         real(wp) :: end_tolerance = 0.0_wp, stage_tolerance = 0.0_wp, velocity_tolerance = 0.0_wp, stage_velocity_tolerance = 0.0_wp
-        !> What may be left where rounding keeps it from there: positions are judged by the scales at the start of a step here, by
+        !> Largest error if rounding prevents a smaller one: positions are judged by the scales at the start of a step here, by
         !> those at its end afterwards.
         real(wp) :: allowed = 0.0_wp
         !> The origin, and coordinate scales (n).
         real(wp) :: t0 = 0.0_wp
         real(wp), allocatable :: q0(:), qd0(:), scale(:)
-        !> -Y0 mu of the last point; what of qdd at the start of the step Y0 holds; -Y0 x of a stage over its defect, or as it is
-        !> where stages have none, in implicit steps (n).
+        !> -Y0 mu of the last point; component of qdd at the start of the step along Y0; -Y0 x of a stage over its defect, or
+        !> undivided in implicit steps, whose stages have none (n).
         real(wp), allocatable :: delta(:), curve(:), delta_rate(:)
         logical :: has_curve = .false., has_delta_rate = .false.
-        !> Of implicit stages: -Y0 x of the last one over its defect (n), and the defects that `delta` and `delta_rate` are of, 0
-        !> where they tell nothing.
+        !> For implicit stages: -Y0 x of the last one over its defect (n), and the defects of `delta` and `delta_rate`, 0 if these
+        !> are not usable.
         real(wp), allocatable :: bend(:)
         logical :: has_bend = .false.
-        !> Whether `curve` and `bend` are those of another origin, whose complement is not the one here.
+        !> True if `curve` and `bend` belong to another origin, which has another complement.
         logical :: is_curve_old = .false., is_bend_old = .false.
         real(wp) :: defect_of_delta = 0.0_wp, defect_of_rate = 0.0_wp
         !> Reciprocals of the natural scales of rows at the origin (nh), (m).
         real(wp), allocatable :: phi_weight(:), velocity_weight(:)
         type(progress_type) :: position, velocity, held_position, held_velocity
         real(wp), allocatable :: held_delta(:)
-        !> Mends corrections that leave much, where steps may be long.
+        !> Accelerates slow corrections in steps that may be long.
         type(secants_type) :: secants
     contains
         procedure :: initialize, renew, remainder, refresh
@@ -93,11 +93,11 @@ module tandem_chart_sparse_motion
 
 contains
 
-    !> Why a model cannot be run with these options on this chart; blank where it can.
+    !> Reason why a model cannot be run with these options on this chart; blank if it can.
     function find_obstacle(model, options, implicit) result(obstacle)
         class(model_type), intent(in) :: model
         type(options_type), intent(in) :: options
-        !> Whether the stepper is implicit.
+        !> True if the stepper is implicit.
         logical, intent(in) :: implicit
         character(len=120) :: obstacle
         integer, parameter :: needed = need_jacobian + need_mass
@@ -143,10 +143,10 @@ contains
         self%tolerance = options%constraint_tolerance
         self%allowed = 0.25_wp*self%tolerance
         self%end_tolerance = max(options%position_tolerance(), 2.0e-15_wp)
-        ! What is left of C qd at the end of a step enters Phi times h, where it is restored.
+        ! The error of C qd at the end of a step enters Phi times h, and is corrected there.
         self%velocity_tolerance = max(self%end_tolerance, 0.1_wp*self%tolerance)
-        ! What is left at stages enters the motion times h: under error control a small part of what the step may miss. Fixed steps
-        ! have no such measure: there C qd, which is off by so much in another direction at each step, may be off by ten tolerances.
+        ! Errors at stages enter the motion times h: under error control they are a small part of the tolerated error. Fixed steps
+        ! have no such measure: there C qd, whose error has another direction at each step, may be off by ten tolerances.
         if (options%is_adaptive()) then
             self%stage_tolerance = max(options%stage_tolerance(), self%end_tolerance)
             self%stage_velocity_tolerance = max(options%stage_tolerance(), self%velocity_tolerance)
@@ -154,7 +154,7 @@ contains
             self%stage_tolerance = max(self%tolerance, self%end_tolerance)
             self%stage_velocity_tolerance = of_velocities*self%tolerance
         end if
-        ! Without temporaries, which would leave holes in the memory.
+        ! Without temporaries, which would fragment the memory.
         if (allocated(self%scale)) deallocate (self%scale, self%q0, self%qd0, self%delta, self%curve, self%delta_rate, &
             self%phi_weight, self%velocity_weight)
         if (allocated(self%bend)) deallocate (self%bend)
@@ -196,7 +196,7 @@ contains
         call self%note_independence(sqrt(self%system%factor(self%system%base)%least))
     end subroutine renew
 
-    !> Leave out rows that depend on others, and make (t, q, qd) the origin. A row of E must not stand for one of Phi.
+    !> Leave out rows that depend on others, and make (t, q, qd) the origin. A row of E must not replace one of Phi.
     subroutine leave_out_dependent(self, t, q, qd, stat)
         class(sparse_motion_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -222,7 +222,7 @@ contains
         if (self%n_dropped == 0) stat = status_rank_deficient
     end subroutine leave_out_dependent
 
-    !> The rows of which those that were left out are combinations.
+    !> The rows in use whose combinations are rows that were left out.
     subroutine find_partners(self, rows, start, partners)
         class(sparse_motion_type), intent(inout) :: self
         integer, intent(in) :: rows(:)
@@ -231,7 +231,7 @@ contains
         call find_partners_of(self%system, rows, start, partners)
     end subroutine find_partners
 
-    !> Keep what there is to say of a failure at the last point.
+    !> Store the details of a failure at the last point.
     subroutine fail_here(self, stat)
         class(sparse_motion_type), intent(inout) :: self
         integer, intent(in) :: stat
@@ -248,19 +248,19 @@ contains
         end associate
     end subroutine fail_here
 
-    !> What rounding took from q = q0 + xi - Y0 mu.
+    !> Rounding error of q = q0 + xi - Y0 mu.
     pure subroutine remainder(self, increment, q, left)
         class(sparse_motion_type), intent(in) :: self
         real(wp), intent(in), contiguous :: increment(:), q(:)
         real(wp), intent(out), contiguous :: left(:)
-        !> More than so many roundings is none: q is not the point of that increment.
+        !> A difference of more roundings than this means that q is not the point of that increment.
         real(wp), parameter :: most = 8.0_wp
 
         left = ((self%q0 - q) + increment) + self%delta
         if (any(abs(left) > most*epsilon(1.0_wp)*(abs(self%q0) + abs(increment) + abs(self%delta) + self%scale))) left = 0.0_wp
     end subroutine remainder
 
-    !> Charts are renewed at every step: there is none to refresh.
+    !> Charts are renewed at every step: no refresh is necessary.
     subroutine refresh(self, t, q, stat)
         class(sparse_motion_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -272,7 +272,7 @@ contains
         if (stat /= status_ok) call self%fail_here(stat)
     end subroutine refresh
 
-    !> What of the acceleration at the start of a step the complement holds: R C qdd, by rows of Phi.
+    !> Component of the acceleration at the start of a step along the complement: R C qdd, by rows of Phi.
     subroutine start_step(self, qdd)
         class(sparse_motion_type), intent(inout) :: self
         real(wp), intent(in), contiguous :: qdd(:)
@@ -281,7 +281,7 @@ contains
         self%has_delta_rate = .false.
         if (self%system%nh == 0) return
         if (self%system%shares_terms) then
-            ! C of the origin may have given way to that of another point.
+            ! C of the origin may have been replaced by that of another point.
             self%has_curve = .false.
             call self%system%visit(self%t0, self%q0, self%counts, stat)
             if (stat /= status_ok) return
@@ -293,7 +293,7 @@ contains
         self%is_curve_old = .false.
     end subroutine start_step
 
-    !> What the complement at the origin holds of a vector, by the first rows.
+    !> Component of a vector along the complement at the origin, by the first rows.
     subroutine take_complement(s, n_rows, x)
         type(system_type), intent(inout) :: s
         integer, intent(in) :: n_rows
@@ -309,7 +309,7 @@ contains
         end associate
     end subroutine take_complement
 
-    !> Nothing of a failed try is used by the next.
+    !> Discard all results of a failed attempt.
     subroutine retry_step(self)
         class(sparse_motion_type), intent(inout) :: self
 
@@ -334,7 +334,7 @@ contains
         self%system%model%mass_is_known = .false.
     end subroutine forget_model
 
-    !> Keep what the next step starts from.
+    !> Save the start of the next step.
     subroutine hold(self)
         class(sparse_motion_type), intent(inout) :: self
 
@@ -345,7 +345,7 @@ contains
         call self%system%hold()
     end subroutine hold
 
-    !> Go back to what was kept.
+    !> Restore the saved state.
     subroutine release(self)
         class(sparse_motion_type), intent(inout) :: self
 
@@ -361,7 +361,7 @@ contains
         real(wp), intent(in) :: t, increment(self%n)
         real(wp), intent(out) :: q(self%n)
         integer, intent(out) :: stat
-        !> Corrections with a factor that is O(h) off; whatever takes more has left the chart.
+        !> Corrections with a factor of accuracy O(h); an iteration that takes more has left the chart.
         integer, parameter :: limit = 40
         real(wp) :: age, error, error_before, first_error, last_error, wanted
         integer :: k
@@ -381,7 +381,7 @@ contains
                 self%is_curve_old, self%delta, self%curve)
             if (self%has_curve .and. is_near) self%delta(:) = self%iterate_defect*self%curve
         else
-            ! A point of no stage, such as one where a matrix is made amid the stages, has another correction.
+            ! A point that is not a stage, such as that of a matrix between the stages, has another correction.
             if (.not. self%is_iterate) self%defect_of_delta = 0.0_wp
             if (self%defect < huge(1.0_wp) .and. self%has_curve) self%delta(:) = self%defect*self%curve
         end if
@@ -407,7 +407,7 @@ contains
                 if (k == 1) call learn(self%position, age, error, last_error)
                 s%has_phi = .not. is_loose
                 if (error <= wanted) return
-                ! Rounding keeps it from there, which is near enough.
+                ! Rounding prevents further convergence; the point is near enough.
                 if (error <= self%allowed .and. is_rounding(error, last_error, error_before)) return
                 s%has_phi = .false.
                 if (k == 0) first_error = error
@@ -435,17 +435,17 @@ contains
         self%failed_term = trim(self%system%model%failed_term)
     end subroutine restore_position
 
-    !> An implicit stage begins: what the last one has come to, over its defect; at the first one of a step what the step before
-    !> has, as far as the complement here holds it, since all else would move the point along the tangent space.
+    !> Begin an implicit stage: divide the result of the last one by its defect; at the first stage of a step use the component of
+    !> the previous step's result along the complement here, since the rest would move the point along the tangent space.
     subroutine recall(system, n_rows, defect, is_near, defect_of_last, is_known, is_old, last, unit)
         type(system_type), intent(inout) :: system
         integer, intent(in) :: n_rows
         real(wp), intent(in) :: defect
-        !> Whether what is found may be used.
+        !> True if the result may be used.
         logical, intent(in) :: is_near
         !> The defect of the last stage, then of this one.
         real(wp), intent(inout) :: defect_of_last
-        !> Whether `unit` is known, and that of another origin.
+        !> True if `unit` is known; true if it belongs to another origin.
         logical, intent(inout) :: is_known, is_old
         real(wp), intent(in), contiguous :: last(:)
         real(wp), intent(inout), contiguous :: unit(:)
@@ -467,14 +467,14 @@ contains
         real(wp), intent(in) :: t, q(self%n), qd(self%n)
         real(wp), intent(out) :: qdd(self%n)
         integer, intent(out) :: stat
-        !> With the factor of a point beside it: what may be left of an acceleration against itself. At the end it is as good as
-        !> rounding leaves velocities; of a stage it is 1e-3 or less of what `rk4` misses (measured).
+        !> Largest remainder of an acceleration, relative to itself, with the factor of a nearby point. At the end of a step it
+        !> equals the rounding error of velocities; at a stage it is at most 1e-3 of the error of `rk4` (measured).
         real(wp), parameter :: rest_at_end = 2.5e-13_wp, rest_at_stage = 1.0e-9_wp
         integer :: pass
         logical :: is_solved
 
         self%failed_row = 0
-        ! A stage that was not projected left Phi as it was elsewhere.
+        ! Phi still belongs to another point after a stage that was not projected.
         if (self%is_stage) self%system%has_phi = .false.
         associate (s => self%system)
             call s%move_with(t, q, qd, self%counts, stat)
@@ -492,7 +492,7 @@ contains
                 call here%solve(s%analysis, .true., s%model%terms%force, s%g, qdd, s%z)
                 if (.not. s%is_held) call s%nearby%note(t, qdd, s%z)
                 do pass = 1, merge(0, passes(here%least), self%is_stage)
-                    ! What rounding left of C qdd + gamma.
+                    ! Rounding error of C qdd + gamma.
                     s%g(:) = -s%model%terms%gamma
                     call here%multiply(s%analysis, qdd, s%g)
                     call here%solve(s%analysis, .false., qdd, s%g, s%x, s%z)
@@ -507,7 +507,7 @@ contains
         end associate
     end subroutine solve_dynamics
 
-    !> How often what rounding left is removed, by the smallest pivot: near a loss of rank a solution leaves more.
+    !> Number of refinements that remove rounding errors, by the smallest pivot: near a loss of rank a solution is less accurate.
     pure integer function passes(least)
         real(wp), intent(in) :: least
         real(wp), parameter :: near = 1.0e-4_wp, nearer = 1.0e-7_wp
@@ -517,7 +517,7 @@ contains
         if (least < nearer) passes = 4
     end function passes
 
-    !> All of them.
+    !> Position, velocity and acceleration.
     subroutine restore_motion(self, t, increment, increment_qd, q, qd, qdd, stat)
         class(sparse_motion_type), intent(inout) :: self
         real(wp), intent(in) :: t, increment(self%n), increment_qd(self%n)

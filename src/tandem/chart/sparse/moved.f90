@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What forces move of bodies by themselves: products with the inverses W of their masses, compressed as these.
+!> Products with the inverses W of bodies' masses, compressed like the masses.
 module tandem_chart_sparse_moved
     use tandem_chart_sparse_blocks, only: of_rigid_body, of_single_blocks
     use tandem_kinds, only: wp
@@ -10,7 +10,7 @@ module tandem_chart_sparse_moved
 
 contains
 
-    !> y := W c' (nb, s) for c (s, nb) and a body's W, compressed as its M.
+    !> y := W c' (nb, s) for c (s, nb) and a body's W, compressed like its M.
     pure subroutine apply_inverse(kind, s, nb, block_first, first, ldw, w, c, y)
         integer, intent(in) :: kind, s, nb, block_first(nb), first, ldw
         real(wp), intent(in) :: w(ldw, nb), c(s*nb)

@@ -1,9 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> The acceleration at a point beside the one that a factor is of: the third stage of Kutta's method is O(h^2) from the second, the
-!> end of a step O(h^3) from the last stage. There the acceleration and the multipliers differ by little, and by nearly as much as
-!> they did in the step before. What that leaves of the equations of motion is removed by solutions with the factor, each of which
-!> leaves a part as small as the points are near: one or two take the place of a factorization, and they solve the equations at the
-!> point itself.
+!> The acceleration at a point near the point of a factor: the third stage of Kutta's method is O(h^2) from the second, the end of a
+!> step O(h^3) from the last stage. The acceleration and the multipliers differ by little, and by nearly as much as in the previous
+!> step. The residual of the equations of motion is removed by solutions with the factor, each of which reduces it in proportion to
+!> the distance: one or two replace a factorization, and they solve the equations at the point itself.
 module tandem_chart_sparse_nearby
     use tandem_chart_sparse_analysis, only: analysis_type
     use tandem_chart_sparse_factor, only: factor_type
@@ -17,21 +16,20 @@ module tandem_chart_sparse_nearby
 
     public :: nearby_type
 
-    !> Stands for no time.
+    !> Represents no time.
     real(wp), parameter :: never = huge(1.0_wp)
 
     type :: nearby_type
-        !> When the factor at the last point is of, if points at that time may be solved for with it, and how far they have moved
-        !> since.
+        !> Time of the factor at the last point, if it can be used for points at that time, and their distance from it.
         real(wp) :: t = never, moved = 0.0_wp
         !> The acceleration (n) and the multipliers in the order of the nodes (n_unknowns) at the point solved for last.
         real(wp), allocatable :: qdd(:), lambda(:)
-        !> By how much those beside it differed last time, at stages and at ends of steps, and that from the time before: (n, 2),
-        !> (n_unknowns, 2). A guess needs no more digits.
+        !> Last difference of the results at nearby points, at stages and at ends of steps, and its change since the time before:
+        !> (n, 2), (n_unknowns, 2). A guess needs no more digits.
         real(sp), allocatable :: change(:, :), change_lambda(:, :), trend(:, :), trend_lambda(:, :)
-        !> What a solution leaves, over the distance.
+        !> Remainder of a solution relative to the distance.
         type(progress_type) :: progress
-        !> For how many points no try is made, after one that failed.
+        !> Number of points without an attempt, after a failed one.
         integer :: pause = 0
     contains
         procedure :: allocate => allocate_nearby, may_serve, note, forget, solve, pack_state
@@ -39,7 +37,7 @@ module tandem_chart_sparse_nearby
 
 contains
 
-    !> Allocate for what was analysed.
+    !> Allocate for an analysed pattern.
     subroutine allocate_nearby(self, a)
         class(nearby_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
@@ -54,18 +52,18 @@ contains
         call self%forget()
     end subroutine allocate_nearby
 
-    !> Whether the acceleration at a time may be found with the factor.
+    !> True if the factor can be used for the acceleration at a time.
     pure logical function may_serve(self, t, factor)
         class(nearby_type), intent(in) :: self
         real(wp), intent(in) :: t
-        !> Where rows are left out, or near to a loss of rank, the point's own factor decides.
+        !> If rows are left out, or near a loss of rank, the point's own factor is used.
         type(factor_type), intent(in) :: factor
         real(wp), parameter :: near_loss = 1.0e-4_wp
 
         may_serve = abs(t - self%t) <= 0.0_wp .and. factor%least > near_loss .and. .not. factor%leaves_out
     end function may_serve
 
-    !> Take note of what was solved for with the factor of the point.
+    !> Store the solution with the factor of the point.
     pure subroutine note(self, t, qdd, lambda)
         class(nearby_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -78,7 +76,7 @@ contains
         self%lambda(:) = lambda
     end subroutine note
 
-    !> The factor is of no point nearby any more.
+    !> The factor belongs to no nearby point any more.
     pure subroutine forget(self)
         class(nearby_type), intent(inout) :: self
 
@@ -98,21 +96,21 @@ contains
         real(wp), intent(in), contiguous :: scale(:)
         !> 1 over the square of the time scale.
         real(wp), intent(in) :: rate
-        !> Whether the point is a stage, and whether it was solved for before: then the guesses for the next step stay.
+        !> True if the point is a stage; true if it was solved for before: then the guesses for the next step are unchanged.
         logical, intent(in) :: is_stage, is_again
-        !> What may be left of each acceleration against itself or the scale of its coordinate.
+        !> Largest remainder of each acceleration, relative to itself or the scale of its coordinate.
         real(wp), intent(in) :: largest_rest
         !> (n)
         real(wp), intent(out), contiguous :: qdd(:)
         !> Work space: (m), (n), (n_unknowns).
         real(wp), intent(inout), contiguous :: g(:), x(:), z(:)
-        !> False where solutions leave too much: then the point needs its own factor.
+        !> False if the remainder is too large: then the point needs its own factor.
         logical, intent(out) :: is_solved
-        !> More of them cost as much as a factor.
+        !> More solutions cost as much as a factor.
         integer, parameter :: most = 4, long_pause = 50
-        !> What leaves more is too far away, and more than this is not rounding.
+        !> A slower reduction means that the point is too far away; a larger remainder is not rounding.
         real(wp), parameter :: slow = 0.3_wp, largest_rounding = 1.0e-10_wp
-        !> What rounding leaves mostly.
+        !> Usual rounding error.
         real(wp), parameter :: rounding = 2.0e-14_wp
         real(wp) :: before, last, rest
         integer :: k, kind
@@ -135,7 +133,7 @@ contains
         do k = 1, most
             g(:) = -terms%gamma
             call factor%multiply(a, qdd, g)
-            ! The acceleration at the other point has served.
+            ! `self%qdd` of the other point is no longer needed.
             call factor%find_unbalanced(a, mass, terms%force, qdd, self%lambda, self%qdd)
             call factor%solve(a, .true., self%qdd, g, x, z)
             if (is_again) then
@@ -156,7 +154,7 @@ contains
             if (k > 1) before = last
             last = rest
         end do
-        ! What is no number is not seen by its size.
+        ! NaN is not detected by its size.
         if (is_solved) is_solved = is_finite(a%n, qdd)
         if (is_solved) then
             self%qdd(:) = qdd
@@ -169,7 +167,7 @@ contains
         self%trend_lambda(:, kind) = 0.0_sp
     end subroutine solve
 
-    !> Go on as last time, and by what that was more than the time before.
+    !> Extrapolate from the last two changes.
     pure subroutine guess(n, change, trend, x)
         integer, intent(in) :: n
         real(sp), intent(inout) :: change(n)
@@ -184,7 +182,7 @@ contains
         end do
     end subroutine guess
 
-    !> Add a solution to what it mends, to what that differs by, and to what that is more than last time.
+    !> Add a solution to the result, to its last change, and to the change of this.
     pure subroutine add(n, x, y, change, trend)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n)
@@ -200,7 +198,7 @@ contains
         end do
     end subroutine add
 
-    !> All of it.
+    !> All components.
     subroutine pack_state(self, pack)
         class(nearby_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

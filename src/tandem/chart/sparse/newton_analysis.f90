@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> The structure of the Newton matrix [H, C'; C, 0] of implicit stages, H = M + ha D + ha^2 K: here bodies that share a force are
-!> neighbours too, so that every body is a node, with the row that it owns, and takes its turn among the nodes of rows.
+!> neighbours too, so that every body is a node, with the row that it owns, ordered among the nodes of rows.
 !>
-!> A node of rows waits for all bodies that it touches. Then every leading part of the matrix has rows of C whose entries are all
-!> there: it is regular where C has full rank and H is definite, and any order serves. For hubs the rule of
-!> `tandem_chart_sparse_analysis` holds instead, since all their rows would wait and then be each other's neighbours.
+!> A node of rows follows all bodies that it touches. Then every leading part of the matrix contains complete rows of C: it is
+!> regular if C has full rank and H is definite, and any order is valid. For hubs the rule of `tandem_chart_sparse_analysis` holds
+!> instead, since all their rows would follow and be each other's neighbours.
 module tandem_chart_sparse_newton_analysis
     use tandem_chart_sparse_analysis, only: analysis_type, sorted
     use tandem_linalg_order, only: append, list_type, order_nodes
@@ -14,15 +14,15 @@ module tandem_chart_sparse_newton_analysis
 
     public :: newton_analysis_type
 
-    !> The analysis of the Newton matrix: that of the chart with every body a node of its own.
+    !> The analysis of the Newton matrix: the chart's analysis with every body a node of its own.
     type, extends(analysis_type) :: newton_analysis_type
-        !> Where the part of C of each link goes, and whether the node of rows is the later one; the links are those of the chart's
-        !> own analysis, with the numbers of the nodes here, 0 for a row that is eliminated with its body.
+        !> Target of the part of C of each link; true if the node of rows is the later one. The links are those of the chart's own
+        !> analysis, with the numbers of the nodes here, 0 for a row that is eliminated with its body.
         integer, allocatable :: link_target(:)
         logical, allocatable :: is_row_later(:)
-        !> The signs of joints that make points meet, by links.
+        !> The signs of joints of coincident points, by links.
         integer, allocatable :: link_sign(:)
-        !> Where the blocks of bodies that share a force go, in the order of their partners.
+        !> Targets of the blocks of bodies that share a force, in the order of their partners.
         integer, allocatable :: force_target(:)
     contains
         procedure :: analyse_newton
@@ -31,7 +31,7 @@ module tandem_chart_sparse_newton_analysis
 
 contains
 
-    !> Analyse what the chart has analysed for its own factor, with the pairs of bodies that share forces.
+    !> Analyse the Newton matrix from the analysis of the chart's own factor and the pairs of bodies that share forces.
     subroutine analyse_newton(self, base, stiffness)
         class(newton_analysis_type), intent(inout) :: self
         type(analysis_type), intent(in) :: base
@@ -48,7 +48,7 @@ contains
         self%block_first = base%block_first
         self%norm_row = base%norm_row
         self%is_kept = base%is_kept
-        ! Bodies come first, then nodes of rows but for those that bodies own.
+        ! Bodies come first, then nodes of rows other than owned rows.
         if (allocated(self%is_body)) deallocate (self%is_body)
         allocate (is_norm(base%m), source=.false.)
         do b = 1, self%n_bodies
@@ -137,7 +137,7 @@ contains
         self%later = spread(0, 1, k)
         do i = 1, self%n_nodes
             associate (list => neighbours(order(i)))
-                ! One that never had a neighbour has no list.
+                ! A node that never had a neighbour has no list.
                 if (list%n == 0) cycle
                 self%later(self%later_start(i):self%later_start(i + 1) - 1) = sorted(position(list%item(:list%n)))
             end associate
@@ -145,7 +145,7 @@ contains
         self%node_of_body = position(:self%n_bodies)
     end subroutine number_all
 
-    !> Where the parts of C, and the blocks of the forces, go.
+    !> Set the targets of the parts of C, and of the blocks of the forces.
     subroutine find_targets(self, base, stiffness, node_of, order)
         class(newton_analysis_type), intent(inout) :: self
         type(analysis_type), intent(in) :: base

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The factor L U by blocks of [F, C'; C, 0], F = a M + b D + c K by bodies, and what is solved with it. The imaginary part of a
-!> complex matrix of that kind has the same pattern, without M and C.
+!> The factor L U by blocks of [F, C'; C, 0], F = a M + b D + c K by bodies, and solutions with it. The imaginary part of a complex
+!> matrix of that kind has the same pattern, without M and C.
 module tandem_chart_sparse_newton_factor
     use tandem_chart_sparse_analysis, only: most_coordinates, most_rows
     use tandem_chart_sparse_meetings, only: n_of_place
@@ -16,14 +16,14 @@ module tandem_chart_sparse_newton_factor
 
     public :: most, newton_factor_type, newton_terms_type
 
-    !> The most unknowns of a node.
+    !> Largest number of unknowns of a node.
     integer, parameter :: most = max(most_rows, most_coordinates + 1)
 
-    !> What a Newton matrix is made of.
+    !> Terms of a Newton matrix.
     type :: newton_terms_type
         !> D and K.
         type(stiffness_type) :: stiffness
-        !> M, compressed, the parts of C by links and by owned rows there.
+        !> Compressed M, the parts of C by links and by owned rows.
         real(wp), allocatable :: mass(:, :), c(:), own(:)
         !> Rows that are left out (m).
         logical, allocatable :: is_out(:)
@@ -31,7 +31,7 @@ module tandem_chart_sparse_newton_factor
 
     !> Blocks of a matrix, then of its factor.
     type :: newton_factor_type
-        !> Blocks below the diagonal, times the inverses of diagonal ones, and these inverses; the blocks above the diagonal.
+        !> Blocks below the diagonal, times the inverses of diagonal blocks, and these inverses; the blocks above the diagonal.
         real(wp), allocatable :: lower(:), upper(:)
     contains
         procedure :: allocate => allocate_factor, fill, eliminate, solve, pack_state
@@ -48,14 +48,14 @@ contains
         allocate (self%lower(analysis%n_factor), self%upper(analysis%n_factor), source=0.0_wp)
     end subroutine allocate_factor
 
-    !> The matrix before the first node goes.
+    !> The matrix before the elimination of the first node.
     subroutine fill(self, a, terms, by_qd, by_q, has_rows)
         class(newton_factor_type), intent(inout) :: self
         type(newton_analysis_type), intent(in) :: a
         type(newton_terms_type), intent(in) :: terms
         !> The factors of D and of K.
         real(wp), intent(in) :: by_qd, by_q
-        !> Whether M and C are there, which an imaginary part has not.
+        !> True if M and C are included; an imaginary part has none.
         logical, intent(in) :: has_rows
         integer :: b, i, j, k, s, other, offset, entry
         real(wp) :: value
@@ -96,7 +96,7 @@ contains
 
     contains
 
-        !> M and the rows of a body. The row of a norm that was left out has a unit pivot, as others have in the nodes of joints.
+        !> M and the rows of a body. A norm row that was left out has a unit pivot, like other rows in the nodes of joints.
         subroutine put_body(body, height)
             integer, intent(in) :: body, height
             integer :: column, from, link, row, to, where

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Inverses and products of the small blocks of a Newton matrix. The sizes of bodies with the row that they own and of the rows of
-!> joints, 8 and 5 in space, 3 and 2 in the plane, are constants to the compiler: loops of known length are several times as fast.
+!> joints, 8 and 5 in space, 3 and 2 in the plane, are compile-time constants: loops of known length are several times as fast.
 module tandem_chart_sparse_newton_kernels
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -8,7 +8,7 @@ module tandem_chart_sparse_newton_kernels
 
     public :: copy, invert_pivoted, multiply, multiply_block, subtract, subtract_product
 
-    !> The most unknowns of a node: a body's coordinates and the row that it owns. Work space of a fixed size stays in registers.
+    !> Largest number of unknowns of a node, a body with the row that it owns. Work space of fixed size stays in registers.
     integer, parameter :: most = 13
 
 contains
@@ -63,7 +63,7 @@ contains
         end do
     end subroutine invert_pivoted
 
-    !> y := x: of the lengths of bodies in space and of hinges without a call.
+    !> y := x: without a call for the lengths of bodies in space and of hinges.
     pure subroutine copy(n, x, y)
         integer, intent(in), value :: n
         real(wp), intent(in) :: x(n)
@@ -121,13 +121,13 @@ contains
         case (16*2 + 2)
             call subtract_product_sized(2, 1, 2, a, x, y)
         case default
-            ! Elsewhere, as loops of any length here would have the registers of all others saved.
+            ! In a separate procedure: here loops of any length would make every call save their registers.
             call subtract_product(p, 1, s, a, x, y)
         end select
     end subroutine subtract
 
-    !> y := y - a x for eight rows. Loops over rows are kept as such, so that their turns fill registers, and sums are parted, so
-    !> that what is added last does not wait for all others.
+    !> y := y - a x for eight rows. Loops over rows are kept as loops, whose iterations fill registers, and sums are split, so that
+    !> the last terms do not wait for all others.
     pure subroutine subtract_eight_by_eight(a, x, y)
         real(wp), intent(in) :: a(8, 8), x(8)
         real(wp), intent(inout) :: y(8)
@@ -151,7 +151,7 @@ contains
         end do
     end subroutine subtract_eight_by_five
 
-    !> y := a x, likewise.
+    !> y := a x for eight rows.
     pure subroutine multiply_eight(a, x, y)
         real(wp), intent(in) :: a(8, 8), x(8)
         real(wp), intent(out) :: y(8)

@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> The Newton matrix of implicit stages of a sparse chart, [H, C'; C, 0] with H = M + ha D + ha^2 K, factored by blocks L U: it is
-!> not symmetric where forces turn with bodies, rub or are controlled. No basis is formed, and the cost is that of the pattern. For
-!> stages that are solved together there are those of complex pairs of systems too, of the same terms with another ha.
+!> not symmetric if there are forces that turn with bodies, friction or control. No basis is formed, and the cost is that of the
+!> pattern. Stages that are solved together also have matrices of complex pairs of systems, of the same terms with another ha.
 !>
-!> A matrix outlives its chart and serves while C has not turned far. M, C, D and K are kept, so that another ha costs a
-!> factorisation and no derivatives. What C and M have changed by since is made up for by refinement (`turn`): corrections contract
-!> as with the C of the point, but for the third power of the angle.
+!> A matrix outlives its chart and is reused while C has not turned far. M, C, D and K are stored, so that another ha costs a
+!> factorisation and no derivatives. The changes of C and M since are corrected by refinement (`turn`): corrections contract as with
+!> the C of the point, up to the third power of the angle.
 module tandem_chart_sparse_newton_matrix
     use tandem_chart_sparse_analysis, only: analysis_type
     use tandem_chart_sparse_blocks, only: read_behind
@@ -28,12 +28,12 @@ module tandem_chart_sparse_newton_matrix
         type(newton_analysis_type) :: analysis
         !> M, C, D and K of the last `form`.
         type(newton_terms_type) :: terms
-        !> What C has changed by from there to the last point that was looked at.
+        !> Change of C from the point of `form` to the last point of `look_at`.
         type(factor_type) :: turn
-        !> ha of the last `factor`, 0 where there is none.
+        !> ha of the last `factor`, 0 if there is none.
         real(wp) :: ha = 0.0_wp
         type(newton_factor_type), private :: factored
-        !> Of complex pairs of systems; of size 0 where stages are solved one by one.
+        !> Matrices of complex pairs of systems; of size 0 if stages are solved one by one.
         type(newton_pair_type), allocatable :: pairs(:)
         !> Work space: unknowns of nodes.
         real(wp), allocatable, private :: z(:), w(:)
@@ -44,7 +44,7 @@ module tandem_chart_sparse_newton_matrix
 
 contains
 
-    !> Allocate.
+    !> Allocate for the chart's analysis and the pairs of bodies that share forces.
     subroutine initialize(self, base, stiffness, mass_width)
         class(newton_matrix_type), intent(inout) :: self
         !> The chart's own analysis.
@@ -66,10 +66,10 @@ contains
         self%ha = 0.0_wp
     end subroutine initialize
 
-    !> From now on factor the matrices of complex pairs of systems too.
+    !> From now on also factor the matrices of complex pairs of systems.
     subroutine expect_pairs(self, ratios)
         class(newton_matrix_type), intent(inout) :: self
-        !> The ha of each over that of the real system.
+        !> Ratio of each pair's ha to the ha of the real system.
         complex(wp), intent(in) :: ratios(:)
         integer :: k
 
@@ -85,7 +85,7 @@ contains
         self%ha = 0.0_wp
     end subroutine expect_pairs
 
-    !> Take M and C of a point; D and K are there.
+    !> Copy M and C of a point; D and K are set.
     subroutine form(self, here, mass)
         class(newton_matrix_type), intent(inout) :: self
         !> With its rows loaded.
@@ -129,7 +129,7 @@ contains
         call self%scatter(self%z, x, mu)
     end subroutine solve
 
-    !> The same for a complex pair, in place: x for f and mu for g, their imaginary parts likewise.
+    !> Solve for a complex pair, in place: x for f and mu for g, their imaginary parts likewise.
     subroutine solve_pair(self, k, f, f_im, g, g_im)
         class(newton_matrix_type), intent(inout) :: self
         !> The number of the pair.
@@ -170,7 +170,7 @@ contains
         end associate
     end subroutine gather
 
-    !> Solutions out of nodes.
+    !> Extract the solution from the unknowns of nodes.
     subroutine scatter(self, z, x, mu)
         class(newton_matrix_type), intent(in) :: self
         real(wp), intent(in), contiguous :: z(:)
@@ -191,7 +191,7 @@ contains
         end associate
     end subroutine scatter
 
-    !> Find what C has changed by.
+    !> Compute the change of C.
     subroutine look_at(self, here)
         class(newton_matrix_type), intent(inout) :: self
         !> With its rows loaded.
@@ -201,7 +201,7 @@ contains
         self%turn%own(:) = self%terms%own - here%own
     end subroutine look_at
 
-    !> How far C has turned since: of all joints of all bodies, the largest change against their length, squared.
+    !> Change of C since then: for all joints of all bodies, the largest squared change over the squared length.
     pure real(wp) function turned(self, base, here)
         class(newton_matrix_type), intent(in) :: self
         !> The chart's own analysis.
@@ -227,7 +227,7 @@ contains
         end do
     end function turned
 
-    !> The factors, and what they were made of.
+    !> The factors, and their terms.
     subroutine pack_state(self, pack)
         class(newton_matrix_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -235,7 +235,7 @@ contains
         real(wp), allocatable :: ratios(:)
         integer :: k, n
 
-        ! A chart that is restored does not know yet which pairs its stepper wants.
+        ! A restored chart has not received the pairs of its stepper yet.
         n = size(self%pairs)
         allocate (ratios(2*n))
         ratios(:n) = real(self%pairs%ratio, wp)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> The Newton matrix of a complex pair of systems of stages that are solved together, factored by blocks L U. Its real and its
-!> imaginary part are kept apart, so that the kernels of real blocks serve both.
+!> imaginary part are stored separately, so that kernels for real blocks apply to both.
 module tandem_chart_sparse_newton_pair
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
     use tandem_chart_sparse_newton_factor, only: most, newton_factor_type, newton_terms_type
@@ -14,7 +14,7 @@ module tandem_chart_sparse_newton_pair
     public :: newton_pair_type
 
     type :: newton_pair_type
-        !> Its ha over that of the real system.
+        !> Ratio of its ha to the ha of the real system.
         complex(wp) :: ratio = (1.0_wp, 0.0_wp)
         !> The real and the imaginary part of the factor.
         type(newton_factor_type) :: re, im
@@ -52,7 +52,7 @@ contains
         call eliminate(analysis, self%re%lower, self%im%lower, self%re%upper, self%im%upper, stat)
     end subroutine factor
 
-    !> Eliminate the nodes; the order of the blocks is that of `tandem_chart_sparse_newton_factor`.
+    !> Eliminate the nodes; the order of the blocks is as in `tandem_chart_sparse_newton_factor`.
     subroutine eliminate(a, lower, lower_im, upper, upper_im, stat)
         type(newton_analysis_type), intent(in) :: a
         real(wp), intent(inout) :: lower(*), lower_im(*), upper(*), upper_im(*)
@@ -161,7 +161,7 @@ contains
         x_im = aimag(x(:s, :s))
     end subroutine invert_complex
 
-    !> A size that takes no root.
+    !> A measure of size that needs no square root.
     pure real(wp) function size_of(x)
         complex(wp), intent(in) :: x
 

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> The combinations of rows that rows left out repeat, and the multipliers of least norm, which share the load of a combination
-!> among all its rows. One solution gives many combinations: the rows of each hang together by bodies, so that those which touch no
-!> common body are told apart. Those that do are solved for again, in several lots.
+!> The combinations of rows in use that equal rows left out, and the multipliers of least norm, which distribute the load of a
+!> combination over all its rows. One solution gives many combinations: the rows of each are connected by bodies, which separates
+!> combinations without a common body. The others are solved for again, in several lots.
 module tandem_chart_sparse_partners
     use tandem_chart_sparse_system, only: system_type
     use tandem_kinds, only: wp
@@ -11,19 +11,19 @@ module tandem_chart_sparse_partners
 
     public :: find_partners, share_load
 
-    !> So many lots are made of rows whose combinations may touch. Those of one joint, three at most in a bay of hinges, stand side
-    !> by side, and those of neighbouring bays touch.
+    !> Number of lots of rows whose combinations may touch. Rows of one joint, three at most in a bay of hinges, are adjacent, and
+    !> those of neighbouring bays touch.
     integer, parameter :: lots = 6
 
 contains
 
-    !> The partners of rows that were left out where the system was factored last.
+    !> The partners of rows that were left out at the last factorisation of the system.
     subroutine find_partners(system, rows, start, partners)
         type(system_type), intent(inout) :: system
         integer, intent(in) :: rows(:)
-        !> Those of rows(i) are partners(start(i):start(i + 1) - 1), ascending.
+        !> The partners of rows(i) are partners(start(i):start(i + 1) - 1), ascending.
         integer, allocatable, intent(out) :: start(:), partners(:)
-        !> Smaller shares than this of the largest are rounding.
+        !> Smaller factors than this part of the largest are rounding.
         real(wp), parameter :: least_share = 1.0e-6_wp
         integer, allocatable :: pairs(:, :)
         real(wp), allocatable :: share(:)
@@ -32,9 +32,9 @@ contains
         call sort_to_lists(size(rows), pairs(1, :), pairs(2, :), start, partners)
     end subroutine find_partners
 
-    !> Change multipliers, those of the rows left out being zero, to the ones of least norm with the same reactions. Combinations
-    !> v with C' v = 0 are taken from them as far as they hold: (V'V) y = V' lambda, lambda := lambda - V y. The row that was left
-    !> out makes V'V at least the unit matrix, so that conjugate gradients take few iterations.
+    !> Change multipliers, which are zero for the rows left out, to those of least norm with the same reactions. Their components
+    !> along combinations v with C' v = 0 are subtracted: (V'V) y = V' lambda, lambda := lambda - V y. The row that was left out
+    !> makes V'V at least the unit matrix, so that conjugate gradients take few iterations.
     subroutine share_load(system, rows, lambda)
         !> Factored at the point of the multipliers.
         type(system_type), intent(inout) :: system
@@ -98,15 +98,15 @@ contains
         end subroutine combine_all
     end subroutine share_load
 
-    !> The combinations of rows in use that the given ones repeat, where the system was factored last.
+    !> The combinations of rows in use that equal the given ones, at the last factorisation of the system.
     subroutine find_combinations(system, rows, with_owned, least_share, pairs, share)
         type(system_type), intent(inout) :: system
         integer, intent(in) :: rows(:)
-        !> True for the rows that bodies own as well.
+        !> True to include the rows that bodies own.
         logical, intent(in) :: with_owned
-        !> Smaller shares than this of the largest are rounding.
+        !> Smaller factors than this part of the largest are rounding.
         real(wp), intent(in) :: least_share
-        !> (2, :) numbers in `rows` and rows of their combinations, with the factors of these.
+        !> (2, :) numbers in `rows` and rows of their combinations, with their factors.
         integer, allocatable, intent(out) :: pairs(:, :)
         real(wp), allocatable, intent(out) :: share(:)
         integer, allocatable :: lot(:), group(:)
@@ -125,13 +125,13 @@ contains
         end do
     end subroutine find_combinations
 
-    !> Solve for the rows of a lot. Those whose combinations touch no other's are done.
+    !> Solve for the rows of a lot. A row is done if its combination touches no other one.
     subroutine part_lot(system, rows, with_owned, least_share, now, lot, n_lots, lambda, force, group, pairs, share)
         type(system_type), intent(inout) :: system
         integer, intent(in) :: rows(:), now
         logical, intent(in) :: with_owned
         real(wp), intent(in) :: least_share
-        !> The lot of each row, 0 where it is done; the lots so far.
+        !> The lot of each row, 0 if it is done; the number of lots so far.
         integer, intent(inout) :: lot(:), n_lots
         !> Work space (m), (n), (0:n_bodies).
         real(wp), intent(inout), contiguous :: lambda(:), force(:)
@@ -159,7 +159,7 @@ contains
             do i = 1, a%n_bodies
                 group(i) = group(group(i))
             end do
-            ! How many rows of the lot each group has met, and which one was the last; the largest share there.
+            ! Number of rows of the lot in each group, and the last of these rows; the largest factor in the group.
             allocate (met(0:a%n_bodies), of(0:a%n_bodies), source=0)
             allocate (largest(0:a%n_bodies), source=least_share)
             do i = 1, size(members)
@@ -188,7 +188,7 @@ contains
                 end associate
             end do
         end associate
-        ! Beside larger shares those of a row may have passed for rounding.
+        ! Factors of a row may have been taken for rounding beside larger ones.
         do i = 1, size(members)
             if (size(members) == 1 .or. lot(members(i)) > 0 .or. any(more(1, :n) == members(i))) cycle
             n_lots = n_lots + 1
@@ -199,7 +199,7 @@ contains
 
     contains
 
-        !> The group that a row is in, 0 for a row without a body.
+        !> The group of a row, 0 for a row without a body.
         pure integer function group_of(row)
             integer, intent(in) :: row
 
@@ -210,7 +210,7 @@ contains
         end function group_of
     end subroutine part_lot
 
-    !> The factors of the rows in use that make up the sum of some that are not.
+    !> The factors of the rows in use whose combination is the sum of some rows that are not in use.
     subroutine combine(system, rows, with_owned, lambda, force)
         type(system_type), intent(inout) :: system
         integer, intent(in) :: rows(:)
@@ -243,7 +243,7 @@ contains
         end associate
     end subroutine combine
 
-    !> Let two bodies be in one group, for which the first of its bodies stands.
+    !> Merge the groups of two bodies, with the smaller body as representative.
     pure subroutine join(group, one, two)
         integer, intent(inout) :: group(0:)
         integer, intent(in) :: one, two

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> How corrections with the factor of the step's start do: what one may be trusted to leave, and whether it is rounding that stops
-!> them.
+!> Convergence of corrections with the factor of the step's start: the expected remainder of a correction, and detection of
+!> rounding.
 module tandem_chart_sparse_progress
     use tandem_kinds, only: lane, wp
     implicit none (type, external)
@@ -8,33 +8,33 @@ module tandem_chart_sparse_progress
 
     public :: is_rounding, is_trusted, largest, largest_change, largest_part, learn, progress_type, unknown
 
-    !> Stands for an error or a part of it that nothing is known of.
+    !> Represents an unknown error or part of an error.
     real(wp), parameter :: unknown = 1.0e100_wp
 
-    !> How the corrections of one level have done of late.
+    !> Recent convergence of the corrections of one level.
     type :: progress_type
-        !> A correction leaves this part of an error, times the age of the factor.
+        !> A correction leaves this part of an error per age of the factor.
         real(wp) :: ageing = unknown
     end type progress_type
 
 contains
 
-    !> Whether a correction can be trusted to have left less than is wanted.
+    !> True if a correction is expected to leave less than the tolerance.
     pure logical function is_trusted(progress, age, error, wanted)
         type(progress_type), intent(in) :: progress
         !> The age of the factor, and the error before the correction.
         real(wp), intent(in) :: age, error, wanted
-        !> As of the dense chart, see `tandem_chart_dense_position`.
+        !> As in the dense chart, see `tandem_chart_dense_position`.
         real(wp), parameter :: distrust = 8.0_wp
 
         is_trusted = distrust*progress%ageing*age*error <= wanted
     end function is_trusted
 
-    !> Learn from the first correction of an iteration. What it left as rounding says how large the part is at most.
+    !> Update the estimate from the first correction of an iteration. A remainder at rounding level is an upper bound of the part.
     pure subroutine learn(progress, age, error, before, rounding_of)
         type(progress_type), intent(inout) :: progress
         real(wp), intent(in) :: age, error, before
-        !> What one rounding leaves, if not 1e-15.
+        !> Level of rounding errors, if not 1e-15.
         real(wp), intent(in), optional :: rounding_of
         real(wp), parameter :: many = 20.0_wp, kept = 0.5_wp
         real(wp) :: rounding, seen
@@ -50,8 +50,8 @@ contains
         end if
     end subroutine learn
 
-    !> Whether a correction left about as much as it found because of rounding, not since all of them are slow: where a body has
-    !> turned by more than a radian they may leave more than half each.
+    !> True if a correction left about as large an error as before because of rounding, and not because all corrections are slow: if
+    !> a body has turned by more than a radian each may leave more than half.
     pure logical function is_rounding(error, last_error, error_before)
         !> The error now, before the last correction, and before the one before that, 0 where there was none.
         real(wp), intent(in) :: error, last_error, error_before
@@ -71,7 +71,7 @@ contains
             most(i) = 0.0_wp
             total(i) = 0.0_wp
         end do
-        ! Sums and maxima of their own for each place of a register: none waits for the one before it.
+        ! Separate sums and maxima for each lane of a register: none waits for the previous one.
         do b = 0, n - lane, lane
             !GCC$ UNROLL 1
             do i = 1, lane
@@ -92,7 +92,7 @@ contains
         if (.not. rest <= huge(1.0_wp)) largest = rest
     end function largest
 
-    !> The largest change of an entry; one that is no number does not count.
+    !> The largest change of an entry, ignoring NaN.
     pure real(wp) function largest_change(n, x, before)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n), before(n)
@@ -117,7 +117,7 @@ contains
         end do
     end function largest_change
 
-    !> The largest entry against what it is added to, max |x| / max(|of|, factor scale); one that is no number does not count.
+    !> The largest entry relative to the vector to which it is added, max |x| / max(|of|, factor scale), ignoring NaN.
     pure real(wp) function largest_part(n, x, of, scale, factor)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n), of(n), scale(n), factor

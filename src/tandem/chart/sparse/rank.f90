@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> How near C is to losing rank on a sparse chart. The root of the smallest pivot against what it would be alone is cheap, and falls
-!> linearly towards a loss. Whether one was passed between two points follows from the combination y of rows that is nearest to
-!> zero at each: behind a loss C'y has turned around, so that (C0'y0 . M^-1 C1'y1)(y0.y1) is negative. Where several are lost at
-!> once it still is, which the sign of a determinant is not.
+!> Detection of rank loss of C on a sparse chart. The root of the smallest pivot, relative to its diagonal entry, is cheap, and
+!> falls linearly towards a loss. A loss between two points is detected by the combination y of rows that is nearest to zero at
+!> each: behind a loss C'y has turned around, so that (C0'y0 . M^-1 C1'y1)(y0.y1) is negative. This holds even if several ranks are
+!> lost at once, unlike the sign of a determinant.
 module tandem_chart_sparse_rank
     use tandem_chart_sparse_system, only: system_type
     use tandem_kinds, only: wp
@@ -13,7 +13,7 @@ module tandem_chart_sparse_rank
     public :: rank_type
 
     type :: rank_type
-        !> At the last point where it was asked: the combination (unknowns of nodes), C'y (n); not allocated where it never was.
+        !> At the last evaluated point: the combination (unknowns of nodes), C'y (n); not allocated before the first evaluation.
         real(wp), allocatable :: y(:), force(:)
         logical :: has_combination = .false.
         !> Work space.
@@ -24,7 +24,7 @@ module tandem_chart_sparse_rank
 
 contains
 
-    !> The combination of rows that is nearest to zero where the system was factored last, by three inverse iterations, into the
+    !> The combination of rows that is nearest to zero at the last factorisation of the system, by three inverse iterations, in the
     !> work space.
     subroutine find_here(self, system)
         class(rank_type), intent(inout) :: self
@@ -39,7 +39,7 @@ contains
             if (.not. allocated(self%force)) allocate (self%force, source=self%next_force)
         end if
         associate (a => system%analysis, here => system%factor(system%here), y => self%next_y)
-            ! From the weakest row; all others weigh too, as they may be the ones that matter.
+            ! Start with the weakest row; all others have a weight, too, as they may be relevant.
             system%g = 1.0e-3_wp
             if (here%weakest > 0) system%g(here%weakest) = 1.0_wp
             do k = 1, iterations
@@ -67,12 +67,12 @@ contains
         end associate
     end subroutine find_here
 
-    !> Whether C has lost rank between the point of the last combination and the one where the system was factored last, whose
-    !> combination takes its place. False where they are too different to tell.
+    !> True if C has lost rank between the point of the last combination and the last factorisation of the system, whose combination
+    !> replaces it. False if they are too different to decide.
     logical function has_passed_loss(self, system)
         class(rank_type), intent(inout) :: self
         type(system_type), intent(inout) :: system
-        !> Combinations that have less in common are not the same one.
+        !> Combinations that have less in common are unrelated.
         real(wp), parameter :: least_common = 0.3_wp
         real(wp) :: common, along
 
@@ -90,7 +90,7 @@ contains
         self%has_combination = .true.
     end function has_passed_loss
 
-    !> The rows that a combination consists of.
+    !> The rows of a combination.
     function find_rows(self, system) result(rows)
         class(rank_type), intent(in) :: self
         type(system_type), intent(in) :: system
@@ -99,7 +99,7 @@ contains
         integer :: i, n
 
         allocate (rows(0))
-        ! The share of the largest that counts.
+        ! The smallest relevant factor.
         share = 0.1_wp*maxval(abs(self%y))
         associate (a => system%analysis)
             do n = 1, a%n_nodes

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> C as a factor holds it: by links, where models set its rows in blocks, and else taken from a compressed C.
+!> Storage of C in a factor: by links if models set its rows in blocks, else copied from a compressed C.
 submodule(tandem_chart_sparse_factor) tandem_chart_sparse_rows
     use tandem_chart_sparse_meetings, only: n_of_place
     implicit none (type, external)
@@ -20,14 +20,14 @@ contains
         end do
     end procedure put_places
 
-    !> Owned rows by coordinates too.
+    !> Store owned rows by coordinates, too.
     module procedure load_rows
         integer :: b, j, start
 
         call move_alloc(blocks, self%c)
         if (.not. pattern%all_in_blocks) call take_rows(a%n_bodies, a%n, a%m, size(a%link, 2), size(jacobian, 2), a%first, &
             a%joints_of_body, a%link_start, a%link, pattern%column, jacobian, self%c, pattern%in_blocks)
-        ! At once where the model sets all of them so, but for those of kept bodies.
+        ! In one pass if the model sets all rows in blocks, except for hubs.
         if (pattern%all_in_blocks) call take_owned(a%n, self%c(a%n_entries + read_behind + 1), self%own)
         if (.not. pattern%all_in_blocks .or. size(self%added) > 0) then
             do b = 1, a%n_bodies
@@ -59,7 +59,7 @@ contains
         own(:) = rows
     end subroutine take_owned
 
-    !> The rows of the nodes by links, but for those that are there.
+    !> Copy the rows of the nodes by links, except for those already set.
     pure subroutine take_rows(n_bodies, n, m, n_links, width, first, joints, link_start, link, column, jacobian, c, in_blocks)
         integer, intent(in) :: n_bodies, n, m, n_links, width, first(n_bodies + 1), joints(n_bodies), link_start(n_bodies + 1), &
             link(6, n_links), column(n)
@@ -110,7 +110,7 @@ contains
         end do
     end subroutine take_rows
 
-    !> Those of places are one, and do not change.
+    !> Columns of positions are constant units.
     module procedure add_squares
         real(wp) :: entry
         integer :: b, i, j, k, l, n_place

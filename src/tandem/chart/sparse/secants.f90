@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> What slow corrections have shown mends those after them. A correction s of x is S g, S the factor of the step's start and g what
-!> the rows leave. Of moves of x and of what each took from s, the combination that leaves least of s is applied at once, and what
-!> remains is the correction. Where g is linear in x these are the iterates of GMRES, so that a few bodies that have turned far cost
-!> a few corrections, however little each corrects by itself (D. G. Anderson, J. ACM 12 (1965) 547; H. F. Walker, P. Ni, SIAM J.
-!> Numer. Anal. 49 (2011) 1715). In the mass metric S C0 is an orthogonal projection, and S C one that is turned as the bodies are.
+!> Acceleration of slow corrections by earlier ones. A correction s of x is S g, S the factor of the step's start and g the residual
+!> of the rows. From moves of x and the resulting reductions of s, the combination that leaves least of s is applied at once, and
+!> the rest is the correction. If g is linear in x these are the iterates of GMRES, so that a few bodies that have turned far cost a
+!> few corrections, however small the effect of each one (D. G. Anderson, J. ACM 12 (1965) 547; H. F. Walker, P. Ni, SIAM J. Numer.
+!> Anal. 49 (2011) 1715). In the mass metric S C0 is an orthogonal projection, and S C is rotated like the bodies.
 module tandem_chart_sparse_secants
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -11,22 +11,22 @@ module tandem_chart_sparse_secants
 
     public :: secants_type
 
-    !> Moves that are kept: those of some bodies that turn, each with a few directions of its own.
+    !> Number of stored moves: a few bodies that turn, with a few directions each.
     integer, parameter :: most = 6
 
     type :: secants_type
         private
-        !> How many are kept, and the place of the next one.
+        !> Number of stored moves, and the index of the next one.
         integer :: n_kept = 0, next = 1
-        !> The moves, and what they took from the correction, orthonormal in the weights (n, most).
+        !> The moves, and their reductions of the correction, orthonormal in the weights (n, most).
         real(wp), allocatable :: dx(:, :), ds(:, :)
         !> The last move, and the correction before it (n).
         real(wp), allocatable :: move(:), before(:)
         !> The diagonal of M (n).
         real(wp), allocatable, public :: weight(:)
-        !> What the first move has left of the correction.
+        !> Remaining part of the correction after the first move.
         real(wp), public :: left = 0.0_wp
-        !> Whether there is space for any.
+        !> True if the space is allocated.
         logical, public :: is_used = .false.
     contains
         procedure :: allocate => allocate_secants, mend
@@ -46,7 +46,7 @@ contains
         self%is_used = .true.
     end subroutine allocate_secants
 
-    !> Mend a correction by those before it, once one has left much.
+    !> Accelerate a correction by earlier ones, once one has left much.
     pure subroutine mend(self, k, error, last_error, n, s, has_left)
         class(secants_type), intent(inout) :: self
         !> Corrections so far, the error now, and before the last one.
@@ -55,10 +55,10 @@ contains
         !> The correction.
         integer, intent(in) :: n
         real(wp), intent(inout) :: s(n)
-        !> Whether C has turned so far since the origin that its complement there is none here.
+        !> True if C has turned so far since the origin that the origin's complement is none here.
         logical, intent(out) :: has_left
-        !> What corrects less than the first shows little but rounding, less than the second nothing of angles. An error that grows
-        !> so much shows that the moves are wrong.
+        !> Corrections below the first limit are mostly rounding, below the second they carry no information about angles. A larger
+        !> growth of the error shows that the moves are wrong.
         real(wp), parameter :: rounding = 1.0e-11_wp, small = 1.0e-8_wp, growth = 2.0_wp
 
         has_left = .false.
@@ -70,7 +70,7 @@ contains
         end if
     end subroutine mend
 
-    !> Remember the first correction: of other rows than before.
+    !> Store the first correction, which belongs to new rows.
     pure subroutine begin(self, n, s)
         class(secants_type), intent(inout) :: self
         integer, intent(in) :: n
@@ -83,11 +83,11 @@ contains
         self%before(:) = s
     end subroutine begin
 
-    !> Learn from the last move, and make the correction the move that leaves least, before the next one corrects that.
+    !> Store the last move, and replace the correction by the move that leaves least, before the next one corrects it.
     pure subroutine improve(self, n, learns, s)
         class(secants_type), intent(inout) :: self
         integer, intent(in) :: n
-        !> False where the last correction may have been rounding.
+        !> False if the last correction may have been rounding.
         logical, intent(in) :: learns
         real(wp), intent(inout) :: s(n)
         real(wp) :: part
@@ -109,13 +109,13 @@ contains
         end do
     end subroutine improve
 
-    !> Keep the last move, unless it is much as others.
+    !> Store the last move, unless it nearly depends on others.
     pure subroutine learn_move(self, n, s)
         type(secants_type), intent(inout) :: self
         integer, intent(in) :: n
         !> The correction after it.
         real(wp), intent(in) :: s(n)
-        !> A move of which less than this is new shows little but rounding.
+        !> A move with a smaller new part is mostly rounding.
         real(wp), parameter :: new = 1.0e-2_wp
         real(wp) :: length, part
         integer :: i, k
@@ -142,7 +142,7 @@ contains
                 self%n_kept = max(self%n_kept, self%next)
                 self%next = modulo(self%next, most) + 1
             else if (self%n_kept == most) then
-                ! It has overwritten the oldest one.
+                ! The oldest one has been overwritten.
                 ds(:) = 0.0_wp
                 dx(:) = 0.0_wp
             end if

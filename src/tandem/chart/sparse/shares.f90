@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What bodies give to the matrix on the joints, K = C W C' with kept bodies beside it, before its first node goes.
+!> Schur complement assembly: the matrix K = C W C' of the joints, and hubs, before the elimination of its first node.
 submodule(tandem_chart_sparse_factor) tandem_chart_sparse_shares
     use tandem_chart_sparse_blocks, only: subtract_product
     use tandem_chart_sparse_meetings, only: add_in_plane, add_in_space
@@ -75,7 +75,7 @@ contains
         end subroutine put_kept
     end procedure add_bodies
 
-    !> What bodies that go first give to the pivots of rows.
+    !> Subtract from the pivots of rows the parts of bodies that are eliminated first.
     pure subroutine take_diagonals(n_nodes, node, is_body, blocks, alone)
         integer, intent(in) :: n_nodes, node(4, n_nodes)
         logical, intent(in) :: is_body(n_nodes)
@@ -100,12 +100,12 @@ contains
         end do
     end subroutine take_diagonals
 
-    !> The block of a link of a kept body, and what its diagonal would be without that of others.
+    !> The block of a link of a hub, and its diagonal without the other links.
     pure subroutine add_kept(s, nb, is_behind, inverse, c, block, alone)
         integer, intent(in), value :: s, nb
-        !> Whether the rows come behind the body.
+        !> True if the rows come behind the body.
         logical, intent(in), value :: is_behind
-        !> Of the diagonal of the body's M; its part of C.
+        !> Inverse diagonal of the body's M; its part of C.
         real(wp), intent(in) :: inverse(nb), c(s, nb)
         real(wp), intent(inout) :: block(s*nb), alone(s)
         integer :: i, j
@@ -124,7 +124,7 @@ contains
         end if
     end subroutine add_kept
 
-    !> Of five rows what each would be alone: rows as four and one, see `subtract_five_rows`.
+    !> Diagonal entries of five rows: rows as four and one, see `subtract_five_rows`.
     pure subroutine add_squared(nb, inverse, c, alone)
         integer, intent(in), value :: nb
         real(wp), intent(in) :: inverse(nb), c(5, nb)
@@ -172,10 +172,10 @@ contains
         end if
     end subroutine put_kept_rows
 
-    !> Take C W C' of the links of a body from the blocks of their nodes.
+    !> Subtract C W C' of the links of a body from the blocks of their nodes.
     pure subroutine add_links(kind, nb, n_links, block_first, ldw, w, link, pair_target, c, y, blocks)
         integer, intent(in), value :: kind, nb, n_links, ldw
-        !> The first coordinates of the blocks of the body's M, W, its links, where the products go.
+        !> The first coordinates of the blocks of the body's M, W, its links, the targets of the products.
         integer, intent(in) :: block_first(nb), link(6, n_links), pair_target(*)
         real(wp), intent(in) :: w(ldw, nb), c(*)
         real(wp), intent(inout) :: y(*), blocks(*)
@@ -187,7 +187,7 @@ contains
                 call apply_inverse(kind, s, nb, block_first, block_first(1), ldw, w, c(offset + 1), y(moved + 1))
                 do k = 1, l
                     d = d + 1
-                    ! The node that comes later has the rows of the block.
+                    ! The later node has the rows of the block.
                     if (link(1, k) > place) then
                         call subtract_product(link(2, k), s, nb, c(link(3, k) + 1), y(moved + 1), blocks(pair_target(d) + 1))
                     else

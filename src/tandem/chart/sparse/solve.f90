@@ -1,6 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Solutions with a factor by blocks, and products with C: what a step does most often. Loops are over lists that stand side by side
-!> in memory.
+!> Solutions with a factor by blocks, and products with C: the most frequent operations of a step. Loops use contiguous lists.
 submodule(tandem_chart_sparse_factor) tandem_chart_sparse_solve
     use tandem_chart_sparse_blocks, only: multiply_inverse, set_owned, subtract_rows, subtract_seven_rows, &
         subtract_transposed, subtract_transposed_sized
@@ -60,7 +59,7 @@ contains
         end do
     end subroutine scatter
 
-    !> x = W f + R g of each body that goes first, and what that takes from its nodes.
+    !> x = W f + R g of each body that is eliminated first, subtracted from its nodes.
     pure subroutine send_bodies(self, a, n_links, body, link, has_force, f, g, x, z)
         class(factor_type), intent(in) :: self
         type(analysis_type), intent(in) :: a
@@ -80,7 +79,7 @@ contains
         end if
     end subroutine send_bodies
 
-    !> The same of those that hinges or pins alone hold.
+    !> x = W f + R g of the bodies that are held by hinges or pins alone.
     pure subroutine send_moved(n_bodies, n_links, ldw, body, link, w, r, c, f, g, x, z)
         integer, intent(in) :: n_bodies, n_links, ldw, body(5, n_bodies), link(6, n_links)
         real(wp), intent(in) :: w(ldw, *), r(*), c(*), f(*), g(*)
@@ -98,7 +97,7 @@ contains
         end do
     end subroutine send_moved
 
-    !> What owned rows alone move of these.
+    !> Contributions of the owned rows of these bodies alone.
     pure subroutine send_all_own(n_bodies, n_links, body, link, r, sent, g, x, z)
         integer, intent(in) :: n_bodies, n_links, body(5, n_bodies), link(6, n_links)
         real(wp), intent(in) :: r(*), sent(most_rows, *), g(*)
@@ -118,7 +117,7 @@ contains
         end do
     end subroutine send_all_own
 
-    !> The same of one body that other rows hold too, or none.
+    !> x = W f + R g of one body with other rows, or none.
     pure subroutine send_body(self, a, b, has_force, f, g, x, z)
         class(factor_type), intent(in) :: self
         type(analysis_type), intent(in) :: a
@@ -168,7 +167,7 @@ contains
         end do
     end subroutine send_links
 
-    !> The same of what the body's own row moves.
+    !> Contributions of the body's own row.
     pure subroutine send_own(n_links, link, sent, g_own, z)
         integer, intent(in) :: n_links, link(6, n_links)
         real(wp), intent(in) :: sent(most_rows, n_links), g_own
@@ -191,7 +190,7 @@ contains
         end do
     end subroutine send_own
 
-    !> x := x - W C' z of each body that goes first; kept ones take theirs from z.
+    !> x := x - W C' z of each body that is eliminated first; hubs copy theirs from z.
     pure subroutine fetch_bodies(self, a, n_links, body, link, y, x, z)
         class(factor_type), intent(in) :: self
         type(analysis_type), intent(in) :: a
@@ -213,7 +212,7 @@ contains
         end do
     end subroutine fetch_bodies
 
-    !> The same of one body that other rows hold too, or none.
+    !> x := x - W C' z of one body with other rows, or none.
     pure subroutine fetch_body(self, a, b, x, z)
         class(factor_type), intent(in) :: self
         type(analysis_type), intent(in) :: a
@@ -247,7 +246,7 @@ contains
         end do
     end subroutine fetch_links
 
-    !> K z = z in place. What a node waits for on the way is one product: that with D^-1 is made when nothing waits for it.
+    !> K z = z in place. Between dependent nodes there is one product: the product with D^-1 is delayed off this path.
     pure subroutine solve_nodes(n_nodes, n_behind, node, later_start, behind, blocks, z)
         integer, intent(in) :: n_nodes, n_behind, node(4, n_nodes), later_start(n_nodes + 1), behind(3, n_behind)
         real(wp), intent(in) :: blocks(*)
@@ -266,7 +265,7 @@ contains
         end do
     end subroutine solve_nodes
 
-    !> Take from later nodes what a node gives them.
+    !> Subtract the contributions of a node from later nodes.
     pure subroutine eliminate_node(s, place, n_later, behind, blocks, z)
         integer, intent(in), value :: s, place, n_later
         integer, intent(in) :: behind(3, n_later)
@@ -285,8 +284,8 @@ contains
         end do
     end subroutine eliminate_node
 
-    !> z := z - l x for what chains in space have most, here so that it is compiled into the loop. Nodes wait for each other: so
-    !> what it adds up is parted.
+    !> z := z - l x for the usual size in spatial chains, here so that it is compiled into the loop. Nodes depend on each other: so
+    !> the sums are split.
     pure subroutine subtract_five(l, x, z)
         real(wp), intent(in) :: l(5, 5), x(5)
         real(wp), intent(inout) :: z(5)
@@ -305,7 +304,7 @@ contains
         z(5) = u - v
     end subroutine subtract_five
 
-    !> Divide a node by its block, and take from it what the unknowns behind it give it.
+    !> Multiply a node by its inverse block, and subtract the contributions of the unknowns behind it.
     pure subroutine find_node(s, place, diagonal, n_later, behind, blocks, z)
         integer, intent(in), value :: s, place, diagonal, n_later
         integer, intent(in) :: behind(3, n_later)
@@ -325,7 +324,7 @@ contains
         end do
     end subroutine find_node
 
-    !> Node by node, whose part of g stays in registers; then owned rows.
+    !> By nodes, whose part of g stays in registers; then owned rows.
     module procedure multiply
         integer :: b, j
         real(wp) :: total
@@ -343,7 +342,7 @@ contains
         end do
     end procedure multiply
 
-    !> The rows of bodies that hinges alone hold: the norms of their Euler parameters.
+    !> The norms of Euler parameters of the bodies that are held by hinges alone.
     pure subroutine multiply_owned(n_bodies, body, own, x, g)
         integer, intent(in) :: n_bodies, body(5, n_bodies)
         real(wp), intent(in) :: own(*), x(*)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The sparse tangent-space chart at (t0, q0, qd0), for mechanisms of many bodies: every step costs in proportion to their number.
-!> What is asked of it at points and between steps; `tandem_chart_sparse_motion` has what the steps ask.
+!> The sparse tangent-space chart at (t0, q0, qd0), for mechanisms of many bodies: the cost of a step is proportional to their
+!> number. Operations at points and between steps; `tandem_chart_sparse_motion` contains the operations of steps.
 module tandem_chart_sparse
     use tandem_chart, only: health_type, least_bend
     use tandem_chart_sparse_factor, only: least_pivot
@@ -30,7 +30,7 @@ module tandem_chart_sparse
 
 contains
 
-    !> Bring a point beside the manifold onto it, by the factor of the point itself, which stays where Phi falls fast.
+    !> Bring a point beside the manifold onto it, by the factor of the point itself, which is reused while Phi falls fast.
     subroutine restore_near(self, t, q, qd, stat)
         class(sparse_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -58,7 +58,7 @@ contains
                     return
                 end if
                 if (error <= self%end_tolerance) exit
-                ! Rounding keeps it from its end, which is near enough.
+                ! Rounding prevents further convergence; the point is near enough.
                 if (error <= self%tolerance .and. error > slow*last_error) exit
                 if (k == most) then
                     stat = status_position_diverged
@@ -77,7 +77,7 @@ contains
             call go_there()
             if (stat /= status_ok) return
             s%has_phi = s%nh > 0
-            ! The second pass removes what rounding has left.
+            ! The second pass removes the rounding error of the first.
             do pass = 1, 2
                 s%g(:) = s%model%terms%nu
                 call s%factor(s%here)%multiply(s%analysis, qd, s%g)
@@ -92,7 +92,7 @@ contains
 
     contains
 
-        !> The factor at the point.
+        !> Compute the factor at the point.
         subroutine go_there()
             call self%system%visit(t, q, self%counts, stat)
             if (stat == status_ok) call self%system%factorize(self%counts, stat)
@@ -100,7 +100,7 @@ contains
         end subroutine go_there
     end subroutine restore_near
 
-    !> Take from errors of rates at the point of the last `restore_near` what it takes of a curve.
+    !> Remove from errors of rates at the point of the last `restore_near` their components normal to a curve.
     subroutine keep_tangent(self, error_q, error_qd)
         class(sparse_chart_type), intent(inout) :: self
         real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
@@ -158,7 +158,7 @@ contains
                 call self%fail_here(stat)
                 return
             end if
-            ! The second pass removes what rounding has left.
+            ! The second pass removes the rounding error of the first.
             do pass = 1, 2
                 s%g(:) = s%model%terms%nu
                 call s%factor(s%here)%multiply(s%analysis, qd, s%g)
@@ -195,16 +195,16 @@ contains
         end associate
     end subroutine constraint_errors
 
-    !> How many steps as the one to (t, q) C is away from losing rank.
+    !> Number of steps like the one to (t, q) until C loses rank.
     subroutine measure_rank(self, t_from, q_from, t, q, room, stat)
         class(sparse_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t_from, t
         real(wp), intent(in), contiguous :: q_from(:), q(:)
         real(wp), intent(out) :: room
         integer, intent(out) :: stat
-        !> A loss of rank further away than so many steps is not looked for.
+        !> A loss of rank more steps away than this is not searched for.
         real(wp), parameter :: horizon = 8.0_wp
-        !> Rounding leaves less of a row that depends on others.
+        !> The remainder of a row that depends on others is smaller, due to rounding.
         real(wp), parameter :: largest_rest = least_pivot
         real(wp) :: fall, now
         logical :: falls
@@ -224,7 +224,7 @@ contains
                 return
             end if
             if (s%factor(s%here)%rest > largest_rest) then
-                ! Of a row that was left out something is left: it restricts the motion now.
+                ! A row that was left out has become independent: it restricts the motion now.
                 self%failed_row = s%factor(s%here)%loosest
                 self%failed_rows = [self%failed_row]
                 room = 0.0_wp
@@ -234,7 +234,7 @@ contains
             fall = self%independence - now
             falls = .not. now > horizon*fall
             if (falls .and. s%serves) then
-                ! Here the factor of a point beside it is not enough.
+                ! Here the factor of a nearby point is not accurate enough.
                 call s%insist(self%counts, stat)
                 if (stat /= status_ok) then
                     call self%fail_here(stat)
@@ -245,7 +245,7 @@ contains
                 falls = .not. now > horizon*fall
             end if
             if (.not. falls) then
-                ! One step more is looked at behind those that came near.
+                ! After a near loss one more step is checked.
                 if (rank%has_combination) then
                     if (rank%has_passed_loss(s)) stat = status_rank_deficient
                     rank%has_combination = .false.
@@ -263,7 +263,7 @@ contains
         end associate
     end subroutine measure_rank
 
-    !> What C loses on the straight way ahead of a state.
+    !> Loss of C on the straight line ahead of a state.
     integer function loss_ahead(self, t, q, qd, h)
         class(sparse_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -296,8 +296,8 @@ contains
         end associate
     end function loss_ahead
 
-    !> How far C has changed from the start of the step to the current point: rows of unit length at the start, Frobenius norm.
-    !> Explicit steps without error control do not keep C of the start.
+    !> Change of C from the start of the step to the current point: rows of unit length at the start, Frobenius norm. Explicit steps
+    !> without error control do not store C of the start.
     real(wp) function relative_change(self)
         class(sparse_chart_type), intent(in) :: self
         real(wp), dimension(self%system%m) :: change, length
@@ -333,7 +333,7 @@ contains
         end associate
     end function contraction
 
-    !> Nothing is watched: charts are renewed at every step.
+    !> Nothing is measured: charts are renewed at every step.
     subroutine measure_health(self, t, q, qd, health, stat)
         class(sparse_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -363,7 +363,7 @@ contains
         energy = 0.5_wp*dot_product(qd, self%system%x)
     end subroutine kinetic_energy
 
-    !> The origin, the factors there and at the last point, and what iterations have learnt.
+    !> The origin, the factors there and at the last point, and the state of iterations.
     subroutine pack_state(self, pack)
         class(sparse_chart_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

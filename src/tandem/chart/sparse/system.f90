@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The terms of a model at the points that a sparse chart visits, and the factor of M x + C' lambda = f, C x = g there and at the
-!> chart's origin, which is the point of a step's start. The matrix of the step's end becomes that of the next origin.
+!> The terms of a model at the points of a sparse chart, and the factor of M x + C' lambda = f, C x = g there and at the chart's
+!> origin, which is the start of a step. The matrix of the step's end becomes that of the next origin.
 module tandem_chart_sparse_system
     use tandem_chart_sparse_analysis, only: analysis_type
     use tandem_chart_sparse_blocks, only: read_behind
@@ -26,29 +26,29 @@ module tandem_chart_sparse_system
         type(evaluator_type) :: model
         type(analysis_type) :: analysis
         type(pattern_type), pointer :: pattern => null()
-        !> Of the origin, and of the point visited last; they may be the same one.
+        !> Factors at the origin, and at the last point; they may coincide.
         type(factor_type) :: factor(2)
         integer :: base = 1, here = 1
-        !> Whether there are C and W of the last point alone, which go from one factor to the other: explicit steps solve with the
+        !> True if C and W exist for the last point only, and are moved from one factor to the other: explicit steps solve with the
         !> factor of the origin without them.
         logical :: shares_terms = .false.
-        !> In such steps: the accelerations beside a point that was factored; whether the factor of a point beside the last one
-        !> serves there, in all that a factor of its own would.
+        !> In such steps: the accelerations near a point that was factored; true if the factor of a nearby point is reused at the
+        !> last one in place of its own.
         type(nearby_type) :: nearby
         logical :: serves = .false.
-        !> While others look elsewhere, between steps: where the factor is that served, its W, and of which point (n).
+        !> Saved by `hold`: the reused factor, its W, and its point (n).
         type(factor_type) :: spare
         real(wp), allocatable :: spare_w(:, :), spare_q(:)
         real(wp) :: spare_t = 0.0_wp
         logical :: is_put_aside = .false., is_held = .false.
-        !> Whether they hold the inverses of a constant M, without rows that bodies own.
+        !> True if the factors contain the inverses of a constant M, without rows that bodies own.
         logical :: has_inverses(2) = .false.
         integer :: nh = 0, m = 0
-        !> The last point, whether gamma and the forces (with the velocity `qd_point`) and Phi are those of it.
+        !> The last point; true if gamma and the forces (with the velocity `qd_point`) belong to it; true if Phi does.
         real(wp) :: t_point = 0.0_wp
         real(wp), allocatable :: q_point(:), qd_point(:)
         logical :: has_point = .false., has_motion = .false., has_phi = .false.
-        !> Natural scales of Phi and of C qd - nu (m, 2), and whether they are those of the last point with its velocity.
+        !> Natural scales of Phi and of C qd - nu (m, 2); true if they belong to the last point with its velocity.
         real(wp), allocatable :: scales(:, :)
         logical :: has_scales = .false.
         !> Work space: unknowns of nodes, (m), (n).
@@ -69,7 +69,7 @@ contains
     subroutine initialize(self, model, shares_terms)
         class(system_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
-        !> Whether C of the origin is asked for by `start_step` alone.
+        !> True if C of the origin is used by `start_step` alone.
         logical, intent(in) :: shares_terms
         integer :: i
 
@@ -93,7 +93,7 @@ contains
         self%spare = factor_type()
         self%is_held = .false.
         self%is_put_aside = .false.
-        ! Without temporaries, which would leave holes in the memory.
+        ! Without temporaries, which would fragment the memory.
         if (allocated(self%q_point)) deallocate (self%q_point, self%qd_point, self%x, self%z, self%g, self%scales)
         allocate (self%q_point(model%n), self%qd_point(model%n), self%x(model%n), self%z(self%analysis%n_unknowns), &
             self%g(self%m), self%scales(self%m, 2), source=0.0_wp)
@@ -104,7 +104,7 @@ contains
         call self%forget()
     end subroutine initialize
 
-    !> Tell where the rows of nodes stand by links, so that a model can put them there.
+    !> Set the positions of the rows of nodes by links, so that a model can store them there.
     pure subroutine want_blocks(a, pattern)
         type(analysis_type), intent(in) :: a
         type(pattern_type), intent(inout) :: pattern
@@ -133,7 +133,7 @@ contains
         end do
     end subroutine want_blocks
 
-    !> Let the model set rows where those of the last point were.
+    !> Let the model overwrite the stored rows of the last point.
     subroutine lend_rows(self)
         class(system_type), intent(inout) :: self
 
@@ -153,7 +153,7 @@ contains
         end associate
     end subroutine lend_rows
 
-    !> Nothing is known of the last point any more.
+    !> Forget everything about the last point.
     pure subroutine forget(self)
         class(system_type), intent(inout) :: self
 
@@ -194,7 +194,7 @@ contains
         self%factor(self%here)%has_rows = .false.
         self%factor(self%here)%is_factored = .false.
         call self%lend_rows()
-        ! None of these depends on the velocity; q stands in for it.
+        ! None of these depends on the velocity; q is passed in its place.
         call self%model%evaluate(need_jacobian + need_nu + need_mass, t, q, q, counts, stat)
         if (stat /= status_ok) return
         self%t_point = t
@@ -213,7 +213,7 @@ contains
         end associate
     end subroutine load
 
-    !> The factor at the last point, unless that of a point beside it serves.
+    !> The factor at the last point, unless that of a nearby point is reused.
     subroutine factorize(self, counts, stat)
         class(system_type), intent(inout) :: self
         type(counts_type), intent(inout) :: counts
@@ -248,7 +248,7 @@ contains
         call self%factorize(counts, stat)
     end subroutine insist
 
-    !> The acceleration at the last point with the factor of one beside it, if there is one that serves.
+    !> The acceleration at the last point with the factor of a nearby point, if one can be reused.
     subroutine solve_nearby(self, scale, is_stage, largest_rest, qdd, is_solved)
         class(system_type), intent(inout) :: self
         !> (n)
@@ -271,7 +271,7 @@ contains
         self%serves = is_solved
     end subroutine solve_nearby
 
-    !> Others look elsewhere until `release`: put aside what the next step starts from.
+    !> Save the start of the next step, and evaluate other points until `release`.
     subroutine hold(self)
         class(system_type), intent(inout) :: self
 
@@ -286,7 +286,7 @@ contains
         call self%forget()
     end subroutine hold
 
-    !> Go back to what was put aside; C and M are to be evaluated anew.
+    !> Restore the saved state; C and M are to be evaluated anew.
     subroutine release(self)
         class(system_type), intent(inout) :: self
         integer :: i
@@ -308,7 +308,7 @@ contains
         self%serves = .true.
     end subroutine release
 
-    !> The same, and choose anew which rows are left out: those that depend on others there.
+    !> Factor, and choose again the rows that are left out because they depend on others.
     subroutine choose_rows(self, counts, stat)
         class(system_type), intent(inout) :: self
         type(counts_type), intent(inout) :: counts
@@ -329,7 +329,7 @@ contains
         end associate
     end subroutine choose_rows
 
-    !> Evaluate gamma and the forces at (t, q, qd) too, unless it was done last.
+    !> Evaluate also gamma and the forces at (t, q, qd), unless it was the last point.
     subroutine move_with(self, t, q, qd, counts, stat)
         class(system_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:)
@@ -357,8 +357,8 @@ contains
         self%base = self%here
     end subroutine take_origin
 
-    !> Reciprocals of the natural scales of the rows at the last point, for Phi (nh) and for C qd - nu (m). The errors at the end of
-    !> a step have left them.
+    !> Reciprocals of the natural scales of the rows at the last point, for Phi (nh) and for C qd - nu (m), computed with the errors
+    !> at the end of a step.
     subroutine find_weights(self, q, qd, scale, of_phi, of_velocity)
         class(system_type), intent(inout) :: self
         !> (n) each.
@@ -368,7 +368,7 @@ contains
         integer :: i, rows(3)
 
         if (self%has_scales) self%has_scales = are_same(size(qd), qd, self%qd_point)
-        ! qd stands in for qdd, which they do not depend on.
+        ! qd is passed in place of qdd, on which the scales do not depend.
         if (.not. self%has_scales) call self%find_errors(q, qd, qd, scale, errors, rows)
         self%has_scales = .false.
         do i = 1, self%nh
@@ -422,9 +422,9 @@ contains
         end associate
     end subroutine find_diagonal
 
-    !> The multipliers of all rows that belong to an acceleration: those of least force left over in the mass metric,
-    !> M x + C' lambda = force - M qdd with C x = 0. The last point is factored, and its forces are known. Where the factor is that
-    !> of a point beside it, solutions go on from what is left.
+    !> The multipliers of all rows for an acceleration: they minimise the remaining force in the mass metric by solving M x + C'
+    !> lambda = force - M qdd with C x = 0. The last point is factored, and its forces are known. With the factor of a nearby point
+    !> the solution is refined.
     subroutine find_multipliers(self, qdd, lambda)
         class(system_type), intent(inout) :: self
         !> (n)
@@ -456,7 +456,7 @@ contains
                     lambda(a%origin(n) + i - 1) = self%z(a%place(n) + i)
                 end do
             end do
-            ! Owned rows were eliminated with their bodies: they hold what is left.
+            ! Owned rows were eliminated with their bodies: they balance the remaining force.
             call self%pattern%multiply_mass(self%model%terms%mass, self%x, moved)
             force = force - moved
             call factor%add_reactions(a, lambda, force)
@@ -470,10 +470,10 @@ contains
         end associate
     end subroutine find_multipliers
 
-    !> Something failed here: was a term not finite, and which? Nothing of the point is kept, so that it can be tried again.
+    !> Find the term that is not finite, if there is one, after a failure. Forget the point, so that it can be tried again.
     subroutine name_infinite(self, stat)
         class(system_type), intent(inout) :: self
-        !> `not_finite` where one was not; kept as it is otherwise.
+        !> `not_finite` if a term was not finite; unchanged otherwise.
         integer, intent(inout) :: stat
         character(len=20) :: term
         real(wp) :: of_rows
@@ -512,7 +512,7 @@ contains
         type(pack_type), intent(inout) :: pack
         integer :: i
 
-        ! So that C is packed with the factor.
+        ! C is packed with the factor.
         if (self%has_point) call self%load()
         if (allocated(self%model%terms%blocks)) call move_alloc(self%model%terms%blocks, self%factor(self%here)%c)
         call self%model%pack_state(pack)

@@ -21,8 +21,8 @@ contains
     end procedure restore_velocity
 
     !> Corrections of qd at the last point. C is linear: each leaves the part by which C has changed since the origin. The ends of
-    !> steps are judged by the scales there, which a body that turns may have left a tenth of what they were: where the Euler
-    !> parameters of a wheel point along one axis, the row of their norm has the rates of the others in no term.
+    !> steps are judged by the scales there, which a rotating body may have reduced to a tenth: if the Euler parameters of a wheel
+    !> point along one axis, the rates of the others do not contribute to the row of their norm.
     module procedure meet_velocity
         integer, parameter :: limit = 60
         real(wp) :: error, error_before, first_error, last_error, wanted
@@ -33,7 +33,7 @@ contains
         is_loose = self%is_stage .or. self%is_iterate
         wanted = merge(self%stage_velocity_tolerance, self%velocity_tolerance, self%is_stage)
         predicts = self%is_stage .and. self%defect < huge(1.0_wp)
-        ! A stage that is iterated for has nearly the same x each time.
+        ! An iterated stage has nearly the same x each time.
         carries = .not. (self%is_stage .or. self%defect < huge(1.0_wp))
         if (self%iterate_defect < huge(1.0_wp)) then
             if (.not. self%has_delta_rate) self%defect_of_rate = 0.0_wp
@@ -63,7 +63,7 @@ contains
                     if (is_trusted(self%velocity, age, last_error, wanted)) exit
                 end if
                 if (k == 0 .and. .not. is_loose) then
-                    ! The scales at the end take their place when its errors are found.
+                    ! The scales at the end replace these when its errors are computed.
                     s%has_scales = .false.
                     call judge_velocity(s%analysis, here, s%model%terms%nu, qd, self%scale, s%rate, s%g, &
                         end_weight)
