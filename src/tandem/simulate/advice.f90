@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Advice for the user of a run that has failed: chosen by the cause, and by what can be changed (a mechanism has no procedures).
+!> Advice for the user of a failed run, chosen by the cause and the possible changes (a mechanism has no procedures).
 module tandem_simulate_advice
     use tandem_model, only: model_type
     use tandem_options, only: options_type
@@ -61,7 +61,7 @@ contains
         !> Name of the limit.
         character(len=*), intent(in) :: option
         type(options_type), intent(in) :: options
-        !> Stability limits the steps of an explicit method.
+        !> True if stability limits the steps of an explicit method.
         logical, intent(in) :: is_stiff
         character(len=advice_length) :: advice
 

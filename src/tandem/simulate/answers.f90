@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What there is to see of a run: states at times within the last step, at any state looked at its multipliers and energies, and
-!> what all of it has cost.
+!> Queries of a run: states at times within the last step, multipliers and energies at any queried state, and the cost of the whole
+!> run.
 submodule(tandem_simulation) tandem_simulate_answers
     use tandem_model_timer, only: of_kinetic_energy, of_potential_energy
     implicit none (type, external)
@@ -62,7 +62,7 @@ contains
 
     module procedure statistics
         statistics_ = self%tally
-        ! Where an implicit stepper has taken over, that was heeded.
+        ! After an implicit stepper has taken over, stiffness is not reported.
         statistics_%is_stiff = self%stiffness%is_stiff .and. self%switching%switches == 0
         statistics_%stiff_from = self%stiffness%since
         statistics_%stiff_steps = self%stiffness%steps
@@ -78,12 +78,12 @@ contains
             if (local%steps == 0) return
             statistics_%local_error = local%largest
             statistics_%local_error_steps = local%steps
-            ! Steps in no full window count like the others.
+            ! Steps outside full windows count like the others.
             statistics_%local_error_sum = local%total*real(self%tally%steps, wp)/real(local%steps, wp)
         end associate
     end procedure statistics
 
-    !> What an implicit stepper would have cost, and whether it is worth advice: estimates are right to a factor of two.
+    !> Estimate the cost with an implicit stepper, and decide whether it is worth advice: estimates are right to a factor of two.
     subroutine weigh_implicit(self, statistics_)
         class(simulation_type), intent(in) :: self
         type(statistics_type), intent(inout) :: statistics_

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Sure starts: the consistent state nearest to a given one, some of it fixed or weighted, in bounded work; how far each coordinate
-!> moved, and which constraint is to blame where there is no such state, or none near enough.
+!> Reliable starts: the consistent state nearest to a given one, some of it fixed or weighted, in bounded work; the displacement of
+!> each coordinate, and the constraint at fault if there is no such state, or none near enough.
 module tandem_simulate_assembly
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -22,25 +22,25 @@ module tandem_simulate_assembly
     !> The metrics of `assembly_type%velocity_metric`.
     character(len=8), parameter :: velocity_metrics(2) = [character(len=8) :: 'mass', 'weights']
 
-    !> What is asked for, and what was found.
+    !> Request and result of an assembly.
     type :: assembly_type
         !> Weights > 0 of the coordinates and of the velocities (n) in the squared distance; default 1/coordinate_scale**2.
         real(wp), allocatable :: weight_q(:), weight_qd(:)
-        !> Which coordinates and which velocities keep their values (n); default none.
+        !> True for the coordinates and the velocities that keep their values (n); default none.
         logical, allocatable :: fixed_q(:), fixed_qd(:)
-        !> Which velocity is nearest: by `mass`, with the weights for what M leaves open, or by `weights` alone.
+        !> Metric of the nearest velocity: `mass`, with the weights for directions without mass, or `weights` alone.
         character(len=8) :: velocity_metric = 'mass'
-        !> How far any coordinate and any velocity may move, in units of coordinate_scale (and per unit of time); 0 for no limit.
+        !> Limits of the moves of coordinates and velocities, in units of coordinate_scale (and per unit of time); 0 for no limit.
         real(wp) :: largest_move_q = 1.0_wp, largest_move_qd = 0.0_wp
-        !> Largest constraint error that counts as none, on the natural scale of each row.
+        !> Largest constraint error of a consistent state, on the natural scale of each row.
         real(wp) :: tolerance = 1.0e-12_wp
-        !> How many positions may be tried.
+        !> Largest number of trial positions.
         integer :: iteration_limit = 200
         !> Found: the changes of q and qd (n).
         real(wp), allocatable :: moved_q(:), moved_qd(:)
-        !> The row of C that moved q most and the one that moved qd most in the norms of the weights, 0 where nothing moved.
+        !> The row of C that moved q most and the one that moved qd most in the norms of the weights, 0 if nothing moved.
         integer :: row_q = 0, row_qd = 0
-        !> Positions tried. Whether q is known to be the nearest of the consistent positions around it.
+        !> Number of trial positions. True if q is known to be the nearest of the consistent positions around it.
         integer :: iterations = 0
         logical :: is_nearest = .false.
         !> Evaluations of the model's terms.
@@ -49,9 +49,9 @@ module tandem_simulate_assembly
 
 contains
 
-    !> Move (q, qd) to the nearest consistent state at t, in the segment of the model that begins or goes on there. Errors:
-    !> invalid_model, invalid_option, inconsistent_start, callback_failed, not_evaluable, not_finite; with each of them q and qd
-    !> are unchanged.
+    !> Move (q, qd) to the nearest consistent state at t, in the segment of the model that begins or continues there. Errors:
+    !> invalid_model, invalid_option, inconsistent_start, callback_failed, not_evaluable, not_finite; with each of them q and qd are
+    !> unchanged.
     subroutine assemble(model, request, t, q, qd, error)
         class(model_type), intent(inout), target :: model
         type(assembly_type), intent(inout) :: request
@@ -134,9 +134,9 @@ contains
         qd = new_qd
     end subroutine assemble
 
-    !> Find how far the start is from the rows that impose no motion. Where an imposed angle is far from the start, go there in
-    !> small steps: a Newton step of a large turn would find bodies turned over, on another branch of the rows of their joints.
-    !> Along the way Phi of these rows falls evenly from its value at the start to 0. Where the way is barred, q stays.
+    !> Find the distance of the start from the rows that impose no motion. If an imposed angle is far from the start, approach it in
+    !> small steps: a Newton step of a large rotation could turn bodies over, onto another branch of the rows of their joints. Along
+    !> the way Phi of these rows falls evenly from its value at the start to 0. If the way is blocked, q is unchanged.
     subroutine follow_motions(model, request, evaluator, position, t, q, move, pull, knows_move)
         class(model_type), intent(in) :: model
         type(assembly_type), intent(inout) :: request
@@ -145,12 +145,12 @@ contains
         !> Time, coordinates (n).
         real(wp), intent(in) :: t
         real(wp), intent(inout), contiguous :: q(:)
-        !> How far q has to move for the other rows, to which the limit of a move applies (n), how far each of them pulled each
-        !> coordinate (nh, n), and whether that was found.
+        !> Move of q required by the other rows, to which the limit applies (n), the part of each row in the move of each coordinate
+        !> (nh, n); true if both were found.
         real(wp), intent(out) :: move(:)
         real(wp), allocatable, intent(out) :: pull(:, :)
         logical, intent(out) :: knows_move
-        !> The largest step of an angle (rad), and the most steps.
+        !> The largest step of an angle (rad), and the largest number of steps.
         real(wp), parameter :: largest = 0.4_wp
         integer, parameter :: most = 1000
         real(wp) :: start(size(q)), phi(model%n_holonomic), rest
@@ -186,7 +186,7 @@ contains
         position%goal = 0.0_wp
     end subroutine follow_motions
 
-    !> Refuse what cannot be asked for.
+    !> Refuse invalid requests.
     subroutine check_request(model, request, t, q, qd, error)
         class(model_type), intent(in) :: model
         type(assembly_type), intent(in) :: request
@@ -214,7 +214,7 @@ contains
 
     contains
 
-        !> n positive numbers whose square roots may be divided by.
+        !> Check n weights, which must be positive with square roots that can be divisors.
         subroutine check_weights(name, values)
             character(len=*), intent(in) :: name
             real(wp), allocatable, intent(in) :: values(:)
@@ -251,7 +251,7 @@ contains
         end subroutine refuse
     end subroutine check_request
 
-    !> The weights asked for, or those of scaled coordinates.
+    !> The requested weights, or those of scaled coordinates.
     pure function weights(given, scale) result(weight)
         real(wp), allocatable, intent(in) :: given(:)
         real(wp), intent(in) :: scale(:)
@@ -261,12 +261,12 @@ contains
         if (allocated(given)) weight = given
     end function weights
 
-    !> Refuse a coordinate that moved too far, and name the row that pulled it most.
+    !> Refuse a coordinate that moved too far, and name the row with the largest part in the move.
     subroutine check_move(model, pull, move, limit, what, error)
         class(model_type), intent(in) :: model
-        !> How far each row pulled each coordinate; the sum of it in units of the scales; how far they may go.
+        !> Part of each row in the move of each coordinate; the moves in units of the scales; their limit.
         real(wp), intent(in) :: pull(:, :), move(:), limit
-        !> What comes before the coordinate's name.
+        !> Text before the coordinate's name.
         character(len=*), intent(in) :: what
         type(error_type), allocatable, intent(out) :: error
         character(len=13) :: unit
@@ -296,12 +296,12 @@ contains
         if (maxval(size_of) > 0.0_wp) strongest = maxloc(size_of, dim=1)
     end function strongest
 
-    !> A violation in words, with blanks behind.
+    !> Text of a violation, padded with blanks.
     pure function off_by(amount, value) result(text)
-        !> What is left of the row, and on its natural scale.
+        !> Residual of the row, also on its natural scale.
         real(wp), intent(in) :: amount, value
         character(len=80) :: text
-        !> Above this the natural scale has vanished, and with it all that could move the row.
+        !> Above this the natural scale has vanished, and with it all coefficients of the row.
         real(wp), parameter :: vanished = 1.0e3_wp
 
         if (value < vanished) then
@@ -311,7 +311,7 @@ contains
         end if
     end function off_by
 
-    !> The coordinates that were fixed, in words, with blanks behind.
+    !> Text naming the fixed coordinates, padded with blanks.
     function while_fixed(model, is_fixed) result(text)
         class(model_type), intent(in) :: model
         logical, intent(in) :: is_fixed(:)
@@ -326,10 +326,10 @@ contains
         if (text /= '') text = ', with fixed '//trim(text(3:))
     end function while_fixed
 
-    !> What to do about a start that has no consistent state near, with blanks behind.
+    !> Advice for a start without a consistent state near it, padded with blanks.
     pure function advice_for(is_fixed, things, start) result(text)
         logical, intent(in) :: is_fixed(:)
-        !> What may be fixed, and what was given.
+        !> Names of the quantities that may be fixed, and of the given ones.
         character(len=*), intent(in) :: things, start
         character(len=160) :: text
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Error control of the motion between the ends of steps, where somebody looks there.
+!> Error control of the motion between the ends of steps, if states there are requested.
 submodule(tandem_simulation) tandem_simulate_between
     use tandem_simulate_warning, only: dense_limit
     implicit none (type, external)
@@ -7,7 +7,7 @@ submodule(tandem_simulation) tandem_simulate_between
 contains
 
     module procedure judge_between
-        !> Steps of less than so many spacings of the time show rounding.
+        !> Steps of fewer spacings of the time than this show rounding.
         real(wp), parameter :: shortest = 1.0e4_wp
         real(wp) :: h, norm
         integer :: order, stat
@@ -19,7 +19,7 @@ contains
             return
         end if
         call measure(self, norm, stat)
-        ! Who looks there is told why it cannot be evaluated.
+        ! A request there reports the failure of its evaluation.
         if (stat /= status_ok .or. .not. norm <= huge(1.0_wp)) return
         order = self%method%estimate_order
         if (self%method%varies) order = self%stepper%order_of_estimate()
@@ -32,13 +32,13 @@ contains
         self%hindrance = status_ok
     end procedure judge_between
 
-    !> The error within the last step on the scale of what is allowed: at the method's place, and also near the end, where the
-    !> errors of steps into a turn of the motion are largest, if it is not far below what is allowed.
+    !> The error within the last step relative to its limit: at the method's position, and unless it is far below the limit also
+    !> near the end, where errors are largest in steps into a bend of the motion.
     subroutine measure(self, norm, stat)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(out) :: norm
         integer, intent(out) :: stat
-        !> The error at such a place may be this part of the largest.
+        !> The error at such a position may be this part of the largest.
         real(wp), parameter :: share = 0.5_wp
         real(wp), parameter :: near_end = 0.9_wp, far_below = 0.1_wp
         real(wp) :: second

@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> What a run remembers as a row of numbers, and back, for checkpoints. Bases and factors are kept, never made again: a basis made
-!> anew would be another one up to rounding.
+!> Conversion of the state of a run to a row of numbers, and back, for checkpoints. Bases and factors are stored, never recomputed:
+!> a recomputed basis would differ by rounding.
 submodule(tandem_simulation) tandem_simulate_checkpoint
     use tandem_pack, only: pack_type
     use tandem_status, only: status_invalid_checkpoint
     implicit none (type, external)
 
     character(len=*), parameter :: kind_of_row = 'run'
-    !> Room for two names and the words around them.
+    !> Length for two names and the text around them.
     integer, parameter :: problem_length = 2*label_length + 64
 
 contains
@@ -68,11 +68,11 @@ contains
         end subroutine refuse
     end procedure restore_state
 
-    !> What must be the same where the run is taken up.
+    !> Data that must agree when the run is restored.
     subroutine pack_identity(self, pack, problem)
         class(simulation_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
-        !> Where reading: what is not, blank where all is.
+        !> When reading: the first difference, blank if there is none.
         character(len=*), intent(out) :: problem
         type(options_type) :: options
         character(len=label_length) :: name
@@ -98,7 +98,7 @@ contains
             problem = 'it was made with another '//trim(self%options%first_difference(options))
             return
         end if
-        ! What is kept of the mass matrix and of the pivots was chosen with these.
+        ! The stored mass matrix and pivots were chosen with these scales.
         scale = [real(wp) ::]
         blocks = [real(wp) ::]
         if (allocated(self%model%coordinate_scale)) scale = self%model%coordinate_scale
@@ -120,8 +120,8 @@ contains
         end do
     end subroutine pack_identity
 
-    !> Breakpoints that must be the same, but for rounding: from the last that was passed on, until one of the two models knows no
-    !> more, as where the end of a run was put off. The number of the segment has a meaning among these alone.
+    !> Breakpoints that must agree, up to rounding: from the last one passed until the end of the breakpoints that one of the two
+    !> models knows, for example if the end of a run was postponed. The number of the segment refers to these alone.
     subroutine compare_breakpoints(pack, model, problem)
         type(pack_type), intent(inout) :: pack
         class(model_type), intent(inout) :: model
@@ -167,7 +167,7 @@ contains
         end if
     end subroutine compare_breakpoints
 
-    !> 1 for each of n breakpoints from a first one at which nu jumps, 0 for the others.
+    !> 1 for each of n breakpoints from a given one at which nu jumps, 0 for the others.
     pure function jumps_of(model, first, n) result(jumps)
         class(model_type), intent(in) :: model
         integer, intent(in) :: first, n
@@ -177,12 +177,12 @@ contains
         if (allocated(model%nu_jumps)) jumps = merge(1.0_wp, 0.0_wp, model%nu_jumps(first:first + n - 1))
     end function jumps_of
 
-    !> A number that must be the same.
+    !> Compare a number, which must agree.
     subroutine compare(pack, number, what, problem)
         type(pack_type), intent(inout) :: pack
         integer, intent(in) :: number
         character(len=*), intent(in) :: what
-        !> Kept where there is one already.
+        !> Unchanged if not blank.
         character(len=*), intent(inout) :: problem
         integer :: theirs
 
@@ -191,7 +191,7 @@ contains
         if (problem == '' .and. theirs /= number) problem = 'it has '//to_text(theirs)//' '//what//', not '//to_text(number)
     end subroutine compare
 
-    !> Numbers that must be the same.
+    !> Compare numbers, which must agree.
     subroutine compare_numbers(pack, numbers, what, problem)
         type(pack_type), intent(inout) :: pack
         real(wp), intent(in) :: numbers(:)
@@ -208,7 +208,7 @@ contains
         if (differ) problem = 'it was made with other '//what
     end subroutine compare_numbers
 
-    !> A name that must be the same.
+    !> Compare a name, which must agree.
     subroutine compare_text(pack, text, what, problem)
         type(pack_type), intent(inout) :: pack
         character(len=label_length), intent(in) :: text
@@ -221,7 +221,7 @@ contains
         if (problem == '' .and. theirs /= text) problem = what//' is "'//trim(theirs)//'" there, not "'//trim(text)//'"'
     end subroutine compare_text
 
-    !> What the run remembers.
+    !> State of the run.
     subroutine pack_run(self, pack)
         class(simulation_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -269,7 +269,7 @@ contains
         if (self%watch%n > 0) call pack_events(self, pack)
     end subroutine pack_run
 
-    !> Which of two methods is at work; where reading, put it in its place before what it remembers is read.
+    !> Index of the current one of two methods; when reading, activate the method before its state is read.
     subroutine pack_stepper(self, pack)
         class(simulation_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -283,7 +283,7 @@ contains
         call self%switching%pack_state(pack)
     end subroutine pack_stepper
 
-    !> What there is to say.
+    !> Warnings.
     subroutine pack_warnings(self, pack)
         class(simulation_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -304,7 +304,7 @@ contains
         end do
     end subroutine pack_warnings
 
-    !> The events that are watched, and what has happened.
+    !> Watched events, and records of past ones.
     subroutine pack_events(self, pack)
         class(simulation_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> How long steps may be for the motion between their ends, where somebody looks there: error control of the dense output.
+!> Limits of the step size for the motion between the ends of steps, if states there are requested: error control of dense output.
 !>
-!> Its error goes with the step to the same power as the error estimate of the step, so that both bound the next step alike. A step
-!> is measured where it may matter: errors far below what is allowed leave some steps unmeasured. An error that shorter tries do not
-!> reduce, as behind a kink that nobody told of, or of rounding, is let pass.
+!> Its error is proportional to the same power of the step as the error estimate of the step, so that both bound the next step
+!> alike. Steps are measured if it may matter: errors far below the limit leave some steps unmeasured. An error that shorter tries
+!> do not reduce, as behind an unannounced kink, or of rounding, is accepted.
 module tandem_simulate_dense_control
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
@@ -12,24 +12,24 @@ module tandem_simulate_dense_control
 
     public :: dense_control_type
 
-    !> The error that the next step aims at, on the scale of what is allowed.
+    !> The target of the next step's error, relative to its limit.
     real(wp), parameter :: aim = 0.5_wp
-    !> Below this error, foreseen from that of the last step that was measured, no more than so many steps are left unmeasured.
-    !> Estimates below the other bound count as that, and foretell nothing of steps above it.
+    !> Below this error, predicted from the last measured step, at most the following number of steps is left unmeasured. Estimates
+    !> below the other bound are raised to it, and predict nothing for steps above it.
     real(wp), parameter :: small = 1.0e-3_wp, least_estimate = 1.0e-3_wp
     integer, parameter :: most_skipped = 2
-    !> Tries of a step that may leave the error as it is. A smooth error falls faster than with this power of the step.
+    !> Tries of a step that may fail to reduce the error. A smooth error falls faster than with this power of the step.
     integer, parameter :: most_in_vain = 2
     real(wp), parameter :: slowest = 1.5_wp
 
     type :: dense_control_type
         !> The longest next step.
         real(wp) :: longest = huge(1.0_wp)
-        !> The error of the step that was measured last, and the error estimate of that step itself, below 0 for none; how
-        !> many steps were not measured since.
+        !> The error of the last measured step, and the error estimate of that step itself, below 0 for none; number of steps not
+        !> measured since.
         real(wp), private :: norm = 0.0_wp, estimate = -1.0_wp
         integer, private :: skipped = 0
-        !> The last refused try of a step and its error, 0 for none, and how many have not reduced it.
+        !> The last refused try of a step and its error, 0 for none, and the number of tries that did not reduce it.
         real(wp), private :: refused = 0.0_wp, refused_norm = 0.0_wp
         integer, private :: in_vain = 0
     contains
@@ -38,12 +38,12 @@ module tandem_simulate_dense_control
 
 contains
 
-    !> Forget all steps: another method, another motion, or nobody looks between steps any more.
+    !> Forget all steps: another method, another motion, or no more requests between steps.
     subroutine begin(self)
         class(dense_control_type), intent(out) :: self
     end subroutine begin
 
-    !> What comes is the first try of a step.
+    !> Begin the first try of a step.
     pure subroutine begin_step(self)
         class(dense_control_type), intent(inout) :: self
 
@@ -51,7 +51,7 @@ contains
         self%in_vain = 0
     end subroutine begin_step
 
-    !> A step is not measured; after some of them the last measurement says nothing of the next one.
+    !> Count a step that is not measured; after some of them the last measurement no longer predicts the next one.
     pure subroutine skip(self)
         class(dense_control_type), intent(inout) :: self
 
@@ -59,8 +59,8 @@ contains
         if (self%skipped > most_skipped) self%longest = huge(1.0_wp)
     end subroutine skip
 
-    !> Whether a step with this error estimate, on the scale of the tolerances, is to be measured. Between steps the error goes with
-    !> the estimate, also where the motion changes.
+    !> True if a step with this error estimate, on the scale of the tolerances, is to be measured. Between steps the error is
+    !> proportional to the estimate, even if the motion changes.
     pure logical function is_due(self, estimate)
         class(dense_control_type), intent(in) :: self
         real(wp), intent(in) :: estimate
@@ -73,8 +73,8 @@ contains
     !> Judge a try by the error between its ends, and choose the longest next step.
     pure subroutine judge(self, h, norm, estimate, power, is_refused)
         class(dense_control_type), intent(inout) :: self
-        !> Its length, its error on the scale of what is allowed, the error estimate of the step itself, and the power of the length
-        !> that both go with.
+        !> Its length, its error relative to the limit, the error estimate of the step itself, and the power of the length to which
+        !> both are proportional.
         real(wp), intent(in) :: h, norm, estimate, power
         logical, intent(out) :: is_refused
 
@@ -86,7 +86,7 @@ contains
             self%refused = h
             self%refused_norm = norm
             is_refused = self%in_vain < most_in_vain
-            ! The next try is measured too, whatever it is.
+            ! The next try is measured unconditionally.
             self%estimate = -1.0_wp
             self%longest = huge(1.0_wp)
             return

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Dense output: the motion at times within the last step, between the steps' own. Looking takes no part in the integration: the
-!> state that was left for it comes back.
+!> Dense output: the motion at times within the last step, between the steps' own. It does not affect the integration: the original
+!> state is restored.
 module tandem_simulate_dense_output
     use tandem_chart, only: chart_type
     use tandem_kinds, only: wp
@@ -18,32 +18,32 @@ module tandem_simulate_dense_output
     type :: dense_output_type
         !> The segment of the model in which the last step lies.
         integer :: segment = 1
-        !> Largest errors of q and of qd at the times that were looked at, on the scale s + |y|.
+        !> Largest errors of q and of qd at the requested times, on the scale s + |y|.
         real(wp) :: largest_q = 0.0_wp, largest_qd = 0.0_wp
-        !> Whether there is a last step, and whether the state is that of a time within it.
+        !> True if there is a last step; true if the state belongs to a time within it.
         logical, private :: has_step = .false., is_looking = .false.
-        !> Where it has been looked at, the state that was left, its errors and its segment.
+        !> During a request: the original state, its errors and its segment.
         type(state_type), private :: kept
         real(wp), private :: kept_errors(3) = 0.0_wp
         integer, private :: kept_segment = 1
-        !> Slopes of the interpolated increments of q and of qd, and then errors that follow from them; the same errors through the
-        !> filter of implicit methods (n, 2).
+        !> Slopes of the interpolated increments of q and of qd, later the errors computed from them; the errors after the filter of
+        !> implicit methods (n, 2).
         real(wp), allocatable, private :: slope(:, :), filtered(:, :)
-        !> Where a step is measured.
+        !> State at the measured position of a step.
         type(state_type), private :: probe
     contains
         procedure :: initialize, note_step, forget_step, look_at, look_back, measure, stay, keep, give_back, jump, pack_state
     end type dense_output_type
 
-    !> What the slope of an interpolant misses of the rates, times the step, is so many times its largest error: 7 to 10 for the
-    !> methods here, by their polynomials.
+    !> Error of the slope of an interpolant, times the step, over its largest error: 7 to 10 for the methods here, by their
+    !> polynomials.
     real(wp), parameter :: miss_of_error = 7.0_wp
-    !> The error of q that an error of qd entails, over the step times that; the largest is that of Hermite's polynomial.
+    !> The error of q that results from an error of qd, over the step times it; the largest is that of Hermite's polynomial.
     real(wp), parameter :: q_by_qd = 0.25_wp
 
 contains
 
-    !> Begin a run; nothing is allocated before it is looked at.
+    !> Begin a run; nothing is allocated before the first request.
     subroutine initialize(self)
         class(dense_output_type), intent(out) :: self
     end subroutine initialize
@@ -57,29 +57,29 @@ contains
         self%segment = segment
     end subroutine note_step
 
-    !> There is no last step: what a failed one leaves behind is no dense output.
+    !> Invalidate the last step after a failed one: there is no dense output.
     pure subroutine forget_step(self)
         class(dense_output_type), intent(inout) :: self
 
         self%has_step = .false.
     end subroutine forget_step
 
-    !> Make `state` and `errors` those of a time within the last step, and take note of how wrong they are.
+    !> Set `state` and `errors` for a time within the last step, and record the largest errors.
     subroutine look_at(self, t, stepper, chart, model, is_implicit, scales, start, arrived, state, errors, stat)
         class(dense_output_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        !> The stepper that has made the step, and whether its method is implicit.
+        !> The stepper of the last step; true if its method is implicit.
         class(stepper_type), intent(inout) :: stepper
         class(chart_type), intent(inout) :: chart
         class(model_type), intent(inout) :: model
         logical, intent(in) :: is_implicit
-        !> On which errors are relative.
+        !> Scales of relative errors.
         type(local_error_type), intent(in) :: scales
         !> The states at the ends of the step.
         type(state_type), intent(in) :: start, arrived
         type(state_type), intent(inout) :: state
         real(wp), intent(inout) :: errors(3)
-        !> A status code; invalid_option where the last step has not passed t.
+        !> A status code; invalid_option if t is outside the last step.
         integer, intent(out) :: stat
         real(wp) :: part_q, part_qd
         integer :: rows(3)
@@ -112,8 +112,8 @@ contains
         self%largest_qd = max(self%largest_qd, part_qd)
     end subroutine look_at
 
-    !> The largest weighted error of the motion within a step, from one place of it where interpolants of the method miss the rates
-    !> most. The chart is left as it was.
+    !> The largest weighted error of the motion within a step, from one position at which interpolants of the method miss the rates
+    !> most. The chart is unchanged.
     subroutine measure(self, place, stepper, chart, model, is_implicit, scales, start, arrived, weight_q, weight_qd, norm, stat)
         class(dense_output_type), intent(inout) :: self
         !> 0 at the start of the step, 1 at its end.
@@ -128,7 +128,7 @@ contains
         !> Weights of the errors of q and qd (n).
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
         real(wp), intent(out) :: norm
-        !> A status code: there is no error where the place cannot be evaluated.
+        !> A status code: the error is undefined if the position is not evaluable.
         integer, intent(out) :: stat
         integer :: i
 
@@ -145,7 +145,7 @@ contains
         call chart%release()
     end subroutine measure
 
-    !> Make `state` that of a time within a step, on all three constraint levels, and `slope` that of the interpolant.
+    !> Set `state` for a time within a step, on all three constraint levels, and `slope` for the interpolant.
     subroutine go_to(self, t, stepper, chart, start, arrived, state, stat)
         class(dense_output_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -167,9 +167,9 @@ contains
         if (stat == status_ok) call chart%solve_dynamics(t, state%q, state%qd, state%qdd, stat)
     end subroutine go_to
 
-    !> The point and the velocity of interpolated increments. Increments are the motion itself but for what the constraints have
-    !> taken of it since the chart's origin, at both ends of the step; between them that is taken in proportion to time. So the
-    !> curve meets the states at both ends, and is beside the manifold by no more than the error of the interpolant.
+    !> The point and the velocity of interpolated increments. Increments are the motion itself except for the part that the
+    !> constraints have removed since the chart's origin, at both ends of the step; between them that part is interpolated linearly.
+    !> So the curve meets the states at both ends, and deviates from the manifold by no more than the error of the interpolant.
     pure subroutine follow_states(a, b, state, slope)
         !> The states at the ends of the step.
         type(state_type), intent(in) :: a, b
@@ -190,14 +190,14 @@ contains
         end do
     end subroutine follow_states
 
-    !> Turn the slope of the interpolant at a state into moduli of errors: how well the dense output solves the equations of motion.
-    !> Interpolants agree with the motion at both ends; so their errors are a part of what a step leaves at the rate by which the
-    !> slope misses the rates at the state. Takes no evaluation of the model.
+    !> Turn the slope of the interpolant at a state into moduli of errors: residuals of the dense output in the equations of motion.
+    !> Interpolants agree with the motion at both ends; so their errors are a part of the step times the difference between the
+    !> slope and the rates at the state. Needs no evaluation of the model.
     subroutine find_errors(self, h, is_implicit, is_bound, chart, scales, state)
         type(dense_output_type), intent(inout) :: self
         !> Size of the step.
         real(wp), intent(in) :: h
-        !> Whether the method is implicit, and whether there are constraints.
+        !> True if the method is implicit; true if there are constraints.
         logical, intent(in) :: is_implicit, is_bound
         class(chart_type), intent(inout) :: chart
         type(local_error_type), intent(in) :: scales
@@ -211,7 +211,7 @@ contains
             error(:, 2) = part*(error(:, 2) - state%qdd)
             call chart%keep_tangent(error(:, 1), error(:, 2))
             if (is_implicit) then
-                ! As for local errors: a stiff mode has a rate that is large against what it is off by.
+                ! As for local errors: a stiff mode has a rate that is large against its error.
                 if (.not. allocated(self%filtered)) allocate (self%filtered(size(error, 1), 2))
                 self%filtered(:, :) = error
                 call chart%filter_error(self%filtered(:, 1), self%filtered(:, 2))
@@ -226,7 +226,7 @@ contains
         end associate
     end subroutine find_errors
 
-    !> Return to the state that was left, if any was.
+    !> Restore the original state, if it was replaced.
     subroutine look_back(self, state, errors, model, chart)
         class(dense_output_type), intent(inout) :: self
         type(state_type), intent(inout) :: state
@@ -245,7 +245,7 @@ contains
         call chart%release()
     end subroutine look_back
 
-    !> Go on from the state that is looked at, not from the one that was left.
+    !> Continue from the current state instead of the original one.
     subroutine stay(self, chart)
         class(dense_output_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -254,7 +254,7 @@ contains
         self%is_looking = .false.
     end subroutine stay
 
-    !> Keep a state, while nobody looks elsewhere.
+    !> Store a state, to be restored later.
     subroutine keep(self, state, errors)
         class(dense_output_type), intent(inout) :: self
         type(state_type), intent(in) :: state
@@ -264,7 +264,7 @@ contains
         self%kept_errors = errors
     end subroutine keep
 
-    !> Make a state the one that was kept.
+    !> Restore the stored state.
     subroutine give_back(self, state, errors)
         class(dense_output_type), intent(in) :: self
         type(state_type), intent(inout) :: state
@@ -274,7 +274,7 @@ contains
         errors = self%kept_errors
     end subroutine give_back
 
-    !> By how much velocities differ from those that were kept, the max-norm.
+    !> Difference of velocities from the stored ones, max-norm.
     pure real(wp) function jump(self, qd)
         class(dense_output_type), intent(in) :: self
         real(wp), intent(in) :: qd(:)
@@ -282,7 +282,7 @@ contains
         jump = maxval(abs(qd - self%kept%qd))
     end function jump
 
-    !> What is known of the last step besides the states at its ends.
+    !> Data of the last step besides the states at its ends.
     subroutine pack_state(self, pack)
         class(dense_output_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> What there is to doubt about the result of a complete run: the one place that decides when its user is warned of large errors.
+!> Warnings about the result of a complete run: the only module that decides when large errors are reported to the user.
 !>
-!> Without a doubt, a run whose error was estimated is right to `allowed_error`: twice what the warning begins with, since an
-!> estimate is right to a factor of two (theory, section 20).
+!> Without warnings, a run whose error was estimated is right to `allowed_error`: twice the warning limit, since an estimate is
+!> right to a factor of two (theory, section 20).
 module tandem_simulate_error_warnings
     use tandem_error, only: error_type, to_text
     use tandem_kinds, only: wp
@@ -16,24 +16,24 @@ module tandem_simulate_error_warnings
 
     public :: find_error_warnings, allowed_error, short_run
 
-    !> Seconds of the processor's time of a run that one need not hesitate to make twice, to know its error: wall time would let the
-    !> load of the machine decide who is warned.
+    !> Processor time (s) of a run that is short enough to be repeated for its error: with wall time the load of the machine would
+    !> decide about warnings.
     real(wp), parameter :: short_run = 2.0_wp
 
 contains
 
-    !> The doubts, none where all is well.
+    !> Warnings, none for a good result.
     subroutine find_error_warnings(options, statistics, doubts, global_error, failure)
-        !> What the run was asked for, and what it reports.
+        !> Options of the run, and its statistics.
         type(options_type), intent(in) :: options
         type(statistics_type), intent(in) :: statistics
         type(warning_type), allocatable, intent(out) :: doubts(:)
-        !> The error of the whole run, where it was asked for, and why it was not found, where it was not.
+        !> The error of the whole run, if requested, and the reason if it was not found.
         class(global_error_type), intent(in), optional :: global_error
         type(error_type), allocatable, intent(in), optional :: failure
         character(len=*), parameter :: contradicted = ', since the model contradicts itself'
-        !> An error of a ready-made model up to this part of the state is no reason for doubt, although the errors of many steps add
-        !> up to it or the motion amplifies them; the report states it.
+        !> An error of a ready-made model up to this part of the state needs no warning, although the errors of many steps add up to
+        !> it or the motion amplifies them; the report states it.
         real(wp), parameter :: negligible = 1.0e-7_wp
         character(len=:), allocatable :: advice, cause, suspect, jump
         real(wp) :: limit, tolerance, allowed_gap
@@ -49,7 +49,7 @@ contains
             suspect = ', or see whether a procedure of the model is wrong (tandem check, verify_model)'
             jump = 'where the velocity constraints jump, give the model a breakpoint with nu_jumps; else '
         end if
-        ! First what may have caused all the rest.
+        ! First the possible cause of all others.
         is_contradicted = statistics%contradiction /= ''
         if (is_contradicted) call add_warning(doubts, trim(statistics%contradiction))
         if (statistics%local_error_sum > large) call add_warning(doubts, 'the steps alone leave errors of '// &
@@ -59,7 +59,7 @@ contains
                 'a second, more accurate run has failed, so this one may be right by chance only'//advice)
         end if
         limit = warning_limit(options)
-        ! Driven velocities are off by what the tolerance lets steps miss, which is no jump, however loose it is.
+        ! Driven velocities have errors within the tolerance, which are no jump, however loose it is.
         allowed_gap = limit
         if (options%is_adaptive()) allowed_gap = times*tolerance
         if (statistics%velocity_gap > allowed_gap) then
@@ -80,7 +80,7 @@ contains
         associate (largest => global_error%largest)
             if (statistics%has_ready_made_model .and. largest <= negligible) return
             cause = advice
-            ! The local errors are root mean squares, of which a largest one of 2 n errors is less than sqrt(2 n).
+            ! The local errors are root mean squares, so the largest of 2 n errors is less than sqrt(2 n) times each.
             if (statistics%local_error_steps > 0 .and. &
                 largest > sqrt(2.0_wp*global_error%n)*statistics%local_error_sum) then
                 cause = ', since the motion amplifies what steps leave'//advice//suspect
@@ -96,8 +96,8 @@ contains
         end associate
     end subroutine find_error_warnings
 
-    !> What the motion between steps may be off by: ten times the tolerance, or with fixed steps what is worth a warning of a step,
-    !> and no less than the steps themselves leave.
+    !> Allowed error of the motion between steps: ten times the tolerance, or with fixed steps the warning limit of a step, and at
+    !> least the error of the steps themselves.
     pure real(wp) function allowed_between(options, statistics, global_error)
         type(options_type), intent(in) :: options
         type(statistics_type), intent(in) :: statistics
@@ -110,8 +110,8 @@ contains
         if (global_error%is_known) allowed_between = max(allowed_between, global_error%largest)
     end function allowed_between
 
-    !> Whether the failure of a second run is a reason to doubt the first: that events keep it from being compared, that somebody
-    !> stops it, or that the time is over, says nothing.
+    !> True if the failure of a second run is a reason for a warning about the first: events that prevent a comparison, a stop by
+    !> the user, or a time limit are none.
     pure logical function is_reason(failure, global_error)
         type(error_type), allocatable, intent(in) :: failure
         class(global_error_type), intent(in), optional :: global_error
@@ -122,14 +122,14 @@ contains
         if (present(global_error)) is_reason = is_reason .and. .not. global_error%is_out_of_time
     end function is_reason
 
-    !> What the error of a run may reach, on the scale s + |y|, before a run with an estimate warns.
+    !> Largest error of a run, on the scale s + |y|, before a run with an estimate warns.
     pure real(wp) function allowed_error(options)
         type(options_type), intent(in) :: options
 
         allowed_error = 2*warning_limit(options)
     end function allowed_error
 
-    !> A positive number with two digits, as 1.3e-7, with blanks behind.
+    !> A positive number with two digits, as 1.3e-7, padded with blanks.
     pure function two_digits_padded(value) result(text)
         real(wp), intent(in) :: value
         character(len=16) :: text, buffer
@@ -149,7 +149,7 @@ contains
         write (text, '(2a, i0)') trim(adjustl(buffer(:point - 1))), 'e', exponent
     end function two_digits_padded
 
-    !> The length of such a number (a deferred length would be static memory, see `tandem_status`).
+    !> The length of a number with two digits (a deferred length would be static memory, see `tandem_status`).
     pure integer function two_digits_length(value)
         real(wp), intent(in) :: value
 

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What happens when a function g(t, q, qd, lambda) of the motion passes through zero. A program extends `event_type`, or
-!> takes `threshold_event_type`, and gives the event to a simulation by `add_event`.
+!> Events at zeros of a function g(t, q, qd, lambda) of the motion. A program extends `event_type`, or uses `threshold_event_type`,
+!> and adds the event to a simulation by `add_event`.
 module tandem_simulate_event
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
@@ -12,20 +12,20 @@ module tandem_simulate_event
 
     public :: event_type, event_record_type, threshold_event_type
 
-    !> Longest change of the model in words.
+    !> Largest length of a change of the model.
     integer, parameter :: change_length = 256
 
-    !> A function of the motion and what its zeros mean.
+    !> A function of the motion and the effect of its zeros.
     type, abstract :: event_type
         !> Its name in reports and files.
         character(len=label_length) :: name = 'event'
-        !> Which zeros count: +1 rising ones, -1 falling ones, 0 all, those that only touch too.
+        !> Zeros that count: +1 rising, -1 falling, 0 all, including those without a change of sign.
         integer :: direction = 0
-        !> Whether the run ends there.
+        !> True if the run ends there.
         logical :: stops = .false.
-        !> Whether `act` changes the state or the model, so that the integration must restart there.
+        !> True if `act` changes the state or the model, so that the integration must restart there.
         logical :: changes = .false.
-        !> Whether g looks at the multipliers, which are computed for it then.
+        !> True if g depends on the multipliers, which are then computed for it.
         logical :: needs_multipliers = .false.
     contains
         procedure(evaluate_interface), deferred :: evaluate
@@ -42,33 +42,33 @@ module tandem_simulate_event
             real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
             !> g, continuous along the motion.
             real(wp), intent(out) :: value
-            !> 0 fine, else the run ends.
+            !> 0 for success, else the run ends.
             integer, intent(out) :: stat
         end subroutine evaluate_interface
     end interface
 
-    !> What has happened.
+    !> Record of an event.
     type :: event_record_type
         !> Number of the event in the order of `add_event`, and its name.
         integer :: number = 0
         character(len=label_length) :: name = ''
-        !> +1 where g rose through zero, -1 where it fell, 0 where it touched zero or was zero at the start of the run.
+        !> +1 if g rose through zero, -1 if it fell, 0 if it touched zero or was zero at the start of the run.
         integer :: direction = 0
         !> Time, and the state (n) there, before the action.
         real(wp) :: t = 0.0_wp
         real(wp), allocatable :: q(:), qd(:)
     end type event_record_type
 
-    !> One coordinate or velocity, one multiplier, or one number of what the model measures reaches a value.
+    !> One coordinate or velocity, one multiplier, or one measured quantity of the model reaches a value.
     type, extends(event_type) :: threshold_event_type
-        !> What to look at: 'q', 'qd', 'lambda' or 'shown', and its number; of what is measured the number among all.
+        !> Watched quantity: 'q', 'qd', 'lambda' or 'shown', and its index; for measured quantities the index among all.
         character(len=6) :: quantity = 'q'
         integer :: index = 1
         !> The value; g is the quantity less this.
         real(wp) :: value = 0.0_wp
-        !> What to change of the model there, one after the other, in its own words; with `changes`.
+        !> Changes of the model there, executed in order, in the model's syntax; with `changes`.
         character(len=change_length), allocatable :: words(:)
-        !> The model, which `add_event` sets; room for what it measures.
+        !> The model, set by `add_event`; work space for its measured quantities.
         class(model_type), pointer :: told_by => null()
         real(wp), allocatable, private :: shown(:), still(:)
         logical, allocatable, private :: asked(:)
@@ -78,8 +78,8 @@ module tandem_simulate_event
 
 contains
 
-    !> What the event does where `changes` is true: change qd, or q on the constraints, or the model's parameters. The simulation
-    !> then brings qd onto the velocity constraints, nearest in the mass metric, and restarts. Does nothing unless overridden.
+    !> Effect of the event if `changes` is true: change qd, or q on the constraints, or the model's parameters. The simulation then
+    !> projects qd onto the velocity constraints, nearest in the mass metric, and restarts. Does nothing unless overridden.
     subroutine act(self, model, t, q, qd, error)
         class(event_type), intent(inout) :: self
         !> The simulation's model.
@@ -91,7 +91,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
     end subroutine act
 
-    !> The quantity less the value; a quantity or an index that does not exist is a status of 1.
+    !> The quantity less the value; the status is 1 if the quantity or its index does not exist.
     subroutine evaluate_threshold(self, t, q, qd, lambda, value, stat)
         class(threshold_event_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
@@ -121,7 +121,7 @@ contains
         stat = 0
     end subroutine evaluate_threshold
 
-    !> A number of what the model measures.
+    !> One of the model's measured quantities.
     subroutine look(self, t, q, qd, lambda, value, stat)
         class(threshold_event_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
@@ -153,7 +153,7 @@ contains
         value = self%shown(self%index)
     end subroutine look
 
-    !> Which of the quantities that the model measures is watched; 0 for none.
+    !> Index of the watched quantity among the model's measured ones; 0 for none.
     pure integer function measured_quantity(self)
         class(threshold_event_type), intent(in) :: self
         integer :: i, n
@@ -191,8 +191,8 @@ contains
         end do
     end subroutine change_model
 
-    !> What the event itself remembers, where its `evaluate` or `act` keeps something between calls: list it by `pack%item`, and a
-    !> checkpoint keeps it. Nothing unless overridden.
+    !> State of the event itself, if its `evaluate` or `act` keeps something between calls: list it by `pack%item`, and a checkpoint
+    !> contains it. Empty unless overridden.
     subroutine pack_state(self, pack)
         class(event_type), intent(inout) :: self
         !> Writes or reads.

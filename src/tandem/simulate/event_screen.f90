@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> Steps in which no event can happen.
+!> Detection of steps in which no event can happen.
 !>
 !> Restoring the constraints at the samples of a step costs as much as several of its stages. So every g is evaluated first at
 !> quarters of the step on the polynomial of degree 5 through the coordinates, velocities and accelerations at its ends, which needs
-!> no term of the model. Between two samples a smooth g is off their chord by an eighth of its second difference; the error of the
-!> polynomial vanishes at both ends, with two derivatives, and so shows in the second differences in full. Where g stays away from
-!> zero by twice the largest of them and by a part of the range of its values, it has no zero in the step. All else is left to the
-!> search, which restores the constraints.
+!> no term of the model. Between two samples a smooth g differs from their chord by an eighth of its second difference; the error of
+!> the polynomial vanishes at both ends, with two derivatives, and so the second differences show it in full. If |g| exceeds twice
+!> the largest of them and a part of the range of its values, it has no zero in the step. Other steps are searched with restored
+!> constraints.
 submodule(tandem_simulate_event_watch) tandem_simulate_event_screen
     implicit none (type, external)
 
@@ -56,7 +56,7 @@ contains
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(in) :: curve
         integer, intent(in) :: k
-        !> True if one of them has no value, or another sign than at the start.
+        !> True if one of them is undefined, or has another sign than at the start.
         logical, intent(out) :: may_happen
         real(wp) :: t
         integer :: i, stat

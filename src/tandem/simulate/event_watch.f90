@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The events that a run watches: their functions are followed from step to step, their zeros found within a step, and their actions
-!> judged. The caller gives the motion within the step as a curve: nothing here knows how a run makes steps.
+!> The watched events of a run: their functions are followed from step to step, their zeros located within a step, and their actions
+!> checked. The caller provides the motion within the step as a curve: this module is independent of the integration.
 module tandem_simulate_event_watch
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     use tandem_error, only: error_type, set_error, to_text
@@ -16,31 +16,30 @@ module tandem_simulate_event_watch
 
     public :: curve_type, event_watch_type
 
-    !> Places of the samples within the step. Those beside the ends tell an extremum at an end from one before or behind it.
+    !> Positions of the samples within the step. Those near the ends separate an extremum at an end from one before or behind it.
     integer, parameter :: n_samples = 7
     real(wp), parameter :: aside = 1.0_wp/256
     !> Quarters of the step, and its ends.
     integer, parameter :: n_rough = 5
     real(wp), parameter :: place(n_samples) = [0.0_wp, aside, 0.25_wp, 0.5_wp, 0.75_wp, 1.0_wp - aside, 1.0_wp]
-    !> Zeros are located to this part of the step; events closer than twice that are at once.
+    !> Zeros are located to this part of the step; events closer than twice that are simultaneous.
     real(wp), parameter :: resolution = 1.0e-13_wp
     !> Below this part of the largest |g| in the step a sample is zero.
     real(wp), parameter :: zero = 1.0e-13_wp
-    !> A g that stays below this part of its largest modulus so far may be zero but for rounding, as is the rate of a joint that
-    !> was locked.
+    !> A g that stays below this part of its largest modulus so far may be zero up to rounding, such as the rate of a locked joint.
     real(wp), parameter :: faint = 1.0e-9_wp
     !> Most zeros of one event in a step: a crossing between all samples, and two at every other extremum.
     integer, parameter :: most_zeros = 2*n_samples
-    !> Events without an advance of time, one after the other, before they count as endless.
+    !> Largest number of successive events without an advance of time.
     integer, parameter :: most_at_once = 100
     !> Rates of g at an event are measured over this part of a step.
     real(wp), parameter :: part = 1.0e-3_wp
 
-    !> The motion within a step, and the place of it that is looked at.
+    !> The motion within a step, and its current position.
     type, abstract :: curve_type
         !> Start and end of the step (s).
         real(wp) :: t_from = 0.0_wp, t_to = 0.0_wp
-        !> The state at the place that is looked at.
+        !> The state at the current position.
         type(state_type), pointer :: state => null()
     contains
         procedure(go_to_interface), deferred :: go_to
@@ -48,40 +47,39 @@ module tandem_simulate_event_watch
         procedure(multipliers_interface), deferred :: multipliers
     end type curve_type
 
-    !> An event and what the search remembers of it.
+    !> An event and the state of its search.
     type :: watched_type
         class(event_type), pointer :: event => null()
-        !> g at the current state, its last sign before that (0: there was none yet), and the largest |g| of the last step and of
-        !> all steps.
+        !> g at the current state, its last sign before that (0: none yet), and the largest |g| of the last step and of all steps.
         real(wp) :: value = 0.0_wp, largest = 0.0_wp, peak = 0.0_wp
         integer :: sign_before = 0
-        !> Whether a zero at the current state is still to be judged: at the start of the run, or at the end of the last step.
+        !> True if a zero at the current state is undecided: at the start of the run, or at the end of the last step.
         logical :: is_open = .true.
-        !> Whether it has happened at the current state, so that its zero there does not count again, and in which direction.
+        !> True if it has happened at the current state, so that its zero there does not count again; its direction.
         logical :: rests = .false.
         integer :: direction = 0
         !> While it rests or is faint: a smaller |g| is rounding.
         real(wp) :: noise = 0.0_wp
-        !> Whether its action is due; whether the last one has sent g back, which must show until the given time, how far g would
-        !> have gone on otherwise, and g before it.
+        !> True if its action is due; true if the last action has reversed g, which must show until the given time; the change of g
+        !> without the action, and g before it.
         logical :: is_due = .false., is_sent_back = .false.
         real(wp) :: judged_until = 0.0_wp, reach = 0.0_wp, value_before = 0.0_wp
     contains
         procedure :: is_faint
     end type watched_type
 
-    !> Events, and what the search for their zeros remembers from step to step.
+    !> Events, and the state of the search for their zeros between steps.
     type :: event_watch_type
-        !> How many there are.
+        !> Number of events.
         integer :: n = 0
-        !> Whether the action of one is due at the current state.
+        !> True if an action is due at the current state.
         logical :: has_to_act = .false.
         !> Evaluations of their functions so far.
         integer(long) :: evaluations = 0
-        !> The zeros that the last search has found.
+        !> The zeros found by the last search.
         type(zeros_type) :: found
         type(watched_type), allocatable, private :: watched(:)
-        !> What there was before the last search.
+        !> State before the last search.
         type(watched_type), allocatable, private :: watched_before(:)
         logical, private :: were_stale = .true.
         !> The model, for the scales of its coordinates.
@@ -89,14 +87,14 @@ module tandem_simulate_event_watch
         real(wp), allocatable, private :: lambda(:)
         !> g of each event at the samples of a step, and soon after an event; at quarters of it without restored constraints.
         real(wp), allocatable, private :: samples(:, :), rough(:, :)
-        !> Coordinates and velocities (n) of the latter.
+        !> Coordinates and velocities (n) for `rough`.
         real(wp), allocatable, private :: near_q(:), near_qd(:)
-        !> The quantities of the model that events watch without multipliers, and room for their values; whether there are any.
+        !> The quantities of the model that events watch without multipliers, and their values; true if there are any.
         logical, allocatable, private :: asked(:)
         real(wp), allocatable, private :: shown(:)
         logical, private :: measures = .false.
         logical, private :: lambda_is_current = .false., values_are_stale = .true.
-        !> Events one after the other without an advance of time.
+        !> Number of successive events without an advance of time.
         integer, private :: n_at_once = 0
     contains
         procedure :: add, name, forget_values, rule_out, search, forget_search, find_cut, pass, settle, renew, prepare_actions, act
@@ -105,7 +103,7 @@ module tandem_simulate_event_watch
     end type event_watch_type
 
     abstract interface
-        !> Make `state` that of a place of the step.
+        !> Set `state` for a position within the step.
         subroutine go_to_interface(self, x, error)
             import :: curve_type, error_type, wp
             implicit none (type, external)
@@ -115,12 +113,12 @@ module tandem_simulate_event_watch
             type(error_type), allocatable, intent(out) :: error
         end subroutine go_to_interface
 
-        !> Coordinates and velocities near those of a place of the step, beside the constraints; `state` stays as it is.
+        !> Coordinates and velocities near those of a position within the step, beside the constraints; `state` is unchanged.
         subroutine pass_through_interface(self, x, t, q, qd)
             import :: curve_type, wp
             implicit none (type, external)
             class(curve_type), intent(in) :: self
-            !> 0 at the start of the step, 1 at its end: there they are the states.
+            !> 0 at the start of the step, 1 at its end: there they equal the states.
             real(wp), intent(in) :: x
             !> (n) each.
             real(wp), intent(out) :: t
@@ -137,7 +135,7 @@ module tandem_simulate_event_watch
     end interface
 
     interface
-        !> Find out if one of the events may happen in the step that was just accepted. If none can, all of them pass on to the next
+        !> Decide if one of the events may happen in the step that was just accepted. If none can, advance all of them to the next
         !> step.
         module subroutine rule_out(self, curve, may_happen)
             implicit none (type, external)
@@ -151,7 +149,7 @@ module tandem_simulate_event_watch
             implicit none (type, external)
             class(event_watch_type), intent(inout) :: self
             class(curve_type), intent(inout) :: curve
-            !> Whether no step may follow: a zero at the end counts now.
+            !> True if no step may follow: a zero at the end counts now.
             logical, intent(in) :: is_last
             type(error_type), allocatable, intent(out) :: error
         end subroutine search
@@ -187,10 +185,10 @@ contains
         self%values_are_stale = .true.
     end subroutine add
 
-    !> Let all events that watch the model's quantities take their values from one measurement of a point.
+    !> Measure the quantities of all events at a point by one call of the model.
     subroutine ask_for(self, number)
         class(event_watch_type), intent(inout) :: self
-        !> Of a quantity.
+        !> Index of a quantity.
         integer, intent(in) :: number
 
         associate (quantities => self%model%quantities)
@@ -211,7 +209,7 @@ contains
         is_faint = largest <= max(faint*self%peak, self%noise)
     end function is_faint
 
-    !> The step that was searched last is not kept.
+    !> Discard the step of the last search.
     pure subroutine forget_search(self)
         class(event_watch_type), intent(inout) :: self
 
@@ -228,19 +226,19 @@ contains
         name = self%watched(number)%event%name
     end function name
 
-    !> The motion goes on from another state than that of the last step's end.
+    !> The motion continues from another state than that of the last step's end.
     pure subroutine forget_values(self)
         class(event_watch_type), intent(inout) :: self
 
         self%values_are_stale = .true.
     end subroutine forget_values
 
-    !> Where the first event that stops the run or changes the motion cuts the step, with what happens at once with it: all of them
-    !> have passed their zeros at the cut.
+    !> Position at which the first event that stops the run or changes the motion cuts the step, and the interval of simultaneous
+    !> events: all of them have passed their zeros at the cut.
     pure subroutine find_cut(self, curve, cut_at, at_once)
         class(event_watch_type), intent(in) :: self
         class(curve_type), intent(in) :: curve
-        !> Place of the cut, beyond the step where there is none; zeros that are this near to it are at once with it.
+        !> Position of the cut, beyond the step if there is none; zeros within this distance are simultaneous.
         real(wp), intent(out) :: cut_at, at_once
         integer :: k
 
@@ -257,10 +255,10 @@ contains
         end associate
     end subroutine find_cut
 
-    !> Let all events go on to the next step from the end of one that was searched and not cut.
+    !> Advance all events to the next step from the end of one that was searched and not cut.
     subroutine pass(self, is_last)
         class(event_watch_type), intent(inout) :: self
-        !> Whether a zero at the end has counted, as a crossing.
+        !> True if a zero at the end has counted, as a crossing.
         logical, intent(in) :: is_last
         integer :: i, k
 
@@ -278,16 +276,16 @@ contains
         end do
     end subroutine pass
 
-    !> The step ends at events: what they ask for, and where all functions go on from.
+    !> End the step at events: determine their effects, and the initial values of all functions.
     subroutine settle(self, x, at_once, has_advanced, stopper, is_endless)
         class(event_watch_type), intent(inout) :: self
-        !> Place of the cut; zeros that are this near to it are at once with it.
+        !> Position of the cut; zeros within this distance are simultaneous.
         real(wp), intent(in) :: x, at_once
-        !> Whether the time has advanced until there.
+        !> True if the time has advanced until there.
         logical, intent(in) :: has_advanced
-        !> The event that stops the run, 0 where none does.
+        !> The event that stops the run, 0 for none.
         integer, intent(out) :: stopper
-        !> Whether too many events have followed each other at once.
+        !> True if too many events have followed each other without an advance of time.
         logical, intent(out) :: is_endless
         integer :: i, k
 
@@ -297,8 +295,7 @@ contains
         if (is_endless) return
         do i = 1, self%n
             associate (watched => self%watched(i))
-                ! A function that has stayed at its zero until there goes on to rest,
-                ! such as that of a joint that was locked where it is watched.
+                ! A function that has stayed at its zero until there continues to rest, such as that of a locked joint.
                 do k = 1, n_samples
                     if (place(k) > x) exit
                     if (sign_of(self%samples(i, k), max(zero*watched%largest, watched%noise)) /= 0) watched%rests = .false.
@@ -319,7 +316,7 @@ contains
         end do
         do i = 1, self%n
             if (x < 1.0_wp) self%watched(i)%is_open = .false.
-            ! The sign before the cut, for those that do not happen there.
+            ! The sign before the cut, for events that do not happen there.
             do k = 1, n_samples
                 if (place(k) > x) exit
                 associate (s => sign_of(self%samples(i, k), max(zero*self%watched(i)%largest, self%watched(i)%noise)))
@@ -375,7 +372,7 @@ contains
         end associate
     end subroutine evaluate
 
-    !> g of one event at a point, with the multipliers that were found last.
+    !> g of one event at a point, with the last computed multipliers.
     subroutine evaluate_point(self, number, t, q, qd, value, stat)
         class(event_watch_type), intent(inout) :: self
         integer, intent(in) :: number
@@ -383,15 +380,15 @@ contains
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:)
         real(wp), intent(out) :: value
-        !> That of the event's function.
+        !> Status of the event's function.
         integer, intent(out) :: stat
 
         call self%watched(number)%event%evaluate(t, q, qd, self%lambda, value, stat)
         self%evaluations = self%evaluations + 1
     end subroutine evaluate_point
 
-    !> Before all events are evaluated at a point: measure what they watch, in one call of the model for all of them. Where that
-    !> fails, each asks for its own quantity.
+    !> Before all events are evaluated at a point: measure their quantities in one call of the model. If that fails, each event
+    !> requests its own quantity.
     subroutine measure_all(self, t, q, qd)
         class(event_watch_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -400,7 +397,7 @@ contains
 
         if (.not. self%measures) return
         call move_alloc(self%asked, self%model%asked)
-        ! Accelerations are of no account.
+        ! Accelerations are not used.
         call self%model%measure(t, q, qd, qd, self%shown, stat)
         call move_alloc(self%model%asked, self%asked)
         if (stat == 0) call move_alloc(self%shown, self%model%shown)
@@ -414,9 +411,9 @@ contains
         if (allocated(self%model%shown)) call move_alloc(self%model%shown, self%shown)
     end subroutine end_measuring
 
-    !> How far rounding of time, state and multipliers may move g. Integration and corrections leave errors of some last digits, of
-    !> coordinates on their scale where that exceeds their modulus. One pattern of signs may cancel in g, as a common factor of
-    !> Euler parameters does in angles; two hardly do.
+    !> Change of g due to rounding of time, state and multipliers. Integration and corrections leave errors of some last digits,
+    !> relative to coordinates or to their scales if these are larger. One pattern of signs may cancel in g, as a common factor of
+    !> Euler parameters does in angles; two patterns hardly do.
     subroutine measure_noise(self, curve, number, noise)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -444,7 +441,7 @@ contains
         end associate
     end subroutine measure_noise
 
-    !> Before actions: see how far the functions of those that are due would go.
+    !> Before actions: compute the change of the functions of due events without them.
     subroutine prepare_actions(self, curve)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(in) :: curve
@@ -479,8 +476,8 @@ contains
         end do
     end subroutine act
 
-    !> After actions: have they sent g back to where it came from, at this zero? A g that they hold there, as locks do, may go on
-    !> either way when it is let go.
+    !> After actions: check whether they have reversed g at this zero. A g that they hold there, as locks do, may continue either
+    !> way when it is released.
     subroutine judge_actions(self, curve)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -511,7 +508,7 @@ contains
         is_held = .false.
         call self%measure_noise(curve, number, noise)
         associate (event => self%watched(number)%event, state => curve%state)
-            ! In a shorter time no acceleration would show.
+            ! A shorter time would not show accelerations.
             h = part*max(curve%t_to - curve%t_from, part*self%model%time_scale)
             call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
             if (stat /= 0) return
@@ -522,7 +519,7 @@ contains
         end associate
     end function is_held
 
-    !> How far g would go in a step as long as the last: a difference along the motion, the multipliers as they are.
+    !> Change of g in a step as long as the last: a difference along the motion, with constant multipliers.
     subroutine measure_rate(self, curve, number, reach)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(in) :: curve
@@ -542,7 +539,7 @@ contains
         end associate
     end subroutine measure_rate
 
-    !> What is remembered between steps.
+    !> State between steps.
     subroutine pack_state(self, pack)
         class(event_watch_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

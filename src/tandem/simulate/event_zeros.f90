@@ -1,25 +1,25 @@
 ! SPDX-License-Identifier: MIT
 !> The zeros of events in a step.
 !>
-!> Every g is sampled at a few places of the step. A sign change is narrowed to 1e-13 of the step. Where the samples come near zero
+!> Every g is sampled at a few positions of the step. A sign change is narrowed to 1e-13 of the step. If the samples come near zero
 !> and turn back, the minimum of |g| is searched: it may hide two sign changes, or a touch. A g that leaves and returns within a
-!> quarter of a step, not seen by the parabola through the samples, is missed; `max_step` bounds that. A zero at the very end of
-!> a step is judged with the next step, which shows whether g goes on or turns back.
+!> quarter of a step, undetected by the parabola through the samples, is missed; `max_step` bounds such gaps. A zero at the very end
+!> of a step is judged with the next step, which shows whether g continues or turns back.
 submodule(tandem_simulate_event_watch) tandem_simulate_event_zeros
     use tandem_simulate_root, only: bracket_type, minimum_type, vertex
     implicit none (type, external)
 
-    !> Where g is looked at first after an event: closer to its zero the sign is rounding.
+    !> Position of the first evaluation of g after an event: closer to its zero the sign is rounding.
     real(wp), parameter :: early = 1.0e-6_wp
     !> Below these parts of the largest |g| in the step a value is zero: soon after an event; at an extremum, where the error of the
-    !> integration decides whether g gets there.
+    !> integration decides whether g reaches it.
     real(wp), parameter :: early_zero = 1.0e-11_wp, touch = 1.0e-9_wp
 
-    !> The function of one event as the samples of a step show it.
+    !> Samples of the function of one event in a step.
     type :: sampled_type
-        !> The event, and the first sample from which on its zeros count; 0 until that is known.
+        !> The event, and the first sample from which on its zeros count; 0 if unknown.
         integer :: number = 0, first = 0
-        !> Places and values, the largest modulus of these, and their signs.
+        !> Positions and values, the largest modulus of these, and their signs.
         real(wp) :: x(n_samples) = place, value(n_samples) = 0.0_wp, largest = 0.0_wp
         integer :: sign(n_samples) = 0
     end type sampled_type
@@ -60,7 +60,7 @@ contains
         self%values_are_stale = .false.
     end subroutine take_samples
 
-    !> The values of all events at a place of the step.
+    !> The values of all events at a position of the step.
     subroutine sample(self, curve, x, value, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -82,7 +82,7 @@ contains
         call self%end_measuring()
     end subroutine sample
 
-    !> g of one event at a place of the step.
+    !> g of one event at a position of the step.
     subroutine evaluate_at(self, curve, number, x, value, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -102,7 +102,7 @@ contains
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
         integer, intent(in) :: number
-        !> Whether a zero at the end of the step counts.
+        !> True if a zero at the end of the step counts.
         logical, intent(in) :: is_last
         type(error_type), allocatable, intent(out) :: error
         type(sampled_type) :: g
@@ -151,7 +151,7 @@ contains
         g%value(1) = early_value
     end subroutine begin_behind
 
-    !> A zero at the start of the step: one of the start of the run, one that the last step has left open, or a jump.
+    !> Judge a zero at the start of the step: at the start of the run, undecided by the last step, or due to a jump.
     subroutine judge_start(self, g)
         class(event_watch_type), intent(inout) :: self
         type(sampled_type), intent(inout) :: g
@@ -165,7 +165,7 @@ contains
             wanted => self%watched(g%number)%event%direction)
             if (.not. is_open) then
                 if (s(1)*before < 0) call add_if_wanted(self, g, 0.0_wp, s(1))
-                ! What is zero here is not there yet, or was counted.
+                ! A zero here is not reached yet, or has counted.
                 if (s(1) == 0 .and. s(2) /= 0) s(1) = before
                 return
             end if
@@ -184,8 +184,7 @@ contains
         end associate
     end subroutine judge_start
 
-    !> An action that has sent g back has done so for longer than what is seen here, or for nothing: g comes out on the side
-    !> that it was sent away from.
+    !> An action that has reversed g is effective if g stays away within this step, and in vain if g appears on the opposite side.
     subroutine judge_return(self, curve, g, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -206,7 +205,7 @@ contains
         end associate
     end subroutine judge_return
 
-    !> Crossings between samples; at samples crossings or touches, as the signs around them say.
+    !> Crossings between samples; at samples crossings or touches, according to the signs around them.
     subroutine find_crossings(self, curve, g, is_last, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -241,14 +240,14 @@ contains
         end if
     end subroutine find_crossings
 
-    !> Narrow a sign change between two places.
+    !> Narrow a sign change between two positions.
     subroutine locate(self, curve, g, a, value_a, b, value_b, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
         type(sampled_type), intent(in) :: g
         real(wp), intent(in) :: a, value_a, b, value_b
         type(error_type), allocatable, intent(out) :: error
-        !> More than two secants to a bisection take.
+        !> Larger than the number of two secants per bisection.
         integer, parameter :: most_points = 150
         type(bracket_type) :: bracket
         real(wp) :: point, value_there
@@ -263,13 +262,13 @@ contains
             if (allocated(error)) return
             call bracket%narrow(point, value_there)
         end do
-        ! Behind the zero, so that the motion goes on from where the sign has changed; what is left of a step is a step.
+        ! Behind the zero, so that the motion continues after the sign change; the remainder of a step is a step.
         point = bracket%b
         if ((1.0_wp - point)*(curve%t_to - curve%t_from) <= 8*spacing(abs(curve%t_to))) point = 1.0_wp
         call add_if_wanted(self, g, point, merge(1, -1, value_b > 0.0_wp))
     end subroutine locate
 
-    !> Is |g| at a sample smaller than beside it, and may it reach zero there?
+    !> Search a minimum if |g| at a sample is smaller than beside it and may reach zero there.
     subroutine look_for_minimum(self, curve, g, k, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -289,7 +288,7 @@ contains
             if (k < high .and. abs(value(k)) >= abs(value(high))) return
             call vertex(x(i:i + 2), abs(value(i:i + 2)), at, extreme)
             if (extreme > 0.25_wp*maxval(abs(value(i:i + 2)))) return
-            ! At an end: only an extremum of this step, or one too near to the end to tell.
+            ! At an end: only an extremum of this step, or one too near to the end to decide.
             associate (reach => merge(0.0_wp, x(high) - x(low), self%watched(g%number)%rests))
                 if (k == low .and. (at > x(high) .or. at < x(low) - reach)) return
                 if (k == high .and. (at < x(low) .or. at > x(high) + x(high) - x(low))) return
@@ -298,13 +297,13 @@ contains
         end associate
     end subroutine look_for_minimum
 
-    !> Find out what a minimum of |g| near zero is.
+    !> Locate a minimum of |g| near zero and decide its kind.
     subroutine search_minimum(self, curve, g, a, value_a, b, value_b, is_found, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
         type(sampled_type), intent(in) :: g
         real(wp), intent(in) :: a, value_a, b, value_b
-        !> Whether g gets to zero there.
+        !> True if g reaches zero there.
         logical, intent(out) :: is_found
         type(error_type), allocatable, intent(out) :: error
         !> Golden sections alone take 45.
@@ -319,7 +318,7 @@ contains
         do j = 1, most_points
             point = minimum%next_point()
             if (minimum%n_points > 3 .and. minimum%width() <= 2.0e-9_wp) exit
-            ! Far above zero: no parabola will bring it there.
+            ! Far above zero: no parabola will reach zero.
             if (minimum%expected > 0.5_wp*minimum%value .and. minimum%expected < huge(1.0_wp) .and. &
                 minimum%value > 1.0e3_wp*touch*g%largest .and. minimum%n_points > 4) return
             if (point <= minimum%a .or. point >= minimum%b) exit
@@ -337,7 +336,7 @@ contains
         if (is_found) call add_if_wanted(self, g, minimum%x, 0)
     end subroutine search_minimum
 
-    !> Add a zero where the event asks for its direction.
+    !> Add a zero if the event asks for its direction.
     subroutine add_if_wanted(self, g, at, direction)
         class(event_watch_type), intent(inout) :: self
         type(sampled_type), intent(in) :: g

@@ -1,7 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The events of a run: what has happened in a step is recorded in the order of the times, and the step cut where an event asks for
-!> it. After an action the motion restarts: the position must be on the constraints, the velocity is brought there in the mass
-!> metric.
+!> The events of a run: events in a step are recorded in the order of the times, and the step is cut if an event requires it. After
+!> an action the motion restarts: the position must be on the constraints, the velocity is projected in the mass metric.
 submodule(tandem_simulation) tandem_simulate_events
     use tandem_simulate_event_watch, only: curve_type
     use tandem_status, only: status_event_limit
@@ -55,7 +54,7 @@ contains
                 if (found%place(k) > cut_at) exit
                 call record(self, curve, found%number(k), found%direction(k), found%place(k), error)
                 if (.not. allocated(error)) cycle
-                ! The run ends at the event that is one too many.
+                ! The run ends at the first event in excess.
                 is_cut = .true.
                 call cut_step(self, found%place(k))
                 return
@@ -69,7 +68,7 @@ contains
         end if
     end procedure look_for_events
 
-    !> Give the last step of a run as a curve.
+    !> Represent the last step of a run by a curve.
     subroutine follow(self, curve)
         class(simulation_type), intent(inout), target :: self
         type(step_curve_type), intent(out) :: curve
@@ -121,7 +120,7 @@ contains
         call self%run%multipliers(lambda)
     end subroutine multipliers_there
 
-    !> Keep what has happened. The curve moves the same simulation.
+    !> Record an event. The curve moves the same simulation.
     subroutine record(self, curve, number, direction, x, error)
         class(simulation_type), intent(inout), target :: self
         type(step_curve_type), intent(inout) :: curve
@@ -147,7 +146,7 @@ contains
         end associate
     end subroutine record
 
-    !> End the step at the state that is looked at. What the chart keeps stays that of the whole step, for its dense output.
+    !> End the step at the current state of the curve. The chart still stores the whole step, for its dense output.
     subroutine cut_step(self, x)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: x
@@ -162,11 +161,11 @@ contains
         self%renewal = by_event
     end subroutine cut_step
 
-    !> End the step at events: what they ask for, and where all functions go on from.
+    !> End the step at events: determine their effects, and the initial values of all functions.
     subroutine begin_events(self, curve, x, at_once, error)
         class(simulation_type), intent(inout), target :: self
         type(step_curve_type), intent(inout) :: curve
-        !> Place of the cut; zeros that are this near to it are at once with it.
+        !> Position of the cut; zeros within this distance are simultaneous.
         real(wp), intent(in) :: x, at_once
         type(error_type), allocatable, intent(out) :: error
         integer :: stopper
@@ -186,7 +185,7 @@ contains
         if (.not. allocated(error)) call self%watch%renew(curve, error)
     end subroutine begin_events
 
-    !> Take the actions that are due, in the order of the events' numbers, and make the motion ready to go on.
+    !> Take the actions that are due, in the order of the events' numbers, and prepare the motion to continue.
     module procedure act_on_events
         type(step_curve_type) :: curve
 
@@ -204,7 +203,7 @@ contains
         call self%watch%judge_actions(curve)
     end procedure act_on_events
 
-    !> After an action: the position must be on the constraints, the velocity is brought there, the acceleration is made anew.
+    !> After an action: the position must be on the constraints, the velocity is projected, the acceleration is recomputed.
     subroutine restart_here(self, error)
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
@@ -221,13 +220,13 @@ contains
         call self%dense_control%begin()
         call self%local_error%restart()
         call self%stiffness%smoothness%restart()
-        ! Where a loss of rank was ahead before, it need not be so now.
+        ! A loss of rank that was ahead need not be ahead now.
         call self%lost_rank%forget_ahead()
         call self%chart%forget_model()
         stat = status_ok
         if (self%method%implicit) then
-            ! Bases of implicit steps are complements of the rows as they were before the action: with a row that it locks or frees,
-            ! C X may be singular. The dense output of implicit steps does not depend on the origin.
+            ! Bases of implicit steps are complements of the rows before the action: with a row that it locks or frees, C X may be
+            ! singular. The dense output of implicit steps does not depend on the origin.
             call self%move_origin(stat)
             self%state%dq(:) = 0.0_wp
             self%state%dqd(:) = 0.0_wp
@@ -256,10 +255,10 @@ contains
     end subroutine restart_here
 
     !> The impulses that have brought the velocity onto the constraints, M (qd - before) = -C' impulse. Multipliers are linear in
-    !> the acceleration that they are asked for.
+    !> the given acceleration.
     subroutine find_impulses(self, before, stat)
         class(simulation_type), intent(inout) :: self
-        !> Velocities before they were brought there (n).
+        !> Velocities before the projection (n).
         real(wp), intent(in) :: before(:)
         integer, intent(out) :: stat
         real(wp) :: jump(size(before)), at_rest(size(self%model%impulses))

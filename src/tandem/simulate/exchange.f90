@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The exchange of steppers in a run, between steps: the stepper `auto`. Each method has a chart of its own, since explicit steps go
-!> without what implicit ones need.
+!> The exchange of steppers in a run, between steps: the stepper `auto`. Each method has a chart of its own, since explicit steps
+!> omit data of implicit ones.
 submodule(tandem_simulation) tandem_simulate_exchange
     implicit none (type, external)
 
@@ -12,7 +12,7 @@ contains
         logical :: wants
 
         if (.not. self%switching%is_asked(self%tally%steps)) return
-        ! Towards a loss of rank steps become short for another reason.
+        ! Near a loss of rank steps become short for another reason.
         if (self%lost_rank%is_near(self%state%t)) return
         tries = self%tally%steps + self%tally%rejected + self%tally%failed
         cost = implicit_cost(self)
@@ -45,10 +45,10 @@ contains
         call exchange(self, self%control%h, error)
     end procedure consider_beginning
 
-    !> Whether explicit steps would be cheaper than the last implicit ones.
+    !> Decide whether explicit steps would be cheaper than the last implicit ones.
     subroutine decide_for_explicit(self, tries, cost, wants)
         class(simulation_type), intent(inout) :: self
-        !> Tries of steps so far, and what an implicit step costs.
+        !> Tries of steps so far, and the cost of an implicit step.
         integer(long), intent(in) :: tries
         real(wp), intent(in) :: cost
         logical, intent(out) :: wants
@@ -67,7 +67,7 @@ contains
         end associate
     end subroutine decide_for_explicit
 
-    !> What an implicit step costs, in explicit stages.
+    !> Cost of an implicit step, in explicit stages.
     pure real(wp) function implicit_cost(self)
         class(simulation_type), intent(in) :: self
 
@@ -77,7 +77,7 @@ contains
     !> Exchange the steppers.
     subroutine exchange(self, h, error)
         class(simulation_type), intent(inout) :: self
-        !> What the first implicit step may be at least.
+        !> Smallest size of the first implicit step.
         real(wp), intent(in) :: h
         type(error_type), allocatable, intent(out) :: error
         integer :: stat
@@ -86,7 +86,7 @@ contains
         call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)
         call self%take_stepper(.not. self%switching%is_implicit, stat)
         if (stat /= status_ok) then
-            ! What implicit steps need cannot be had here: the run goes on as it was.
+            ! Implicit steps are impossible here: the run continues unchanged.
             self%switching%is_on = .false.
             call self%take_stepper(self%switching%is_implicit, stat)
             if (stat /= status_ok) call self%fail(stat, 'at a new chart at t = '//to_text(self%state%t), error)
@@ -98,8 +98,8 @@ contains
         self%state%dqd(:) = 0.0_wp
         call self%switching%note_switch(self%state%t, self%tally%steps, self%tally%steps + self%tally%rejected + &
             self%tally%failed, self%stiffness%smoothness%needed)
-        ! Explicit steps begin within their limit; implicit ones grow from where they are, or at the start of a run as if there had
-        ! been none.
+        ! Explicit steps begin within their limit; implicit ones grow from the current size, or at the start of a run as if no step
+        ! had been taken.
         if (self%switching%is_implicit) then
             self%control%h = self%control%limit(max(self%control%h, h))
         else if (self%switching%lambda > 0.0_wp) then

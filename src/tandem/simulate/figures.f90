@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Every figure of a run by name, one after the other: the one list behind the report's attributes, JSON, and the statistics that
-!> C and Fortran 77 ask for.
+!> List of all statistics of a run by name: the single source of the report's attributes, JSON, and the statistics of the C and
+!> Fortran 77 interfaces.
 module tandem_simulate_figures
     use tandem_kinds, only: long, wp
     use tandem_model_derivatives, only: derivative_name, n_derivatives
@@ -11,7 +11,7 @@ module tandem_simulate_figures
 
     public :: figure_reader_type, tell_figures
 
-    !> What takes the figures: extend it.
+    !> Reader of statistics: extend it.
     type, abstract :: figure_reader_type
     contains
         procedure(count_interface), deferred :: count
@@ -19,17 +19,17 @@ module tandem_simulate_figures
     end type figure_reader_type
 
     abstract interface
-        !> Take a counter.
+        !> Receive a counter.
         subroutine count_interface(self, name, number)
             import :: figure_reader_type, long
             implicit none (type, external)
             class(figure_reader_type), intent(inout) :: self
-            !> Lower case but for B and H.
+            !> Lower case except for B and H.
             character(len=*), intent(in) :: name
             integer(long), intent(in) :: number
         end subroutine count_interface
 
-        !> Take a number.
+        !> Receive a number.
         subroutine value_interface(self, name, number)
             import :: figure_reader_type, wp
             implicit none (type, external)
@@ -41,7 +41,7 @@ module tandem_simulate_figures
 
 contains
 
-    !> Tell a reader all figures; see `statistics_type` and `counts_type` for what they are.
+    !> Pass all statistics to a reader; see `statistics_type` and `counts_type` for their meaning.
     subroutine tell_figures(s, reader)
         type(statistics_type), intent(in) :: s
         class(figure_reader_type), intent(inout) :: reader
@@ -107,10 +107,10 @@ contains
         call reader%value('cpu_seconds', s%cpu_seconds)
     end subroutine tell_figures
 
-    !> Words as a name: blanks become underscores, bars vanish.
+    !> Text as a name: blanks become underscores, bars vanish.
     pure function as_name(words) result(name)
         character(len=*), intent(in) :: words
-        ! A deferred length would be static memory, where threads meet.
+        ! A deferred length would be static memory, shared by threads.
         character(len=len_trim(words)) :: name
         integer :: i, n
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The error of a whole run, what the motion makes of the local errors included, estimated from a second, more accurate run.
+!> The error of a whole run, including the amplification of local errors by the motion, estimated from a second, more accurate run.
 !>
 !> Watch the run as its observer, then call `estimate` with a second model. The second run has half the step, or a tenth of the
 !> tolerances; the difference of the two, over one less the ratio of their errors, is the error of the first (Richardson).
@@ -23,47 +23,47 @@ module tandem_simulate_global_error
 
     public :: global_error_type
 
-    !> Most times at which the runs are compared: at the first step behind each hundredth of the run, so that the run that is
-    !> watched pays nothing, and at its end.
+    !> Most times at which the runs are compared: at the first step behind each hundredth of the run, which costs the watched run
+    !> nothing, and at its end.
     integer, parameter :: n_times = 102
-    !> The tolerances of the second run, and the smallest that may come out.
+    !> The tolerances of the second run relative to the first, and their lower limit.
     real(wp), parameter :: part = 0.1_wp, smallest = 1.0e-15_wp
-    !> A largest step above this part of the run says that the end of the run may have cut it.
+    !> A largest step above this part of the run shows that the end of the run may have cut it.
     real(wp), parameter :: few = 0.3_wp
 
     !> Watches a run, and compares a second one with it.
     type, extends(observer_type) :: global_error_type
         !> Number of coordinates.
         integer :: n = 0
-        !> Whether the error was estimated.
+        !> True if the error was estimated.
         logical :: is_known = .false.
-        !> Whether it was not, because the run and the second one together have taken `max_seconds`.
+        !> True if it was not, because the run and the second one together have taken `max_seconds`.
         logical :: is_out_of_time = .false.
-        !> Whether it is only a bound: tolerances too small to be made smaller, so the second run has larger ones.
+        !> True if it is only a bound: tolerances too small to be reduced, so the second run has larger ones.
         logical :: is_bound = .false.
-        !> Errors of q and of qd at the end of the run, max-norms, and the coordinates that have them.
+        !> Errors of q and of qd at the end of the run, max-norms, and the coordinates that attain them.
         real(wp) :: error_q = 0.0_wp, error_qd = 0.0_wp
         integer :: worst_q = 1, worst_qd = 1
-        !> Error at the end, and the largest at all times compared and when, on the scale s + |y|, max-norms over q and qd.
+        !> Error at the end, and the largest at all times compared and its time, on the scale s + |y|, max-norms over q and qd.
         real(wp) :: relative = 0.0_wp, largest = 0.0_wp, t_largest = 0.0_wp
-        !> What the second run has cost: evaluations of the right-hand side, and wall time, s.
+        !> Cost of the second run: evaluations of the right-hand side, and wall time, s.
         integer(long) :: right_hand_sides = 0
         real(wp) :: seconds = 0.0_wp
         real(wp), private :: t_start = 0.0_wp, t_end = 0.0_wp, due = 0.0_wp
-        !> Times (n_times), and q and qd there (n, 2, n_times), of the first run; how many there are.
+        !> Times (n_times), and q and qd there (n, 2, n_times), of the first run; their number.
         real(wp), allocatable, private :: t(:), state(:, :, :)
-        !> Its longest step since the time before (n_times), and where the last one ended.
+        !> Its longest step since the previous time (n_times), and the end of the last step.
         real(wp), allocatable, private :: longest(:)
         real(wp), private :: t_last = 0.0_wp
         integer, private :: n_seen = 0, n_taken = 0
-        !> What events have done to the first run: the second one does not watch them.
+        !> Effects of events on the first run: the second one does not watch them.
         logical, private :: is_changed = .false., is_stopped = .false.
-        !> Whether both runs could be evaluated at that time (n_times).
+        !> True if both runs could be evaluated at that time (n_times).
         logical, private :: is_there(n_times) = .true.
         integer(long), private :: work = 0
-        !> The first run's largest step, and the seconds that it has taken.
+        !> The first run's largest step, and its duration in seconds.
         real(wp), private :: largest_step = 0.0_wp, seconds_of_first = 0.0_wp
-        !> The run that is compared, while the second one goes on.
+        !> The differences between the runs.
         real(wp), allocatable, private :: difference(:, :, :)
         logical, private :: is_second = .false.
     contains
@@ -100,7 +100,7 @@ contains
         allocate (self%state(n, 2, n_times), self%difference(n, 2, n_times), source=0.0_wp)
     end subroutine initialize
 
-    !> Take the states at the times that the last step has passed.
+    !> Store the states at the times that the last step has passed.
     subroutine observe(self, simulation, occasion, error)
         class(global_error_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -125,12 +125,12 @@ contains
             k = min(self%n_seen + 1, n_times)
             self%longest(k) = max(self%longest(k), t_step - self%t_last)
             self%t_last = t_step
-            ! Of a run that has gone on from its very end nobody sees the last step.
+            ! A run continued from its very end is not observed during its last step.
             is_missing = occasion == at_end .and. t_step >= self%t_end .and. self%t(max(1, self%n_seen)) < t_step
             if (.not. is_missing .and. (occasion /= at_step .or. .not. (t_step >= self%due .or. t_step >= self%t_end))) return
             statistics = simulation%statistics()
             self%work = statistics%right_hand_sides
-            ! The last place is for the end.
+            ! The last entry is for the end.
             if (self%n_seen >= n_times - 1 .and. t_step < self%t_end) return
             hundredth = (self%t_end - self%t_start)/100.0_wp
             self%due = self%t_start + hundredth*(1.0_wp + aint((t_step - self%t_start)/hundredth + 1.0e-6_wp))
@@ -143,13 +143,13 @@ contains
             if (self%t(self%n_taken + 1) > t_step) exit
             call simulation%look_at(self%t(self%n_taken + 1), failure)
             call self%take(simulation%state%q, simulation%state%qd)
-            ! That a time between steps cannot be had is no reason to end the run.
+            ! A failed evaluation at a time between steps does not end the run.
             if (allocated(failure)) self%is_there(self%n_taken) = .false.
             call simulation%look_back()
         end do
     end subroutine observe
 
-    !> Keep a state, of the second run its difference.
+    !> Store a state, or for the second run its difference.
     subroutine take(self, q, qd)
         class(global_error_type), intent(inout) :: self
         real(wp), intent(in) :: q(:), qd(:)
@@ -171,13 +171,13 @@ contains
         class(global_error_type), intent(inout) :: self
         !> A model of its own, equal to that of the run as it was at the start.
         class(model_type), intent(inout), target :: model
-        !> Those of the run.
+        !> Options of the run.
         type(options_type), intent(in) :: options
         !> The start of the run (n).
         real(wp), intent(in) :: q(:), qd(:)
-        !> Why the error is not known: events have changed or stopped the run, it has not reached its end, or the second one failed.
+        !> Reason for an unknown error: events changed or stopped the run, it did not reach its end, or the second one failed.
         type(error_type), allocatable, intent(out) :: error
-        !> What the run was given of these: chart, stepper and step size controller of one's own.
+        !> User-defined chart, stepper and step size controller of the run, if any.
         class(chart_type), intent(in), optional :: chart
         class(stepper_type), intent(in), optional :: stepper
         class(step_control_type), intent(in), optional :: control
@@ -222,9 +222,9 @@ contains
         self%is_second = .true.
         self%n_taken = 0
         if (first%is_adaptive()) then
-            ! Its steps end where the two are compared: the polynomial within a long step may be off by more than either of them.
-            ! They are shorter than those of the first run, also where no tolerance decides on these: the same steps would tell
-            ! nothing. Fixed steps of half the size do both by themselves.
+            ! Its steps end at the times of comparison: the polynomial within a long step may be less accurate than either run. They
+            ! are shorter than those of the first run, even if no tolerance determines these: equal steps would show no difference.
+            ! Fixed steps of half the size satisfy both by themselves.
             do k = 1, self%n_seen
                 call simulation%limit_steps(of_step*self%longest(k))
                 call simulation%integrate(self%t(k), error, self)
@@ -253,7 +253,7 @@ contains
         type(options_type), intent(in) :: options
         type(properties_type), intent(in) :: method
         type(options_type), intent(out) :: second
-        !> How long its steps should be beside those of the first run.
+        !> Size of its steps relative to those of the first run.
         real(wp), intent(out) :: of_step
         real(wp) :: factor
         logical :: is_short
@@ -261,7 +261,7 @@ contains
         second = options
         if (.not. options%is_adaptive()) then
             second%step = 0.5_wp*options%step
-            ! Where the end has made the steps shorter, half of what they were: half of what they may be could be as long.
+            ! If the end has shortened the steps, half of their actual size: half of the allowed size could be as long.
             if (self%largest_step > 0.0_wp) second%step = min(second%step, 0.5_wp*self%largest_step)
             of_step = 0.5_wp
             return
@@ -275,14 +275,14 @@ contains
         if (allocated(second%rtol_qd)) second%rtol_qd = factor*second%rtol_qd
         if (allocated(second%atol_q)) second%atol_q = factor*second%atol_q
         if (allocated(second%atol_qd)) second%atol_qd = factor*second%atol_qd
-        ! A step is chosen by an estimate of order p^ + 1, and leaves an error per time of order p.
+        ! A step is chosen by an estimate of order p^ + 1, and has an error per time of order p.
         of_step = factor**(1.0_wp/real(method%estimate_order + 1, wp))
         if (is_short) of_step = min(of_step, 0.7_wp)
-        ! Looser tolerances are to have larger steps, up to any largest one.
+        ! Looser tolerances allow larger steps, up to any largest one.
         if (of_step > 1.0_wp .and. options%max_step > 0.0_wp) second%max_step = of_step*options%max_step
     end subroutine choose_second
 
-    !> What it has seen of the first run, so that it can go on to watch a run that is taken up. The end of the run may be another.
+    !> Observed data of the first run, so that it can watch a restored run. The end of the run may be another.
     subroutine pack_state(self, pack)
         class(global_error_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -295,7 +295,7 @@ contains
         call pack%item(self%is_changed, self%is_stopped)
         call pack%item(self%work)
         if (.not. pack%is_reading) return
-        ! The last place is for the end.
+        ! The last entry is for the end.
         self%n_seen = min(self%n_seen, n_times - 1)
         self%n_taken = self%n_seen
     end subroutine pack_state

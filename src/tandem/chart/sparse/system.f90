@@ -422,9 +422,9 @@ contains
         end associate
     end subroutine find_diagonal
 
-    !> The multipliers of all rows for an acceleration: they minimise the remaining force in the mass metric by solving M x + C'
-    !> lambda = force - M qdd with C x = 0. The last point is factored, and its forces are known. With the factor of a nearby point
-    !> the solution is refined.
+    !> The multipliers of all rows for an acceleration, which minimise the remaining force in the mass metric:
+    !> M x + C' lambda = force - M qdd with C x = 0. The last point is factored, and its forces are known. With the factor of a
+    !> nearby point the solution is refined.
     subroutine find_multipliers(self, qdd, lambda)
         class(system_type), intent(inout) :: self
         !> (n)
