@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> The local errors of a run: what single steps leave, the largest and their sum.
+!> The local errors of a run: the errors of single steps, the largest and their sum.
 !>
-!> Steppers with an estimate of their own bring it. For fixed steps of the others it comes from windows of four equal steps, without
-!> an evaluation: y_4 - y_0 less Boole's quadrature of the rates at the five points is the sum of the four local errors, up to the
-!> quadrature's own error of order h^7 and a part h J of itself (theory, section 20).
+!> Steppers with an estimate of their own provide it. For fixed steps of the others it comes from windows of four equal steps,
+!> without an evaluation: y_4 - y_0 less Boole's quadrature of the rates at the five points is the sum of the four local errors, up
+!> to the quadrature's own error of order h^7 and a part h J of itself (theory, section 20).
 module tandem_simulate_local_error
     use tandem_kinds, only: long, wp
     use tandem_pack, only: pack_type
@@ -21,25 +21,25 @@ module tandem_simulate_local_error
     type :: local_error_type
         !> Largest error of a step, and sum of all, on the scale s + |y| of each coordinate and velocity, root mean square.
         real(wp) :: largest = 0.0_wp, total = 0.0_wp
-        !> Steps behind them.
+        !> Number of these steps.
         integer(long) :: steps = 0
         !> 1 / (s + |y|) for q and for qd, s the coordinate scales, for steppers with an estimate; for others the error of the last
-        !> window, within one where it began and the way along its rates so far (n).
+        !> window, or within a window its start plus the quadrature of the rates so far (n).
         real(wp), allocatable :: weight_q(:), weight_qd(:), error_q(:), error_qd(:)
         !> The scales (n), unless all of them are 1.
         real(wp), allocatable, private :: scale(:)
-        !> The most that |q| counts for (n), where there are angles.
+        !> Upper bound of |q| in relative errors (n), if there are angles.
         real(wp), allocatable, private :: largest_q(:)
         !> 1 over the time scale: velocities have the scale rate s.
         real(wp), private :: rate = 1.0_wp
         integer, private :: n = 0
-        !> The start of the window, the size of its first step, and where the last one has ended.
+        !> The start of the window, the size of its first step, and the end of its last step.
         real(wp), private :: t0 = 0.0_wp, h = 0.0_wp, t_last = 0.0_wp
         integer, private :: in_window = 0
-        !> The gap of the velocity for which the last try of a step was not kept, and the largest one that is not looked into.
+        !> The gap of the velocity for which the last try of a step was rejected, and the largest gap that is not examined.
         real(wp), private :: last_gap = huge(1.0_wp), allowed_gap = huge(1.0_wp)
-        !> Whether the imposed part of the motion counts as an error; its error in the last try of a step beyond the tolerance and
-        !> the size of that try, 0 for none; and how many tries have not reduced it.
+        !> True if the imposed part of the motion counts as an error; its error in the last try of a step beyond the tolerance and
+        !> the size of that try, 0 for none; the number of tries that did not reduce it.
         logical, private :: counts_imposed = .false.
         real(wp), private :: last_imposed = 0.0_wp, imposed_step = 0.0_wp
         integer, private :: in_vain = 0
@@ -58,9 +58,9 @@ contains
         real(wp), intent(in) :: scale(:)
         !> 1 over the time scale.
         real(wp), intent(in) :: rate
-        !> Whether `set_weights` will be called, and not `extend`.
+        !> True if `set_weights` will be called, and not `extend`.
         logical, intent(in) :: has_estimates
-        !> The most that each |q| counts for (n); no bound where absent.
+        !> Upper bound of each |q| in relative errors (n); no bound if absent.
         real(wp), intent(in), optional :: largest_q(:)
 
         self%largest = 0.0_wp
@@ -92,7 +92,7 @@ contains
         if (allocated(self%scale)) scale_of = self%scale(i)
     end function scale_of
 
-    !> The size on which the error of a coordinate is judged.
+    !> The size to which the error of a coordinate is relative.
     pure real(wp) function size_of_q(self, i, q)
         class(local_error_type), intent(in) :: self
         integer, intent(in) :: i
@@ -116,7 +116,7 @@ contains
         end do
     end subroutine set_weights
 
-    !> Take note of the errors of some steps.
+    !> Add the errors of some steps.
     pure subroutine add(self, total, steps)
         class(local_error_type), intent(inout) :: self
         !> Their sum, relative.
@@ -129,7 +129,7 @@ contains
         self%steps = self%steps + steps
     end subroutine add
 
-    !> The last step is not kept, whose error was added to this total.
+    !> Subtract the error of the last step, which was rejected, from the sum.
     pure subroutine take_back(self, total, steps)
         class(local_error_type), intent(inout) :: self
         real(wp), intent(in) :: total
@@ -140,12 +140,12 @@ contains
         self%in_window = 0
     end subroutine take_back
 
-    !> Take note of a step. A step that does not continue the last one, or has another size, begins a new window.
+    !> Add a step to the window. A step that does not continue the last one, or has another size, begins a new window.
     pure subroutine extend(self, start, arrived, is_complete)
         class(local_error_type), intent(inout) :: self
         !> The states at the ends of the step.
         type(state_type), intent(in) :: start, arrived
-        !> Whether `error_q` and `error_qd` are now the sum of the errors of a window, for `add`.
+        !> True if `error_q` and `error_qd` are now the sum of the errors of a window, for `add`.
         logical, intent(out) :: is_complete
         real(wp) :: h, late
         integer :: i
@@ -165,7 +165,7 @@ contains
         is_complete = self%in_window == steps_of_window
         if (.not. is_complete) return
         self%in_window = 0
-        ! What times have been rounded by.
+        ! Rounding error of the times.
         late = (arrived%t - self%t0) - steps_of_window*self%h
         do i = 1, self%n
             self%error_q(i) = arrived%q(i) - self%error_q(i) - late*arrived%qd(i)
@@ -173,8 +173,8 @@ contains
         end do
     end subroutine extend
 
-    !> By how much the accelerations of a step miss its change of velocity, on the scale s + |qd|. Increments hold all of the
-    !> acceleration, so in a smooth motion the velocity constraints take away no more than the error of the step.
+    !> Difference between a step's change of velocity and its accelerations, on the scale s + |qd|. Increments contain the full
+    !> acceleration, so in a smooth motion the velocity constraints remove no more than the error of the step.
     pure real(wp) function gap(self, start, arrived)
         class(local_error_type), intent(in) :: self
         !> The states at the ends of the step.
@@ -188,9 +188,9 @@ contains
         end do
     end function gap
 
-    !> The part of `gap` that a smooth motion does not explain. The trapezoidal rule misses a change of dependent velocities by
-    !> h**3 qdd''/12, which is a part of the step times the change of accelerations; steps of higher order miss nothing that
-    !> counts. Zero if it does not exceed the largest one so far.
+    !> The part of `gap` that a smooth motion does not explain. The trapezoidal rule misses a change of dependent velocities by h**3
+    !> qdd''/12, which is a part of the step times the change of accelerations; errors of steps of higher order are negligible. Zero
+    !> if it does not exceed the largest one so far.
     pure real(wp) function jump(self, start, arrived, order, so_far)
         class(local_error_type), intent(in) :: self
         !> The states at the ends of the step.
@@ -198,7 +198,7 @@ contains
         !> Of the method.
         integer, intent(in) :: order
         real(wp), intent(in) :: so_far
-        !> Smaller ones are not looked for. From rest, qdd'' h**2/2 is the change of accelerations, and the part a sixth.
+        !> Smaller gaps are ignored. From rest, qdd'' h**2/2 is the change of accelerations, and the part a sixth.
         real(wp), parameter :: negligible = 1.0e-9_wp, share = 0.25_wp
         real(wp) :: bend
         integer :: i
@@ -214,7 +214,7 @@ contains
         jump = max(0.0_wp, jump - share*(arrived%t - start%t)*bend)
     end function jump
 
-    !> True if `gap` may be larger than a limit. Mostly it is not, and that takes no division per entry.
+    !> True if `gap` may be larger than a limit. Usually it is not, and this test needs no division per entry.
     pure logical function may_gap(self, start, arrived, limit)
         class(local_error_type), intent(in) :: self
         !> The states at the ends of the step.
@@ -233,7 +233,7 @@ contains
     pure logical function is_larger(n, limit, rate, qd0, dqd0, qd, dqd, scale)
         integer, intent(in) :: n
         real(wp), intent(in) :: limit, rate, qd0(n), dqd0(n), qd(n), dqd(n)
-        !> 1 where absent.
+        !> 1 if absent.
         real(wp), intent(in), optional :: scale(n)
         integer :: count, i
 
@@ -251,7 +251,7 @@ contains
         is_larger = count > 0
     end function is_larger
 
-    !> Look into gaps that are larger than this.
+    !> Examine gaps larger than this.
     pure subroutine allow_gap(self, largest)
         class(local_error_type), intent(inout) :: self
         real(wp), intent(in) :: largest
@@ -260,7 +260,7 @@ contains
         self%last_gap = huge(1.0_wp)
     end subroutine allow_gap
 
-    !> What comes is the first try of a step.
+    !> Begin the first try of a step.
     pure subroutine begin_step(self)
         class(local_error_type), intent(inout) :: self
 
@@ -269,7 +269,7 @@ contains
         self%in_vain = 0
     end subroutine begin_step
 
-    !> Let steps count the error of motions that constraints impose as functions of time.
+    !> Select if steps count the error of motions that constraints impose as functions of time.
     pure subroutine count_imposed(self, counts)
         class(local_error_type), intent(inout) :: self
         logical, intent(in) :: counts
@@ -278,11 +278,11 @@ contains
         call self%begin_step()
     end subroutine count_imposed
 
-    !> Add to the error of an implicit step that of the motion which constraints impose: the part of its change by which increments
-    !> miss it. An estimate that goes through the Newton matrix holds the chart's own coordinates only, of which a mechanism that is
-    !> driven as a whole has none, so that steps would grow until the iteration for u ends on another branch. Increments hold
-    !> all of the velocity and of the acceleration: what the constraints add to them is small with a power of the step. An error
-    !> that does not become smaller in this way is a jump of nu or a contradiction of the model. It is crossed.
+    !> Add to the error of an implicit step the error of the motion that constraints impose: the difference between its change and
+    !> the increments. An estimate after the filter by the Newton matrix contains the chart's own coordinates only, of which a
+    !> mechanism that is driven as a whole has none, so that steps would grow until the iteration for u converges to another branch.
+    !> Increments contain the full velocity and acceleration: the contribution of the constraints falls with a power of the step. An
+    !> error that does not is due to a jump of nu or a contradiction of the model, and is accepted.
     pure subroutine add_imposed(self, start, arrived, weight_q, weight_qd, power, norm)
         class(local_error_type), intent(inout) :: self
         !> The states at the ends of the step.
@@ -293,7 +293,7 @@ contains
         real(wp), intent(in) :: power
         !> The error of the step on the scale of the tolerances.
         real(wp), intent(inout) :: norm
-        !> Tries that may leave the error as it is. A smooth error falls faster than with this power of the step.
+        !> Tries that may fail to reduce the error. A smooth error falls faster than with this power of the step.
         integer, parameter :: most_in_vain = 3
         real(wp), parameter :: slowest = 1.5_wp
         real(wp) :: h, imposed
@@ -317,7 +317,7 @@ contains
     pure real(wp) function largest_miss(self, y0, d0, y, d, weight)
         type(local_error_type), intent(in) :: self
         real(wp), intent(in), contiguous :: y0(:), d0(:), y(:), d(:), weight(:)
-        !> Part of the largest entry that may be rounding, which the constraints carry to smaller ones.
+        !> Part of the largest entry that may be rounding, which the constraints transfer to smaller ones.
         real(wp), parameter :: rounding = 1.0e3_wp*epsilon(1.0_wp)
         real(wp) :: largest, miss
         integer :: i
@@ -333,16 +333,16 @@ contains
         end do
     end function largest_miss
 
-    !> Whether a shorter step to the next state may leave a smaller gap of the velocity. Where a chart turns singular within a step,
-    !> the stages behind that point go another way, which no estimate of the error shows: rates of all stages are smooth. A gap that
-    !> does not become smaller with the step is a jump of nu, and is crossed.
+    !> True if a shorter step to the next state may leave a smaller gap of the velocity. If a chart becomes singular within a step,
+    !> the stages behind that point follow another branch, which no estimate of the error shows: rates of all stages are smooth. A
+    !> gap that does not fall with the step is a jump of nu, and is accepted.
     pure subroutine find_gap(self, start, arrived, is_found)
         class(local_error_type), intent(inout) :: self
         !> The states at the ends of the step.
         type(state_type), intent(in) :: start, arrived
         logical, intent(out) :: is_found
-        !> A gap below this part of the largest velocity may be rounding, which the constraints carry to the smaller ones. Steps of
-        !> less than so many spacings of the time are too short to be made shorter for it.
+        !> A gap below this part of the largest velocity may be rounding, which the constraints transfer to the smaller ones. Steps
+        !> of fewer spacings of the time than this are not shortened for it.
         real(wp), parameter :: rounding = 1.0e3_wp*epsilon(1.0_wp), shortest = 1.0e4_wp
         real(wp) :: gap
 
@@ -367,14 +367,14 @@ contains
         end do
     end function largest_velocity
 
-    !> Whether the rates of a step miss what it has changed by a part that a smooth motion does not leave to the constraints: where
-    !> steps are not coarse, a sign of procedures that contradict each other. Increments hold all of the velocity and all of the
-    !> acceleration; a Jacobian that is not that of Phi, or a wrong gamma, makes them leave the manifold at once.
+    !> True if the rates of a step miss its change by a part that a smooth motion does not leave to the constraints: unless steps
+    !> are coarse, a sign of procedures that contradict each other. Increments contain the full velocity and acceleration; with a
+    !> Jacobian that is not that of Phi, or a wrong gamma, they leave the manifold at once.
     pure logical function is_missed(self, start, arrived)
         class(local_error_type), intent(in) :: self
         !> The states at the ends of the step, on one chart.
         type(state_type), intent(in) :: start, arrived
-        !> Of the change, and of the state, which is what rounding may leave of it.
+        !> Parts of the change, and of the state, which is the rounding error of the change.
         real(wp), parameter :: share = 1.0e-4_wp, rounding = 1.0e-12_wp
         real(wp) :: moved, missed, moved_qd, missed_qd
         integer :: i
@@ -405,7 +405,7 @@ contains
         largest_part = max(part_q, part_qd)
     end function largest_part
 
-    !> The same of q and of qd apart.
+    !> The largest entries of errors of q and of qd separately.
     pure subroutine largest_parts(self, state, error_q, error_qd, part_q, part_qd)
         class(local_error_type), intent(in) :: self
         type(state_type), intent(in) :: state
@@ -421,8 +421,8 @@ contains
         end do
     end subroutine largest_parts
 
-    !> Constraints turn velocities with an error of the position, as those of a wheel with that of its heading: add this to errors
-    !> of qd. A part of the largest velocity for each unit of the largest error, since that may be one of the place alone.
+    !> Constraints turn velocities with errors of the position, as a wheel's velocity turns with its heading: add this to errors of
+    !> qd, as a part of the largest velocity per unit of the largest error, which may be one of a position alone.
     pure subroutine add_turn(self, state, error_q, error_qd)
         class(local_error_type), intent(in) :: self
         type(state_type), intent(in) :: state
@@ -458,14 +458,14 @@ contains
         size_of_window = sqrt(size_of_window/real(2*self%n, wp))
     end function size_of_window
 
-    !> Begin a new window: where the motion has a kink or a jump.
+    !> Begin a new window, at a kink or a jump of the motion.
     pure subroutine restart(self)
         class(local_error_type), intent(inout) :: self
 
         self%in_window = 0
     end subroutine restart
 
-    !> The errors so far and the window that is open.
+    !> The errors so far and the current window.
     subroutine pack_state(self, pack)
         class(local_error_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What the steps of a run tell of a loss of rank, behind which the motion is not determined: of C, or of what ties a coordinate
-!> without mass.
+!> Detects a loss of rank along the steps of a run, beyond which the motion is not unique: of C, or of the conditioning of a
+!> coordinate without mass.
 module tandem_simulate_lost_rank
     use tandem_chart, only: chart_type
     use tandem_kinds, only: wp
@@ -14,17 +14,17 @@ module tandem_simulate_lost_rank
 
     public :: lost_rank_type
 
-    !> The statuses of a motion that is no longer determined, and those that may hide one.
+    !> Statuses of a motion that is no longer unique, and statuses that may hide one.
     integer, parameter :: losses(2) = [status_rank_deficient, status_singular_mass]
     integer, parameter :: disguises(3) = [status_position_diverged, status_chart_left, status_newton_failed]
-    !> Steps approach a loss until its singular value has fallen to this part: closer, rounding decides where they go.
+    !> Steps approach a loss until its singular value has fallen to this part: closer to it, rounding determines the motion.
     real(wp), parameter :: least_independence = 1.0e-5_wp
 
     type :: lost_rank_type
-        !> Time until the loss, if the smallest singular value goes on falling as it does.
+        !> Time until the loss, if the smallest singular value continues to fall at its rate.
         real(wp), private :: room = huge(1.0_wp)
-        !> A controlled step was given up for this reason, a loss or what may hide one, and until this time that may still lie ahead
-        !> or close behind.
+        !> Status for which a controlled step was given up, a loss or a status that may hide one, and the time until which it may
+        !> still be ahead or close behind.
         integer, private :: reason = status_ok
         real(wp), private :: until = -huge(1.0_wp)
     contains
@@ -37,14 +37,14 @@ module tandem_simulate_lost_rank
 
 contains
 
-    !> Where a loss was ahead before, it need not be so now.
+    !> A loss that was ahead need not be ahead now.
     pure subroutine forget_ahead(self)
         class(lost_rank_type), intent(inout) :: self
 
         self%room = huge(1.0_wp)
     end subroutine forget_ahead
 
-    !> A step of size h is not kept: the loss is farther ahead again.
+    !> Reject a step of size h: the loss is farther ahead again.
     pure subroutine go_back(self, h)
         class(lost_rank_type), intent(inout) :: self
         real(wp), intent(in) :: h
@@ -52,14 +52,14 @@ contains
         if (self%is_ahead()) self%room = self%room + h
     end subroutine go_back
 
-    !> Whether steps approach a loss.
+    !> True if steps approach a loss.
     pure logical function is_ahead(self)
         class(lost_rank_type), intent(in) :: self
 
         is_ahead = self%room < huge(1.0_wp)
     end function is_ahead
 
-    !> The loss that was met, and that may still be close at a time; ok where there is none.
+    !> The loss that was met, and that may still be close at a time; ok if there is none.
     pure integer function was_met(self, t)
         class(lost_rank_type), intent(in) :: self
         real(wp), intent(in) :: t
@@ -68,7 +68,7 @@ contains
         if (t <= self%until .and. any(self%reason == losses)) was_met = self%reason
     end function was_met
 
-    !> Whether a loss is ahead or was just met.
+    !> True if a loss is ahead or was just met.
     pure logical function is_near(self, t)
         class(lost_rank_type), intent(in) :: self
         real(wp), intent(in) :: t
@@ -76,7 +76,7 @@ contains
         is_near = self%is_ahead() .or. self%was_met(t) /= status_ok
     end function is_near
 
-    !> Towards a loss steps must shrink, so that it cannot hide in one: the longest step, given what it would be otherwise.
+    !> Steps must shrink towards a loss, so that none contains it undetected: the longest step, given its limit otherwise.
     pure real(wp) function longest_step(self, h)
         class(lost_rank_type), intent(in) :: self
         real(wp), intent(in) :: h
@@ -84,20 +84,20 @@ contains
         longest_step = min(h, 0.5_wp*self%room)
     end function longest_step
 
-    !> Before a step of about h: is the loss ahead too near, so that the run ends, or is there none?
+    !> Before a step of about h: find if the loss ahead is too near, so that the run ends, or if there is none.
     subroutine look_ahead(self, chart, state, h, t, loss)
         class(lost_rank_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         real(wp), intent(in) :: h
-        !> When it comes, and what is lost; ok where steps go on.
+        !> Time and kind of the loss; ok if steps continue.
         real(wp), intent(out) :: t
         integer, intent(out) :: loss
 
         loss = status_ok
         t = state%t + self%room
         if (self%is_ahead() .and. min(chart%fallen, chart%loosened) < least_independence) then
-            ! To name the rows.
+            ! Determines the rows of the message.
             loss = chart%loss_ahead(state%t, state%q, state%qd, 2*self%room)
             loss = merge(status_rank_deficient, status_singular_mass, chart%fallen < least_independence)
         else if (0.5_wp*self%room < h .and. chart%n_dropped == 0) then
@@ -107,7 +107,7 @@ contains
         end if
     end subroutine look_ahead
 
-    !> The loss within a fixed step of size h, ok where there is none.
+    !> The loss within a fixed step of size h, ok if there is none.
     subroutine look_within(self, chart, state, h, loss)
         class(lost_rank_type), intent(in) :: self
         class(chart_type), intent(inout) :: chart
@@ -121,8 +121,8 @@ contains
         if (self%room < 1.5_wp*h) loss = chart%loss_ahead(state%t, state%q, state%qd, (1.0_wp + hair)*h)
     end subroutine look_within
 
-    !> Steps have become hopelessly short. Where something is lost within a millionth of the run ahead, or where little of a tie is
-    !> left, that is why: the errors of steps grow without bound towards it.
+    !> Steps have become hopelessly short. A loss within a millionth of the run ahead, or weak conditioning of a massless
+    !> coordinate, is the cause: the errors of steps grow without bound towards it.
     subroutine find_near(chart, state, span, loss)
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
@@ -135,13 +135,13 @@ contains
         if (loss == status_ok .and. chart%loosened < least_independence) loss = status_singular_mass
     end subroutine find_near
 
-    !> What is lost close ahead, ok where it is nothing: accelerations, and so their rounding, grow without bound towards it, the
-    !> more the more loops share it, until constraints cannot be held or steps creep. Looked at is no more than a ten-thousandth of
-    !> the coordinates' scale.
+    !> Loss close ahead, ok if there is none: accelerations, and so their rounding, grow without bound towards it, faster with more
+    !> loops involved, until constraints are violated or steps creep. The search covers at most a ten-thousandth of the coordinates'
+    !> scale.
     subroutine find_close(chart, state, rate, reach, room, loss)
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
-        !> The largest velocity on the coordinates' scales, how far steps get, and for how long it may be looked ahead.
+        !> The largest velocity on the coordinates' scales, the usual reach of steps, and the largest time of the search.
         real(wp), intent(in) :: rate, reach, room
         integer, intent(out) :: loss
         real(wp), parameter :: close = 1.0e-4_wp
@@ -154,52 +154,52 @@ contains
         if (ahead > 0.0_wp) loss = chart%loss_ahead(state%t, state%q, state%qd, ahead)
     end subroutine find_close
 
-    !> Whether C has lost rank between a state and the next: behind such a step the motion is not determined.
+    !> Check if C has lost rank between a state and the next: behind such a step the motion is not unique.
     subroutine check(self, chart, state, next, stat)
         class(lost_rank_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         type(state_type), intent(inout) :: next
-        !> ok, or what `measure_rank` has found.
+        !> ok, or the status of `measure_rank`.
         integer, intent(out) :: stat
         real(wp) :: room
 
         call chart%measure_rank(state%t, state%q, next%t, next%q, room, stat)
         if (stat == status_ok .and. .not. room > 0.0_wp) stat = status_rank_deficient
-        ! What turns that far may hide it.
+        ! A rotation of this size may hide a loss.
         if (stat == status_chart_left) call self%find_behind(chart, state, next, stat)
-        ! What a step has found that is not kept says nothing of the next.
+        ! A rejected step gives no prediction for the next.
         if (stat /= status_ok) return
         self%room = room
         if (room < huge(1.0_wp)) self%room = room*(next%t - state%t)
     end subroutine check
 
-    !> The step to `next` could not be completed. Where its straight way would have lost rank, that is the reason.
+    !> The step to `next` could not be completed. If C loses rank on its straight line, that is the reason.
     subroutine find_behind(chart, state, next, stat)
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
-        !> Its coordinates serve as work space.
+        !> Its coordinates are used as work space.
         type(state_type), intent(inout) :: next
-        !> The reason, replaced where this is it.
+        !> The status, replaced if a loss is found.
         integer, intent(inout) :: stat
         integer :: loss
 
         if (all(stat /= disguises)) return
         associate (h => next%t - state%t)
-            ! From a little behind, since the state may lie just beyond, and further, since the way bends and stages are the first
-            ! to notice; those that are solved together notice two steps before.
+            ! From a little behind, since the state may lie just beyond the loss, and further than the step, since the path bends
+            ! and stages fail first; stages that are solved together fail two steps before.
             next%q = state%q - h*state%qd
             loss = chart%loss_ahead(state%t - h, next%q, state%qd, 4.0_wp*h)
             if (loss /= status_ok) stat = loss
         end associate
     end subroutine find_behind
 
-    !> Take note of a try that was given up, where it has met a loss or a reason that may hide one.
+    !> Record a try that was given up because of a loss or a status that may hide one.
     pure subroutine remember(self, t, t_next, stat)
         class(lost_rank_type), intent(inout) :: self
         !> Its start and end.
         real(wp), intent(in) :: t, t_next
-        !> The reason.
+        !> The status.
         integer, intent(in) :: stat
 
         if (all(stat /= [losses, disguises])) return
@@ -207,21 +207,21 @@ contains
         self%until = max(self%until, t_next + (t_next - t))
     end subroutine remember
 
-    !> Whether the step to `next`, shorter than one that was given up, has turned off there onto another branch: its velocity has
-    !> changed of itself, without an acceleration, and C with it. Where a row of C vanishes, branches cross. Its direction, which is
-    !> what the other measures see, need not come near dependence then, and the orientation may be kept. A step that is merely too
-    !> long changes its velocity less when it is shorter, and a jump of nu leaves C as it is.
+    !> Check if the step to `next`, shorter than one that was given up, has entered another branch: its velocity has changed without
+    !> an acceleration, and C with it. Branches cross if a row of C vanishes. The direction of the row, which determines the other
+    !> measures, need not come near dependence then, and the orientation may be kept. If a step is merely too long, a shorter one
+    !> changes its velocity less, and a jump of nu does not change C.
     subroutine check_branch(self, chart, local_error, state, next, stat)
         class(lost_rank_type), intent(in) :: self
         class(chart_type), intent(inout) :: chart
         type(local_error_type), intent(in) :: local_error
         type(state_type), intent(in) :: state
-        !> Its coordinates are lost where it has turned off.
+        !> Its coordinates are lost if it has entered another branch.
         type(state_type), intent(inout) :: next
-        !> ok, or why the other step was given up.
+        !> ok, or the status of the other step.
         integer, intent(out) :: stat
-        !> Relative to the velocity; steps that meet usual tolerances leave far less. Loose ones may leave as much and are tried
-        !> again, since a step onto another branch leaves no more.
+        !> Relative to the velocity; steps that meet usual tolerances leave far less. Loose tolerances may leave as much, and the
+        !> step is repeated, since the gap of a step onto another branch may be no larger.
         real(wp), parameter :: least_gap = 1.0e-3_wp
         real(wp) :: gap
 
@@ -232,7 +232,7 @@ contains
         if (chart%relative_change() > gap) stat = self%reason
     end subroutine check_branch
 
-    !> All of it.
+    !> All components.
     subroutine pack_state(self, pack)
         class(lost_rank_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What a simulation says: errors that tell where it happened and which constraint is to blame, and warnings.
+!> Messages of a simulation: errors with their time and the constraint at fault, and warnings.
 submodule(tandem_simulation) tandem_simulate_messages
     use tandem_model_consistency, only: find_contradiction
     use tandem_simulate_advice, only: advice_on_failure, anywhere
@@ -47,18 +47,18 @@ contains
     end procedure fail
 
     module procedure explain
-        !> Time to look ahead.
+        !> Time of the search ahead.
         real(wp), parameter :: ahead = 1.0e-3_wp
 
         select case (error%stat)
         case (status_position_diverged, status_chart_left, status_newton_failed, status_constraints_not_held, &
             status_rank_deficient, status_step_underflow)
             call self%compare_procedures()
-            ! The last step may have been too short to show anything.
+            ! The last step may have been too short for the comparison.
             if (self%tally%contradiction == '') call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, &
                 ahead, self%chart%counts, self%tally%contradiction)
         case (status_step_limit, status_work_limit)
-            ! Limits of the user's leave no trace: what was found before is told.
+            ! Limits set by the user do not hide an earlier contradiction, which is reported.
         case default
             return
         end select
@@ -66,11 +66,10 @@ contains
             error%message(len(status_name(error%stat)) + 3:)
     end procedure explain
 
-    !> Look for procedures of the model that contradict each other, within the last step. What was found once is not looked for
-    !> again.
+    !> Look for procedures of the model that contradict each other, within the last step. The search ends at the first one found.
     module procedure compare_procedures
         if (self%tally%contradiction /= '' .or. .not. self%last_step > 0.0_wp) return
-        ! Of the step to a breakpoint or to an event the model may not know any more.
+        ! After a step to a breakpoint or to an event the model may have changed its segment.
         if (self%model%segment /= self%dense%segment) return
         if (self%n_events > 0) then
             if (self%events(self%n_events)%t >= self%state%t) return
@@ -107,7 +106,7 @@ contains
         call add_warning(self%warnings, text, is_note)
     end procedure warn
 
-    !> The meaning of a status code, with blanks behind.
+    !> The meaning of a status code, padded with blanks.
     pure function meaning(stat) result(text)
         integer, intent(in) :: stat
         type(status_type) :: row

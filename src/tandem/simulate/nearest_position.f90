@@ -3,9 +3,9 @@
 !> Phi(t, q) = 0, in bounded work.
 !>
 !> First the constraints are reached by Gauss-Newton steps of smallest norm within a trust region, then the distance is minimised
-!> along them by Newton's iteration in their tangent space, each step brought back by the first procedure. Coordinates here are
-!> y = (q - q0) / width with width = w^(-1/2), rows those of A = Phi_q diag(width) at unit length. At the nearest point
-!> y + A' lambda = 0, which says how far each row pulls each coordinate.
+!> along them by Newton's iteration in their tangent space, each step brought back by the first procedure. Coordinates here are y =
+!> (q - q0) / width with width = w^(-1/2), rows those of A = Phi_q diag(width) at unit length. At the nearest point y + A' lambda =
+!> 0, which gives the part of each row in the move of each coordinate.
 !>
 !> Source: J. Nocedal, S. J. Wright, Numerical Optimization, 2nd ed., Springer, 2006: trust regions for least squares (section
 !> 10.3), the reduced Hessian (section 18.3).
@@ -31,22 +31,22 @@ module tandem_simulate_nearest_position
 
     !> The search for the nearest position on the constraints.
     type :: nearest_position_type
-        !> Points tried so far, and how many may be.
+        !> Number of points tried so far, and its limit.
         integer :: trials = 0, most_trials = 200
-        !> Whether q is known to be nearest to q0, among the points around it.
+        !> True if q is known to be nearest to q0, among the points around it.
         logical :: is_nearest = .false.
-        !> How far each row moved each coordinate (nh, n).
+        !> Part of each row in the move of each coordinate (nh, n).
         real(wp), allocatable :: pull(:, :)
-        !> The Phi that is looked for (nh), 0 unless it is set after `initialize`.
+        !> The value of Phi to reach (nh), 0 unless it is set after `initialize`.
         real(wp), allocatable :: goal(:)
-        !> After inconsistent_start: the row that is violated most, by how much, and on its natural scale.
+        !> After inconsistent_start: the row that is violated most, its residual, also on its natural scale.
         integer :: failed_row = 0
         real(wp) :: failed_amount = 0.0_wp, failed_value = 0.0_wp
         integer, private :: n = 0, nh = 0
         !> Indices of the free coordinates, and w^(-1/2) of each (size of `free`); scales of all coordinates (n).
         integer, allocatable, private :: free(:)
         real(wp), allocatable, private :: width(:), scale(:)
-        !> Largest violation on the natural scale that counts as none.
+        !> Largest violation of a satisfied constraint, on the natural scale.
         real(wp), private :: tolerance = 0.0_wp
         !> q0, the current point, and the best one so far.
         real(wp), allocatable, private :: q0(:)
@@ -68,10 +68,10 @@ contains
         class(nearest_position_type), intent(inout) :: self
         !> Number of holonomic constraints.
         integer, intent(in) :: nh
-        !> Which coordinates may not move (n); weights > 0 and typical magnitudes of the coordinates (n).
+        !> True for coordinates that are fixed (n); weights > 0 and typical magnitudes of the coordinates (n).
         logical, intent(in) :: is_fixed(:)
         real(wp), intent(in) :: weight(:), scale(:)
-        !> Largest violation on the natural scale that counts as none; how many points may be tried.
+        !> Largest violation of a satisfied constraint, on the natural scale; limit of the number of points.
         real(wp), intent(in) :: tolerance
         integer, intent(in) :: most_trials
         integer :: j
@@ -92,7 +92,7 @@ contains
         if (nh > 0) call self%singular%allocate(nh, size(self%free))
     end subroutine initialize
 
-    !> q := the nearest consistent position; one that is consistent stays bitwise. Statuses: inconsistent_start, callback_failed,
+    !> q := the nearest consistent position; a consistent one is unchanged bitwise. Statuses: inconsistent_start, callback_failed,
     !> not_evaluable, not_finite; with each of them q is unchanged.
     subroutine find(self, model, t, q, counts, stat)
         class(nearest_position_type), intent(inout) :: self
@@ -115,7 +115,7 @@ contains
         self%is_nearest = .false.
         call self%reach(model, t, self%most_trials, counts, stat)
         if (stat == status_inconsistent_start) then
-            ! Where Phi_q loses rank, such as in the centre of a circle, no step can be seen although a solution may be near.
+            ! If Phi_q loses rank, as in the centre of a circle, no step is determined although a solution may be near.
             call self%kick(model, t, counts, stat)
             if (stat == status_ok) call self%reach(model, t, self%most_trials, counts, stat)
         end if
@@ -136,7 +136,7 @@ contains
         real(wp) :: magnitude(self%n)
         integer :: i, j, row
 
-        ! Neither depends on the velocity; q stands in for it.
+        ! Neither depends on the velocity; q is passed in its place.
         call model%evaluate(need_phi, t, q, q, counts, stat)
         if (stat /= status_ok) return
         point%q = q
@@ -165,7 +165,7 @@ contains
         end do
     end subroutine evaluate
 
-    !> Try the step width dy; what cannot be evaluated is an obstacle to be avoided by a shorter step.
+    !> Try the step width dy; a point that is not evaluable is an obstacle to be avoided by a shorter step.
     subroutine try(self, model, t, dy, point, counts, stat)
         class(nearest_position_type), intent(inout) :: self
         type(evaluator_type), intent(inout) :: model
@@ -183,7 +183,7 @@ contains
         stat = merge(status_callback_failed, status_ok, self%obstacle == status_callback_failed)
     end subroutine try
 
-    !> A and its singular values at the current point. A row that no free coordinate moves is zero and as long as its scale.
+    !> A and its singular values at the current point. A row that no free coordinate moves is zero, with its scale as length.
     subroutine factor(self)
         class(nearest_position_type), intent(inout) :: self
         integer :: i, j
@@ -199,14 +199,14 @@ contains
         call self%singular%factor(self%a)
     end subroutine factor
 
-    !> The first trust region: no coordinate goes further than its scale in it, so that no angle turns round at once.
+    !> The first trust region: no coordinate moves by more than its scale, so that no angle makes a full turn at once.
     pure real(wp) function radius(self)
         class(nearest_position_type), intent(in) :: self
 
         radius = minval(self%scale(self%free)/self%width)
     end function radius
 
-    !> From the current point to the constraints by steps of smallest norm. inconsistent_start: there is nowhere to go.
+    !> From the current point to the constraints by steps of smallest norm. inconsistent_start: no step reduces the error.
     subroutine reach(self, model, t, most_trials, counts, stat)
         class(nearest_position_type), intent(inout) :: self
         type(evaluator_type), intent(inout) :: model
@@ -215,7 +215,8 @@ contains
         integer, intent(in) :: most_trials
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        !> An error of rounding; a ratio of errors that is no progress, and how often in a row that is the end.
+        !> Rounding level of an error; smallest ratio of errors without progress, and the number of successive ones that ends the
+        !> search.
         real(wp), parameter :: finest = 4*epsilon(1.0_wp), slow_ratio = 0.99_wp
         integer, parameter :: most_slow = 10
         type(point_type) :: there
@@ -243,7 +244,7 @@ contains
             if (self%obstacle == status_ok) after = norm2(there%phi/self%length)
             if (self%obstacle /= status_ok) blocked = self%obstacle
             if (.not. after < before) then
-                ! Within the tolerance, what does not get better is as good as rounding lets it be.
+                ! Within the tolerance an error that no longer falls is at rounding level.
                 if (self%here%error <= self%tolerance) exit
                 radius = 0.25_wp*norm2(dy)
                 cycle
@@ -262,7 +263,7 @@ contains
         if (stat /= status_ok .and. blocked /= status_ok) stat = blocked
     end subroutine reach
 
-    !> Whether a step moves any coordinate by more than rounding.
+    !> True if a step moves any coordinate by more than rounding.
     pure logical function is_step(self, dy)
         type(nearest_position_type), intent(in) :: self
         real(wp), intent(in) :: dy(:)
@@ -270,7 +271,7 @@ contains
         is_step = relative_size(self, dy) > 0.25_wp*epsilon(1.0_wp)
     end function is_step
 
-    !> The largest change of a coordinate against its magnitude.
+    !> The largest change of a coordinate relative to its magnitude.
     pure real(wp) function relative_size(self, dy)
         type(nearest_position_type), intent(in) :: self
         real(wp), intent(in) :: dy(:)
@@ -278,7 +279,7 @@ contains
         relative_size = maxval(abs(self%width*dy)/max(abs(self%here%q(self%free)), self%scale(self%free)))
     end function relative_size
 
-    !> Leave a point from which no direction leads on, by a hundredth of the scales.
+    !> Leave a point without a descent direction, by a hundredth of the scales.
     subroutine kick(self, model, t, counts, stat)
         class(nearest_position_type), intent(inout) :: self
         type(evaluator_type), intent(inout) :: model
@@ -291,7 +292,7 @@ contains
 
         stat = status_inconsistent_start
         if (size(dy) == 0 .or. self%trials >= self%most_trials) return
-        ! No two coordinates alike, and none at rest.
+        ! Different for all coordinates, and nonzero.
         dy = [(0.01_wp*self%scale(self%free(j))/self%width(j)*(1.0_wp + 0.3_wp*cos(2.4_wp*j)), j=1, size(dy))]
         call self%try(model, t, dy, there, counts, stat)
         if (stat /= status_ok) return
@@ -299,7 +300,7 @@ contains
         if (stat == status_ok) self%here = there
     end subroutine kick
 
-    !> From a point on the constraints to the nearest one. Whatever happens on the way, the point stays on them.
+    !> From a point on the constraints to the nearest one. In every case the point stays on them.
     subroutine approach(self, model, t, counts, stat)
         class(nearest_position_type), intent(inout) :: self
         type(evaluator_type), intent(inout) :: model
@@ -307,8 +308,8 @@ contains
         type(counts_type), intent(inout) :: counts
         !> callback_failed, or ok.
         integer, intent(out) :: stat
-        !> Steps below the first are rounding, those below the second small; a relative fall of the squared distance below the third
-        !> can no longer be seen.
+        !> Steps below the first are rounding, steps below the second small; a relative fall of the squared distance below the third
+        !> is no longer visible.
         real(wp), parameter :: rounding = 1.0e-15_wp, small = 1.0e-6_wp, invisible = 1.0e-11_wp
         !> Curvature below which a stationary point is a saddle or a maximum of the distance.
         real(wp), parameter :: hollow = -1.0e-6_wp
@@ -333,7 +334,7 @@ contains
             curvature = spread(0.0_wp, 1, size(z, 2))
             call decompose_symmetric(hessian, curvature)
             slope = matmul(matmul(y, z), hessian)
-            ! Newton's step, downhill also where the distance bends the other way.
+            ! Newton's step, modified to descend if the distance has negative curvature.
             lowest = curvature(1)
             curvature = max(abs(curvature), 1.0e-3_wp*maxval(abs(curvature)), tiny(1.0_wp))
             dy = -matmul(z, matmul(hessian, slope/curvature))
@@ -360,7 +361,7 @@ contains
         class(nearest_position_type), intent(inout) :: self
         type(evaluator_type), intent(inout) :: model
         real(wp), intent(in) :: t, dy(:)
-        !> False where the step is too small for the distance to tell.
+        !> False if the step is too small to change the distance measurably.
         logical, intent(in) :: must_fall
         type(counts_type), intent(inout) :: counts
         logical, intent(out) :: has_moved
@@ -402,7 +403,7 @@ contains
     end function distance_of
 
     !> The Hessian of the distance along the constraints: Z'(I + sum_i lambda_i Phi_i,yy) Z, by differences of Phi_q; the identity
-    !> where Phi_q cannot be evaluated. It sets the speed of the iteration, not its end.
+    !> if Phi_q is not evaluable. It affects the speed of the iteration, not its result.
     subroutine get_hessian(self, model, t, z, lambda, hessian, counts, stat)
         class(nearest_position_type), intent(inout) :: self
         type(evaluator_type), intent(inout) :: model
@@ -439,7 +440,7 @@ contains
         end do
     end subroutine get_hessian
 
-    !> The row that is violated most where the search ended. A row's natural scale may vanish there, so that at q0 counts too.
+    !> The row violated most at the end of the search. Its natural scale may vanish there, so its scale at q0 counts too.
     subroutine blame(self)
         class(nearest_position_type), intent(inout) :: self
         real(wp) :: value(self%nh)

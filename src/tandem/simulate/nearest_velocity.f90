@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> The consistent velocity nearest to a given one: minimise (qd - qd0)' K (qd - qd0) over the free entries subject to C qd = nu,
-!> with K the mass matrix or given weights. M may be singular: what it leaves open is decided by the weights.
+!> with K the mass matrix or given weights. M may be singular: the weights determine directions without mass.
 !>
 !> Velocities here are y = (qd - qd0) / width with width = w^(-1/2). The shortest solution y_p of the constraints in that norm is
 !> followed by the step in their null space, y = y_p - Z (Z' K Z)^+ Z' K y_p, with the pseudo-inverse from eigenvalues. It is linear
-!> in the violation of each row, so that the rows' shares add up to the move.
+!> in the violation of each row, so that the parts of the rows add up to the move.
 module tandem_simulate_nearest_velocity
     use tandem_kinds, only: wp
     use tandem_linalg_singular, only: decompose_symmetric, singular_type
@@ -20,13 +20,13 @@ module tandem_simulate_nearest_velocity
     public :: nearest_velocity_type
 
     type :: nearest_velocity_type
-        !> How far each row moved each entry (m, n).
+        !> Part of each row in the move of each entry (m, n).
         real(wp), allocatable :: pull(:, :)
-        !> After inconsistent_start: the row that is violated most, by how much, and on its natural scale.
+        !> After inconsistent_start: the row that is violated most, its residual, also on its natural scale.
         integer :: failed_row = 0
         real(wp) :: failed_amount = 0.0_wp, failed_value = 0.0_wp
         integer, private :: m = 0
-        !> Whether K is the mass matrix.
+        !> True if K is the mass matrix.
         logical, private :: by_mass = .true.
         integer, allocatable, private :: free(:)
         real(wp), allocatable, private :: width(:), scale(:)
@@ -48,12 +48,12 @@ contains
         class(nearest_velocity_type), intent(inout) :: self
         !> Number of constraints.
         integer, intent(in) :: m
-        !> Which entries may not move (n); weights > 0 and typical magnitudes of the coordinates (n).
+        !> True for entries that are fixed (n); weights > 0 and typical magnitudes of the coordinates (n).
         logical, intent(in) :: is_fixed(:)
         real(wp), intent(in) :: weight(:), scale(:)
-        !> Whether the metric is that of the masses.
+        !> True for the metric of the masses.
         logical, intent(in) :: by_mass
-        !> Largest violation on the natural scale that counts as none.
+        !> Largest violation of a satisfied constraint, on the natural scale.
         real(wp), intent(in) :: tolerance
         integer :: j
 
@@ -71,7 +71,7 @@ contains
         call self%singular%allocate(m, size(self%free))
     end subroutine initialize
 
-    !> qd := the nearest consistent velocity at (t, q); one that is consistent stays bitwise. Statuses: inconsistent_start,
+    !> qd := the nearest consistent velocity at (t, q); a consistent one is unchanged bitwise. Statuses: inconsistent_start,
     !> callback_failed, not_evaluable, not_finite; with each of them qd is unchanged.
     subroutine find(self, model, t, q, qd, counts, stat)
         class(nearest_velocity_type), intent(inout) :: self
@@ -87,7 +87,7 @@ contains
 
         stat = status_ok
         if (self%m == 0) return
-        ! None of them depends on the velocity; q stands in for it.
+        ! None of them depends on the velocity; q is passed in its place.
         call model%evaluate(need_jacobian + need_nu, t, q, q, counts, stat)
         if (stat /= status_ok) return
         associate (c => model%terms%jacobian, nu => model%terms%nu)
@@ -109,7 +109,7 @@ contains
                 call self%respond(share, y)
                 self%pull(i, self%free) = self%width*y
             end do
-            ! The second time removes the rounding of the first.
+            ! The second pass removes the rounding error of the first.
             do i = 1, 2
                 call self%respond(violation/self%length, y)
                 moved(self%free) = moved(self%free) + self%width*y
@@ -179,7 +179,7 @@ contains
         self%inverse = matmul(self%inverse, transpose(vectors))
     end subroutine factor_mass
 
-    !> The move y (free) that answers a violation of the rows, on the scale of their lengths (m).
+    !> The move y (free) that removes a violation of the rows, on the scale of their lengths (m).
     subroutine respond(self, violation, y)
         class(nearest_velocity_type), intent(in) :: self
         real(wp), intent(in) :: violation(:)

@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> How far steps may go on one chart.
+!> Largest step on one chart.
 !>
 !> The position on a chart is found by Newton's iteration with C of its origin, which converges ever more slowly with the distance
-!> and at last not at all: for a body that turns by theta, C of its Euler parameters leaves the part 1 - cos(theta/2) of a
+!> and finally not at all: for a body that turns by theta, C of its Euler parameters leaves the part 1 - cos(theta/2) of a
 !> correction, so that no step turns it by half a turn. The part that the last step would have left is taken for the cosine of an
-!> angle, which grows with the length of steps. A step that fails, although the angle was foreseen to be small, shows that steps
-!> have to stay below that: the motion turns faster than before, or stages are far from the manifold.
+!> angle, which grows with the length of steps. If a step fails although the predicted angle is small, later steps stay below that
+!> angle: the motion turns faster than before, or stages are far from the manifold.
 module tandem_simulate_reach
     use tandem_chart, only: chart_type
     use tandem_kinds, only: wp
@@ -16,20 +16,20 @@ module tandem_simulate_reach
 
     public :: reach_type
 
-    !> The largest angle of a step before any has failed (rad), and the smallest limit that failures set.
+    !> The largest angle of a step before the first failure (rad), and the lower bound of the limit after failures.
     real(wp), parameter :: farthest = 1.4_wp, nearest = 0.5_wp
-    !> The part of the angle of a failed step that the next ones stay below, and by what each of them raises that.
+    !> Limit of the next steps relative to the angle of a failed step, and the factor by which each of them raises it.
     real(wp), parameter :: below = 0.8_wp, rise = 1.005_wp
-    !> Below this part of the limit no more than so many steps are left unmeasured, unless they grow by this factor.
+    !> Below this part of the limit at most `most_skipped` steps are left unmeasured, unless they grow by this factor.
     real(wp), parameter :: small = 0.25_wp, grown = 1.5_wp
     integer, parameter :: most_skipped = 4
 
     type :: reach_type
-        !> The largest angle (rad); that of the step that was measured last, over its length (rad/s); that length; the number of
-        !> steps since then.
+        !> The largest angle (rad); the angle of the last measured step, over its length (rad/s); that length; the number of steps
+        !> since then.
         real(wp), private :: limit = farthest, rate = 0.0_wp, length = 0.0_wp
         integer, private :: skipped = 0
-        !> The way of the last step (n).
+        !> The displacement of the last step (n).
         real(wp), allocatable, private :: way(:)
     contains
         procedure :: begin, find_longest, note_failure, pack_state
@@ -37,7 +37,7 @@ module tandem_simulate_reach
 
 contains
 
-    !> A run begins.
+    !> Begin a run.
     subroutine begin(self)
         class(reach_type), intent(out) :: self
     end subroutine begin

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> What is made anew between the steps of a simulation: the chart, where the policy or a failure wants one, and at a breakpoint the
-!> motion from there.
+!> Renewals between the steps of a simulation: the chart, if the policy or a failure requires it, and at a breakpoint the motion
+!> from there.
 submodule(tandem_simulation) tandem_simulate_renewal
     implicit none (type, external)
 
@@ -37,14 +37,14 @@ contains
         call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
         if (.not. self%chart%wants_other_rows()) return
         call self%choose_rows_anew(stat)
-        ! Where no choice of rows is firm, the loss ahead is one of all rows.
+        ! If no choice of rows is independent, all rows lose rank ahead.
         if (self%chart%is_firm()) call self%lost_rank%forget_ahead()
     end procedure move_origin
 
     module procedure renew_by_policy
         type(health_type) :: health
-        !> The secant of 70 degrees, which ends a chart of implicit steps whatever the paper's limits are, and one of explicit steps
-        !> where they are none.
+        !> The secant of 70 degrees, which ends a chart of implicit steps for all limits of the paper, and a chart of explicit steps
+        !> if these are off.
         real(wp), parameter :: farthest = 3.0_wp
         integer :: stat
 
@@ -97,7 +97,7 @@ contains
         logical :: jumps
         integer :: stat
 
-        ! The end of the next segment says which smooth pieces hold within it.
+        ! The end of the next segment determines the smooth pieces within it.
         call self%model%know_breakpoints(self%model%segment + 1, error)
         if (allocated(error)) return
         call self%part_end()

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> Zeros and minima of a function of one variable that is given point by point: the caller evaluates, these say where.
+!> Zeros and minima of a function of one variable that is given point by point: the caller evaluates at the points computed here.
 !>
-!> Zeros: regula falsi with the Illinois weights, with a bisection wherever the bracket has not halved in two steps, so that the
-!> number of points is bounded. Minima: parabolas through the best three points, golden sections where those do not help.
+!> Zeros: regula falsi with the Illinois weights, with a bisection whenever the bracket has not halved in two steps, so that the
+!> number of points is bounded. Minima: parabolas through the best three points, golden sections if those do not help.
 !> Sources: M. Dowell, P. Jarratt, BIT 11 (1971) 168-174; R. P. Brent, Algorithms for Minimization Without Derivatives,
 !> Prentice-Hall 1973, chapter 5.
 module tandem_simulate_root
@@ -28,9 +28,9 @@ module tandem_simulate_root
         real(wp) :: a = 0.0_wp, b = 0.0_wp
         !> The best point and its value.
         real(wp) :: x = 0.0_wp, value = huge(1.0_wp)
-        !> The value there of the parabola through the best three points; huge where there is none.
+        !> The value there of the parabola through the best three points; huge if there is none.
         real(wp) :: expected = huge(1.0_wp)
-        !> How many points were given.
+        !> Number of points so far.
         integer :: n_points = 0
         real(wp), private :: second = 0.0_wp, value_second = huge(1.0_wp), third = 0.0_wp, value_third = huge(1.0_wp)
         real(wp), private :: move = 0.0_wp, move_before = 0.0_wp
@@ -38,18 +38,18 @@ module tandem_simulate_root
         procedure :: begin, next_point => next_of_minimum, narrow => narrow_minimum, width
     end type minimum_type
 
-    !> Zeros found in a step, in the order of their places.
+    !> Zeros found in a step, in the order of their positions.
     type :: zeros_type
-        !> How many there are, at most as many as places are allocated.
+        !> Number of zeros, at most the allocated size.
         integer :: n = 0
-        !> Place in the step, number of the function, direction (+1 rising, -1 falling, 0 neither).
+        !> Position in the step, number of the function, direction (+1 rising, -1 falling, 0 neither).
         real(wp), allocatable :: place(:)
         integer, allocatable :: number(:), direction(:)
     contains
         procedure :: allocate => allocate_zeros, add
     end type zeros_type
 
-    !> Golden section, and the tolerance of a minimum's place: finer is lost in rounding.
+    !> Golden section, and the tolerance of a minimum's position: a finer one is lost in rounding.
     real(wp), parameter :: golden = 0.381966011250105_wp, finest = 1.0e-9_wp
 
 contains
@@ -57,13 +57,13 @@ contains
     !> The sign of a value: -1, 0 or 1.
     pure integer function sign_of(value, smallest)
         real(wp), intent(in) :: value
-        !> What counts as zero.
+        !> Largest modulus that counts as zero.
         real(wp), intent(in) :: smallest
 
         sign_of = merge(0, merge(1, -1, value > 0.0_wp), abs(value) <= smallest)
     end function sign_of
 
-    !> Where to evaluate next.
+    !> The next point of evaluation.
     real(wp) function next_secant(self)
         class(bracket_type), intent(inout) :: self
         real(wp) :: width, value_a, value_b
@@ -78,7 +78,7 @@ contains
         end if
         value_a = self%weight_a*self%value_a
         value_b = self%weight_b*self%value_b
-        ! Infinite or equal values: the middle.
+        ! Infinite or equal values: use the middle.
         if (.not. abs(value_b - value_a) > 0.0_wp .or. .not. abs(value_b - value_a) <= huge(1.0_wp)) return
         next_secant = self%a - width*(value_a/(value_b - value_a))
         ! At an end the bracket would not narrow.
@@ -91,7 +91,7 @@ contains
         !> The point and its value.
         real(wp), intent(in) :: x, value
 
-        ! An end that stays twice pulls with half its value.
+        ! The value of an end that stays twice is halved.
         if ((value > 0.0_wp) .eqv. (self%value_b > 0.0_wp)) then
             self%b = x
             self%value_b = value
@@ -120,7 +120,7 @@ contains
         self%third = a
     end subroutine begin
 
-    !> Where to evaluate next (Brent, section 5.8).
+    !> The next point of evaluation (Brent, section 5.8).
     real(wp) function next_of_minimum(self)
         class(minimum_type), intent(inout) :: self
         real(wp) :: middle, r, q, p, move, s1, s2, bend
@@ -192,17 +192,17 @@ contains
         end if
     end subroutine narrow_minimum
 
-    !> How far the minimum may be from the best point.
+    !> Largest distance of the minimum from the best point.
     pure real(wp) function width(self)
         class(minimum_type), intent(in) :: self
 
         width = max(self%x - self%a, self%b - self%x)
     end function width
 
-    !> The extremum of the parabola through three points, and its place, which may lie outside; the middle point where the three
-    !> lie on a line.
+    !> The extremum of the parabola through three points, and its position, which may lie outside; the middle point if the three lie
+    !> on a line.
     pure subroutine vertex(x, value, place, extreme)
-        !> Three ascending places and the values there.
+        !> Three ascending positions and the values there.
         real(wp), intent(in) :: x(3), value(3)
         real(wp), intent(out) :: place, extreme
         real(wp) :: slope1, slope2, bend
@@ -228,7 +228,7 @@ contains
         self%n = 0
     end subroutine allocate_zeros
 
-    !> Add a zero at its place in the order; one that there is no room for is left out.
+    !> Insert a zero in the order of positions; it is dropped if the list is full.
     pure subroutine add(self, number, place, direction)
         class(zeros_type), intent(inout) :: self
         integer, intent(in) :: number, direction

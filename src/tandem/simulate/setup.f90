@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The set-up of a simulation: what was asked for is checked, what a run before has left is forgotten, work space is allocated.
+!> The set-up of a simulation: the request is checked, results of an earlier run are cleared, work space is allocated.
 submodule(tandem_simulation) tandem_simulate_setup
     use tandem_model_terms, only: need_nu
     use tandem_model_segment, only: find_segment
@@ -46,11 +46,11 @@ contains
         end if
         call find_segment(model, t, error)
         if (allocated(error)) return
-        ! Where the run keeps them: copies would leave holes in the memory.
+        ! In place: copies would fragment the memory.
         call self%state%begin(t, q, qd)
         call model%arrive(t, self%state%q, .true.)
         call model%set_time_scale(t, self%state%q, self%state%qd)
-        ! Before the chart has taken its memory.
+        ! Before the chart allocates its memory.
         if (present(assembly)) call assemble(model, assembly, t, self%state%q, self%state%qd, error)
         if (allocated(error)) return
         call model%arrive(t, self%state%q, .false.)
@@ -77,7 +77,7 @@ contains
         end if
     end procedure allocate_stepper
 
-    !> Refuse a model, options or a start that no run can use.
+    !> Refuse a model, options or a start that are invalid for any run.
     subroutine check_input(model, options, t, q, qd, error)
         class(model_type), intent(inout) :: model
         type(options_type), intent(in) :: options
@@ -100,7 +100,7 @@ contains
         end if
     end subroutine check_input
 
-    !> Refuse options that the stepper cannot serve.
+    !> Refuse options that the stepper does not support.
     subroutine check_method(method, options, error)
         type(properties_type), intent(in) :: method
         type(options_type), intent(in) :: options
@@ -127,7 +127,7 @@ contains
         end if
     end subroutine check_method
 
-    !> Forget what a run before has left.
+    !> Clear the results of an earlier run.
     subroutine forget_run(self)
         class(simulation_type), intent(inout) :: self
 
@@ -163,7 +163,7 @@ contains
     module procedure watch_constraints
         logical :: depend_on_time
 
-        ! The gap of implicit steps also holds what Newton's iterations leave, for which shorter steps are no cure.
+        ! The gap of implicit steps also contains the remainder of Newton's iterations, which shorter steps do not reduce.
         call self%local_error%allow_gap(merge(huge(1.0_wp), warning_limit(self%options), self%method%implicit))
         associate (model => self%model)
             depend_on_time = iand(model%provides, need_nu) /= 0 .or. associated(model%holonomic_rate) .or. &
@@ -172,7 +172,7 @@ contains
         call self%local_error%count_imposed(self%method%implicit .and. depend_on_time)
     end procedure watch_constraints
 
-    !> States, and what estimates, controls and steps need.
+    !> States, and work space of estimates, controls and steps.
     subroutine allocate_work(self, scale, time_scale)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: scale(:), time_scale
