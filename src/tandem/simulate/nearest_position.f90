@@ -215,8 +215,7 @@ contains
         integer, intent(in) :: most_trials
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        !> Rounding level of an error; smallest ratio of errors without progress, and the number of successive ones that ends the
-        !> search.
+        !> Rounding level of an error; ratio of errors without progress, and the number of such steps that ends the search.
         real(wp), parameter :: finest = 4*epsilon(1.0_wp), slow_ratio = 0.99_wp
         integer, parameter :: most_slow = 10
         type(point_type) :: there

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> A simulation: a model, a chart, a stepper, the current state, and the loop that joins them.
 !>
-!> The object can be stepped from outside (`step`) or run (`integrate`). It holds everything that the integration remembers;
-!> the model is the caller's and must outlive it. Two simulations never share anything.
+!> The object can be stepped from outside (`step`) or run (`integrate`). It contains the whole state of the integration; the model
+!> is the caller's and must outlive it. Two simulations never share anything.
 module tandem_simulation
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
@@ -45,14 +45,14 @@ module tandem_simulation
     public :: simulation_type, observer_type
     public :: at_start, at_step, at_end, at_event
 
-    !> When an observer is called: with the start, after an accepted step, with the last state of a run (also a failed one), and
-    !> where an event changes the motion with the state before its action; `at_step` follows with the state after it.
+    !> Occasions of an observer's call: with the start, after an accepted step, with the last state of a run (also a failed one),
+    !> and with the state before the action of an event that changes the motion; `at_step` follows with the state after it.
     integer, parameter :: at_start = 0, at_step = 1, at_end = 2, at_event = 3
 
-    !> Most rows that a message names: more help nobody.
+    !> Most rows that a message names: more are of no use.
     integer, parameter :: most_names = 8
 
-    !> Watches the motion as it goes, to write it or to draw it.
+    !> Observes the motion of a run, for example to write or to draw it.
     type, abstract :: observer_type
     contains
         procedure(observe_interface), deferred :: observe
@@ -64,59 +64,59 @@ module tandem_simulation
         type(state_type) :: state
         !> The model, the caller's.
         class(model_type), pointer :: model => null()
-        !> What was asked for.
+        !> Options of the run.
         type(options_type) :: options
         !> Number of the current step on the grid of fixed steps: a step that was cut at a breakpoint does not count.
         integer(long) :: grid_steps = 0
-        !> True where the current state lies on that grid.
+        !> True if the current state lies on that grid.
         logical :: on_grid = .true.
         !> Size of the last step.
         real(wp) :: last_step = 0.0_wp
         !> Position, velocity and acceleration error of the current state, on the natural scale of each row.
         real(wp) :: errors(3) = 0.0_wp
-        !> What there is to say that is no failure; none where unallocated.
+        !> Warnings and notes; none if unallocated.
         type(warning_type), allocatable :: warnings(:)
-        !> How many redundant constraint rows were left out.
+        !> Number of redundant constraint rows left out.
         integer :: n_redundant = 0
-        !> Whether charts are sparse.
+        !> True if charts are sparse.
         logical :: is_sparse = .false.
-        !> The estimates that chose it; zero where none were needed.
+        !> The estimates for the choice of charts; zero if none were needed.
         type(cost_type) :: cost
-        !> What has happened, `n_events` entries in the order of time; more may be allocated.
+        !> Recorded events, `n_events` entries in the order of time; more may be allocated.
         type(event_record_type), allocatable :: events(:)
         integer :: n_events = 0
-        !> Whether an event has stopped the run, and its name.
+        !> True if an event has stopped the run; its name.
         logical :: is_stopped = .false.
         character(len=label_length) :: stopped_by = ''
-        !> Whether a start was accepted, so that there is a run.
+        !> True if a start was accepted, so that there is a run.
         logical, private :: is_ready = .false.
         class(chart_type), allocatable, private :: chart
-        !> What it was allocated from, if not anew.
+        !> Prototype of the chart, if user-defined.
         class(chart_type), allocatable, private :: blank
         class(stepper_type), allocatable, private :: stepper
-        !> What it was allocated from, if it is the caller's own.
+        !> Prototype of the stepper, if it is the caller's own.
         class(stepper_type), allocatable, private :: own_stepper
-        !> The ends of the last step. While one is tried, `next` is where the start of the last one was; afterwards it is an end of
-        !> its own where the state may be another, see `part_end`.
+        !> The ends of the last step. During a step `next` is stored in place of the last start; afterwards it is a separate end if
+        !> the state may be another, see `part_end`.
         type(state_type), private :: start, next
         logical, private :: end_is_apart = .false.
         type(dense_output_type), private :: dense
-        !> From when on somebody will look between steps, as far as that is known, and how long steps may be for it.
+        !> Earliest announced time of a request between steps, and the resulting limit of steps.
         real(wp), private :: next_look = huge(1.0_wp)
         type(dense_control_type), private :: dense_control
-        !> Why the next step needs a new chart whatever the policy says; 0 where it does not.
+        !> Reason for a new chart before the next step, independent of the policy; 0 for none.
         integer, private :: renewal = 0
         type(event_watch_type), private :: watch
         type(lost_rank_type), private :: lost_rank
         type(reach_type), private :: reach
-        !> Why the last step had to be smaller, ok where no try of it has failed.
+        !> Reason for a smaller last step, ok if no try of it has failed.
         integer, private :: hindrance = status_ok
-        !> Whether a limit on the work has ended the tries of a controlled step, and whether one of those had failed.
+        !> True if a limit on the work has ended the tries of a controlled step; true if one of those had failed.
         logical, private :: is_interrupted = .false., try_has_failed = .false.
         !> True if a fixed step was found to pass over values of functions of time.
         logical, private :: has_overlooked = .false.
-        !> Tries of controlled steps since a time; tries since the last look whether steps creep, and its time; how many looks have
-        !> found that they do.
+        !> Tries of controlled steps since a time; tries since the last check for creeping steps, and its time; number of checks
+        !> that have found them.
         integer, private :: tries = 0, tries_of_look = 0, n_collapsed = 0
         real(wp), private :: tries_from = 0.0_wp, creeps_from = 0.0_wp
         type(slowing_type), private :: slowing
@@ -125,7 +125,7 @@ module tandem_simulation
         type(work_limit_type), private :: work
         type(stiffness_type), private :: stiffness
         type(local_error_type), private :: local_error
-        !> The method at work, and the one that a run with `auto` begins with.
+        !> The current method, and the first one of a run with `auto`.
         type(properties_type), private :: method, explicit_method
         type(switching_type), private :: switching
         real(wp), private :: t_start = 0.0_wp
@@ -144,7 +144,7 @@ module tandem_simulation
     end type simulation_type
 
     abstract interface
-        !> Look at `simulation`, whose state is accepted. An error ends the run with that error.
+        !> Observe `simulation`, whose state is accepted. An error ends the run with that error.
         subroutine observe_interface(self, simulation, occasion, error)
             import :: observer_type, simulation_type, error_type
             implicit none (type, external)
@@ -159,34 +159,34 @@ module tandem_simulation
     interface
         !> Set up a run that starts from (t, q, qd), or with `assembly` from the consistent state nearest to it. Errors:
         !> invalid_model, invalid_option, inconsistent_start, rank_deficient, singular_mass, callback_failed, not_evaluable,
-        !> not_finite. After an error there is no run, also where there was one before.
+        !> not_finite. After an error there is no run, even if there was one before.
         module subroutine initialize(self, model, options, t, q, qd, error, assembly, chart, stepper, control)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
-            !> The model; it must outlive the simulation and serves only this one.
+            !> The model; it must outlive the simulation and belongs to this one only.
             class(model_type), intent(inout), target :: model
             type(options_type), intent(in) :: options
             !> Start time, coordinates (n) and velocities (n).
             real(wp), intent(in) :: t, q(:), qd(:)
             type(error_type), allocatable, intent(out) :: error
-            !> How to assemble the start, and what that did; without it a start that violates the constraints is refused.
+            !> Request and result of an assembly; without it a start that violates the constraints is refused.
             type(assembly_type), intent(inout), optional :: assembly
-            !> Charts are copies of this one, which is not initialized; dense charts where it is absent.
+            !> Charts are copies of this one, which is not initialized; dense charts if absent.
             class(chart_type), intent(in), optional :: chart
-            !> A method of one's own, not initialized, of which the run takes a copy; that of `options%stepper` where it is absent.
+            !> User-defined method, not initialized, which the run copies; that of `options%stepper` if absent.
             class(stepper_type), intent(in), optional :: stepper
-            !> A step size controller of one's own, likewise.
+            !> User-defined step size controller, likewise.
             class(step_control_type), intent(in), optional :: control
         end subroutine initialize
 
-        !> The stepper that a run begins with, or its partner.
+        !> Allocate the stepper that a run begins with, or its partner.
         module subroutine allocate_stepper(self, is_partner)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
             logical, intent(in) :: is_partner
         end subroutine allocate_stepper
 
-        !> A chart that knows nothing yet.
+        !> Allocate a chart without initializing it.
         module subroutine allocate_chart(self)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -201,8 +201,8 @@ module tandem_simulation
             type(error_type), allocatable, intent(out) :: error
         end subroutine renew_chart
 
-        !> Make the current state the chart's origin, with other rows in use where redundant ones ask for it. The state's increments
-        !> stay as they are.
+        !> Make the current state the chart's origin, with other rows in use if redundant ones require it. The state's increments
+        !> are unchanged.
         module subroutine move_origin(self, stat)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -210,57 +210,57 @@ module tandem_simulation
             integer, intent(out) :: stat
         end subroutine move_origin
 
-        !> What the run has cost and how wrong it was, so far.
+        !> Cost and errors of the run so far.
         module function statistics(self) result(statistics_)
             implicit none (type, external)
             class(simulation_type), intent(in) :: self
             type(statistics_type) :: statistics_
         end function statistics
 
-        !> Take the other stepper where the run shows that it is cheaper from here on.
+        !> Exchange the stepper if the run shows that the other one is cheaper from here on.
         module subroutine consider_exchange(self, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
             type(error_type), allocatable, intent(out) :: error
         end subroutine consider_exchange
 
-        !> Begin with implicit steps, the first of which is known, where those that stability allows would be far shorter.
+        !> Begin with implicit steps, the first of which is known, if stable explicit ones would be far shorter.
         module subroutine consider_beginning(self, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
             type(error_type), allocatable, intent(out) :: error
         end subroutine consider_beginning
 
-        !> Put a stepper with its chart in the place of the one at work, the current state the chart's origin.
+        !> Activate a stepper with its chart, with the current state as the chart's origin.
         module subroutine take_stepper(self, is_implicit, stat)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
-            !> Which of the two.
+            !> True for the implicit one.
             logical, intent(in) :: is_implicit
             !> A status code.
             integer, intent(out) :: stat
         end subroutine take_stepper
 
-        !> Choose how the error of a step counts what constraints add to its increments.
+        !> Select the treatment of constraint contributions to increments in the error of a step.
         module subroutine watch_constraints(self)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
         end subroutine watch_constraints
 
-        !> What depends on the method.
+        !> Set the data that depend on the method.
         module subroutine set_method(self)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
         end subroutine set_method
 
-        !> Make a new chart before the step where the policy wants one.
+        !> Make a new chart before the step if the policy requires it.
         module subroutine renew_by_policy(self, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
             type(error_type), allocatable, intent(out) :: error
         end subroutine renew_by_policy
 
-        !> Enter the next segment: where nu jumps, qd jumps with it; the acceleration is made anew, and the chart with the next
+        !> Enter the next segment: if nu jumps, qd jumps with it; the acceleration is recomputed, and the chart before the next
         !> step. On an error the state is that of the segment that ends.
         module subroutine cross_breakpoint(self, error)
             implicit none (type, external)
@@ -268,20 +268,20 @@ module tandem_simulation
             type(error_type), allocatable, intent(out) :: error
         end subroutine cross_breakpoint
 
-        !> Dense output: make `state` and `errors` those of a time within the last step, between the steps' own, on the manifold
-        !> with all three constraint levels, until `look_back`. Multipliers and energies are then those of that time. Takes no part
-        !> in the integration: the steps are bitwise the same with and without.
+        !> Dense output: set `state` and `errors` for a time within the last step, between the steps' own, on the manifold with all
+        !> three constraint levels, until `look_back`. Multipliers and energies then belong to that time. The integration is not
+        !> affected: the steps are bitwise the same with and without.
         module subroutine look_at(self, t, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
             !> Not before the start of the last step, not after its end.
             real(wp), intent(in) :: t
-            !> invalid_option where t is elsewhere; what evaluating the model there may give.
+            !> invalid_option if t is elsewhere; statuses of evaluating the model there.
             type(error_type), allocatable, intent(out) :: error
         end subroutine look_at
 
-        !> Let error control include the motion within the last step where somebody looks there: refuse the step if that is off by
-        !> more than the tolerance allows, else bound the next one.
+        !> Let error control include the motion within the last step if states there are requested: refuse the step if its error
+        !> exceeds the tolerance, else bound the next one.
         module subroutine judge_between(self, is_refused)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -294,8 +294,8 @@ module tandem_simulation
             class(simulation_type), intent(inout) :: self
         end subroutine look_back
 
-        !> The multipliers lambda (nh + nd) at the current state, holonomic rows first: M qdd + C' lambda = S + Q_A (35). Zero where
-        !> the model cannot be evaluated there any more, and before `initialize`.
+        !> The multipliers lambda (nh + nd) at the current state, holonomic rows first: M qdd + C' lambda = S + Q_A (35). Zero if
+        !> the model is no longer evaluable there, and before `initialize`.
         module subroutine multipliers(self, lambda)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -311,7 +311,7 @@ module tandem_simulation
             integer, intent(out) :: stat
         end subroutine kinetic_energy
 
-        !> The potential energy at the current state; only where the model has one.
+        !> The potential energy at the current state; only if the model has one.
         module subroutine potential_energy(self, energy, stat)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -320,7 +320,7 @@ module tandem_simulation
             integer, intent(out) :: stat
         end subroutine potential_energy
 
-        !> Where rows are redundant: choose anew which to leave out, and make a chart at the current state.
+        !> If rows are redundant: choose again which to leave out, and make a chart at the current state.
         module subroutine choose_rows_anew(self, stat)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -328,43 +328,43 @@ module tandem_simulation
             integer, intent(out) :: stat
         end subroutine choose_rows_anew
 
-        !> Whether a chart of all rows cannot be: a dense one has at most as many rows as coordinates, so that it waits for those
-        !> that are left out.
+        !> True if a chart of all rows is impossible: a dense one has at most as many rows as coordinates, so that it is postponed
+        !> until rows are left out.
         module function has_surplus_rows(self)
             implicit none (type, external)
             class(simulation_type), intent(in) :: self
             logical :: has_surplus_rows
         end function has_surplus_rows
 
-        !> Watch an event from the current state on; call it after `initialize`, which forgets all events, and before which nothing
-        !> is watched. The event is the caller's and must outlive the run.
+        !> Watch an event from the current state on; call it after `initialize`, which removes all events. The event is the caller's
+        !> and must outlive the run.
         module subroutine add_event(self, event)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
             class(event_type), intent(inout), target :: event
         end subroutine add_event
 
-        !> Look for events in the last step, record them, and cut the step where one stops or changes the motion.
+        !> Search for events in the last step, record them, and cut the step if one stops or changes the motion.
         module subroutine look_for_events(self, is_last, is_cut, is_refused, error)
             implicit none (type, external)
             class(simulation_type), intent(inout), target :: self
-            !> Whether no step may follow: a zero at the end counts now.
+            !> True if no step may follow: a zero at the end counts now.
             logical, intent(in) :: is_last
             logical, intent(out) :: is_cut
-            !> Whether the motion within the step is too uncertain for the events that were found; nothing is known of them then.
+            !> True if the motion within the step is too uncertain for the events found; they are then discarded.
             logical, intent(out) :: is_refused
             type(error_type), allocatable, intent(out) :: error
         end subroutine look_for_events
 
-        !> Take the actions that are due at the current state and make the motion ready to go on.
+        !> Take the actions that are due at the current state and prepare the motion to continue.
         module subroutine act_on_events(self, error)
             implicit none (type, external)
             class(simulation_type), intent(inout), target :: self
             type(error_type), allocatable, intent(out) :: error
         end subroutine act_on_events
 
-        !> All that the run remembers, as a row of numbers: a simulation that is set up alike and takes it by `restore_state` goes
-        !> on bitwise as this one does, which goes on as if nothing had been asked. Between steps; a look at another time ends.
+        !> The state of the run, as a row of numbers: an identically set up simulation that receives it by `restore_state` continues
+        !> bitwise as this one does, which is not affected. Between steps; ends a request at another time.
         module subroutine save_state(self, words, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -373,9 +373,8 @@ module tandem_simulation
             type(error_type), allocatable, intent(out) :: error
         end subroutine save_state
 
-        !> Take up a run where `save_state` was called. Before it, `initialize` as then, with the same model, options and start,
-        !> and `add_event` for the same events. What a model or an event of one's own remembers is kept where it overrides
-        !> `pack_state`.
+        !> Restore a run from the result of `save_state`. First call `initialize` with the same model, options and start, and
+        !> `add_event` for the same events. The state of a user-defined model or event is included if it overrides `pack_state`.
         module subroutine restore_state(self, words, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -384,7 +383,7 @@ module tandem_simulation
             type(error_type), allocatable, intent(out) :: error
         end subroutine restore_state
 
-        !> Check the start against the constraints, remove what little it is off, leave out redundant rows, and complete it.
+        !> Check the start against the constraints, remove small errors, leave out redundant rows, and complete it.
         module subroutine accept_start(self, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -401,36 +400,36 @@ module tandem_simulation
             type(error_type), allocatable, intent(out) :: error
         end subroutine advance
 
-        !> Forget the last step: `next` takes the place of its start.
+        !> Discard the last step: `next` is stored in place of its start.
         module subroutine make_room(self)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
         end subroutine make_room
 
-        !> Before the state becomes another: let `next` be the end of the last step.
+        !> Before the state changes: make `next` a copy of the end of the last step.
         module subroutine part_end(self)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
         end subroutine part_end
 
-        !> The error of steps that do go on, but would never reach the end.
+        !> The error of steps that succeed, but would never reach the end.
         module subroutine check_progress(self, t_limit, stop_at, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
-            !> The end of the run, and where steps must stop before it.
+            !> The end of the run, and the time of the next stop before it.
             real(wp), intent(in) :: t_limit, stop_at
             type(error_type), allocatable, intent(out) :: error
         end subroutine check_progress
 
-        !> A loss of rank close ahead may be why steps creep, or why constraints are not held.
+        !> A loss of rank close ahead may be the reason for creeping steps, or for violated constraints.
         module subroutine name_loss_ahead(self, reach, stop_at, trouble, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
-            !> How far steps get, and where they must stop.
+            !> Reach of steps, and the time of their next stop.
             real(wp), intent(in) :: reach, stop_at
-            !> What it is the reason of.
+            !> Consequence of the loss.
             character(len=*), intent(in) :: trouble
-            !> Replaced where it is the reason.
+            !> Replaced if a loss is the reason.
             type(error_type), allocatable, intent(inout) :: error
         end subroutine name_loss_ahead
 
@@ -438,29 +437,29 @@ module tandem_simulation
         module subroutine underflow(self, reason, h, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
-            !> Why the last try, in this step or in the one before, could not be completed; ok where it missed the tolerance.
+            !> Reason for the failure of the last try, in this step or in the one before; ok if it missed the tolerance.
             integer, intent(in) :: reason
             real(wp), intent(in) :: h
             type(error_type), allocatable, intent(out) :: error
         end subroutine underflow
 
-        !> Turn a status of the chart or the stepper into an error that says where it happened and which row is to blame.
+        !> Turn a status of the chart or the stepper into an error with its time and the row at fault.
         module subroutine fail(self, stat, where_, error, circumstance)
             implicit none (type, external)
             class(simulation_type), intent(in) :: self
             integer, intent(in) :: stat
-            !> The place in words.
+            !> Description of the time.
             character(len=*), intent(in) :: where_
             type(error_type), allocatable, intent(out) :: error
-            !> That of `tandem_simulate_advice`; default `anywhere`.
+            !> One of the circumstances of `tandem_simulate_advice`; default `anywhere`.
             integer, intent(in), optional :: circumstance
         end subroutine fail
 
-        !> A procedure of the model that contradicts others is the cause of an error of a step: the message names it first.
+        !> A procedure of the model that contradicts others is the cause of an error of a step: the message begins with it.
         module subroutine explain(self, error)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
-            !> Why `advance` has failed.
+            !> Error of `advance`.
             type(error_type), allocatable, intent(inout) :: error
         end subroutine explain
 
@@ -470,31 +469,31 @@ module tandem_simulation
             class(simulation_type), intent(inout) :: self
         end subroutine compare_procedures
 
-        !> Other rows by name, for messages about rows that depend on each other, with blanks behind.
+        !> Names of other rows, for messages about rows that depend on each other, padded with blanks.
         recursive module function with_rows(self, rows, row, before) result(text)
             implicit none (type, external)
             class(simulation_type), intent(in) :: self
-            !> Rows of C, and the one that is named already (0: none).
+            !> Rows of C, and the row already named (0: none).
             integer, intent(in) :: rows(:), row
-            !> What stands before the first.
+            !> Text before the first name.
             character(len=*), intent(in) :: before
             character(len=len(before) + most_names*(label_length + 4) + 11) :: text
         end function with_rows
 
-        !> Keep a warning, once.
+        !> Store a warning, once.
         module subroutine warn(self, text, is_note)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
-            !> What was seen and what to do about it.
+            !> Observation and advice.
             character(len=*), intent(in) :: text
-            !> A property of the model, no doubt about the result; default false.
+            !> True for a property of the model, not a warning about the result; default false.
             logical, intent(in), optional :: is_note
         end subroutine warn
     end interface
 
 contains
 
-    !> Refuse what needs a run where there is none.
+    !> Refuse operations that need a run if there is none.
     subroutine check_ready(self, error)
         class(simulation_type), intent(in) :: self
         type(error_type), allocatable, intent(out) :: error
@@ -518,7 +517,7 @@ contains
                 ', must be after the current time '//to_text(self%state%t), 'choose a later one')
             return
         end if
-        ! A caller who takes single steps sees how far they get, and need not mean to reach the limit.
+        ! A caller who makes single steps sees their progress, and need not intend to reach the limit.
         self%tries = 0
         self%tries_from = self%state%t
         call self%advance(t_limit, error)
@@ -526,7 +525,7 @@ contains
         if (.not. allocated(error) .and. self%watch%has_to_act) call self%act_on_events(error)
     end subroutine step
 
-    !> Step until t_end and show every accepted state to the observer. On an error the state is that of the last accepted step.
+    !> Step until t_end and call the observer after every accepted step. On an error the state is that of the last accepted step.
     subroutine integrate(self, t_end, error, observer)
         class(simulation_type), intent(inout) :: self
         !> End of the run; must lie after the current time. An event that stops ends it before (`is_stopped`).
@@ -566,7 +565,7 @@ contains
         end if
     end subroutine integrate
 
-    !> From here on, steps under error control are no longer than this (s, above zero), nor than the options say.
+    !> From now on, bound steps under error control by this (s, above zero), and by the options.
     subroutine limit_steps(self, max_step)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: max_step
@@ -578,18 +577,18 @@ contains
         end if
     end subroutine limit_steps
 
-    !> Say that somebody will look between steps at a time, and perhaps later: error control includes the motion within the step
-    !> that passes it. Of several times the first counts; it is forgotten when a step has passed it. Who looks without it finds what
-    !> the steps leave.
+    !> Announce a request between steps at a time, and perhaps later: error control includes the motion within the step that passes
+    !> it. Of several times the first counts; it is dropped when a step has passed it. Requests without announcement have the
+    !> accuracy that the steps provide.
     subroutine expect_look(self, t)
         class(simulation_type), intent(inout) :: self
-        !> The end of the last step, for a look somewhere in the next, or later.
+        !> The end of the last step, for a request somewhere in the next, or later.
         real(wp), intent(in) :: t
 
         self%next_look = min(self%next_look, t)
     end subroutine expect_look
 
-    !> Count time from here on, until `stop_clock`. `integrate` does both; whoever makes single steps may.
+    !> Count time from here on, until `stop_clock`. `integrate` does both; callers of single steps may.
     subroutine start_clock(self)
         class(simulation_type), intent(inout) :: self
 
@@ -619,7 +618,7 @@ contains
             tally%position_error = max(tally%position_error, self%errors(1))
             tally%velocity_error = max(tally%velocity_error, self%errors(2))
             tally%acceleration_error = max(tally%acceleration_error, self%errors(3))
-            ! The paper's own iterations hold what their tolerances give, which the report shows.
+            ! The paper's own iterations satisfy their own tolerances only, and the report shows the errors.
             if (self%options%refresh == 'refine') return
             do i = 1, 3
                 if (self%errors(i) <= max(self%options%constraint_tolerance, &

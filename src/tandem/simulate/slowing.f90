@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Detects steps that shrink towards a time that they never reach, as where a rate grows without bound: the time that doubled
-!> numbers of tries cover falls again and again.
+!> Detects steps that shrink towards a time that they never reach, for example if a rate grows without bound: the time covered by
+!> doubled numbers of tries falls repeatedly.
 module tandem_simulate_slowing
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
@@ -9,12 +9,12 @@ module tandem_simulate_slowing
 
     public :: slowing_type
 
-    !> Tries of the first span. Each span has as many tries as all before it. A span that is shorter than the one before by the
-    !> factor `shorter` counts, one that is longer by `longer` starts the count anew.
+    !> Tries of the first span. Each span has as many tries as all before it. A span that is shorter than the previous one by the
+    !> factor `shorter` counts, one that is longer by `longer` restarts the count.
     integer, parameter :: first_tries = 250
     real(wp), parameter :: shorter = 0.75_wp, longer = 1.5_wp
-    !> So many spans that count, one after the other, show that times converge. Of a motion whose rate grows exponentially, spans
-    !> have equal lengths.
+    !> Number of successive shorter spans which shows that times converge. For a motion whose rate grows exponentially, spans have
+    !> equal lengths.
     integer, parameter :: enough = 4
 
     !> Spans of the tries of steps.
@@ -27,7 +27,7 @@ module tandem_simulate_slowing
 
 contains
 
-    !> Take note of a try at a time.
+    !> Count a try at a time.
     pure subroutine observe(self, t)
         class(slowing_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -53,7 +53,7 @@ contains
         self%mark = 2*max(self%tries, first_tries/2)
     end subroutine observe
 
-    !> Start the count anew.
+    !> Restart the count.
     pure subroutine restart(self)
         class(slowing_type), intent(inout) :: self
 
@@ -68,7 +68,7 @@ contains
         class(slowing_type), intent(in) :: self
         !> The current time.
         real(wp), intent(in) :: t
-        !> The sum of all spans to come, as a geometric series; huge where there is none.
+        !> The sum of all spans to come, as a geometric series; huge if it diverges.
         real(wp), intent(out) :: t_end
         logical, intent(out) :: converges
 
@@ -77,7 +77,7 @@ contains
         if (converges) t_end = t + self%span*self%ratio/(1 - self%ratio)
     end subroutine find_end
 
-    !> All of it.
+    !> All components.
     subroutine pack_state(self, pack)
         class(slowing_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> How many steps the motion itself would need, whatever limits the steps that a run takes: the steps of a method whose errors go
-!> with the fourth power of its step, as those of radau5 do under error control.
+!> Number of steps that the motion itself requires, whatever limits the steps of a run: the steps of a method whose errors grow with
+!> the fourth power of its step, like those of radau5 under error control.
 !>
-!> A window of the motion is as long as a cubic polynomial through the states and rates at its ends meets the state in its middle,
-!> to the tolerance. Windows double until that fails, and how it fails tells how many steps half of the window is.
+!> A window of the motion ends when the cubic polynomial through the states and rates at its ends no longer meets the state in its
+!> middle to the tolerance. Windows double until then, and the error determines the number of steps of half the window.
 module tandem_simulate_smoothness
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
@@ -15,20 +15,20 @@ module tandem_simulate_smoothness
     public :: smoothness_type
 
     type :: smoothness_type
-        !> Steps so far.
+        !> Number of steps so far.
         real(wp) :: needed = 0.0_wp
-        !> Where the window begins, and its middle; how many of them are known.
+        !> The start of the window, and its middle; the number of them that are known.
         integer, private :: n_known = 0
         type(state_type), private :: first, middle
-        !> Differences (n); how many steps the window took that ended in the last state, which is now a middle.
+        !> Differences (n); number of steps of the window that ended in the last state, which is now a middle.
         real(wp), allocatable, private :: error_q(:), error_qd(:)
         real(wp), private :: closed = 0.0_wp
     contains
         procedure :: initialize, pause, observe, look_at_window, restart, pack_state
     end type smoothness_type
 
-    !> The error of a step of radau5 over that of the polynomial in the middle: by its steps on pendulums and motorcycles. The power
-    !> of the step with which it goes.
+    !> The error of a step of radau5 over that of the polynomial in the middle: from its steps on pendulums and motorcycles. The
+    !> power of the step to which it is proportional.
     real(wp), parameter :: factor = 2.0_wp, power = 4.0_wp
 
 contains
@@ -47,18 +47,18 @@ contains
         self%error_qd = self%first%q
     end subroutine initialize
 
-    !> Take no further note of the window that is open.
+    !> Abandon the current window.
     pure subroutine pause(self)
         class(smoothness_type), intent(inout) :: self
 
         self%n_known = 0
     end subroutine pause
 
-    !> Take note of the state at the end of a step.
+    !> Add the state at the end of a step.
     subroutine observe(self, state, weight_q, weight_qd)
         class(smoothness_type), intent(inout) :: self
         type(state_type), intent(in) :: state
-        !> One over what is allowed of the errors of q and of qd (n).
+        !> Reciprocals of the tolerated errors of q and of qd (n).
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
         real(wp) :: norm
 
@@ -69,7 +69,7 @@ contains
             self%closed = norm**(1.0_wp/power)
             if (.not. norm <= 1.0_wp) then
                 self%needed = self%needed + 0.5_wp*self%closed
-                ! The half of it that is left is another window.
+                ! The remaining half is another window.
                 self%closed = 0.5_wp*self%closed
                 call self%first%copy(self%middle)
             end if
@@ -83,17 +83,16 @@ contains
         end if
     end subroutine observe
 
-    !> How many steps the window that is open would take from a time on: it may have begun long before, while the motion was
-    !> smoother.
+    !> Number of steps of the current window from a time on: it may have begun long before, while the motion was smoother.
     subroutine look_at_window(self, state, since, weight_q, weight_qd, steps)
         class(smoothness_type), intent(inout) :: self
         type(state_type), intent(in) :: state
         real(wp), intent(in) :: since
         !> As of `observe`.
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
-        !> 0 where it is not known.
+        !> 0 if unknown.
         real(wp), intent(out) :: steps
-        !> Near an end of the window the polynomial meets the middle for that reason alone.
+        !> Near an end of the window the polynomial meets the middle for any motion.
         real(wp), parameter :: least = 0.1_wp
         real(wp) :: x, norm
 
@@ -110,7 +109,7 @@ contains
         steps = steps*min(1.0_wp, (state%t - since)/(state%t - self%first%t))
     end subroutine look_at_window
 
-    !> The motion bends or jumps here: no window reaches across.
+    !> The motion has a kink or a jump here: no window extends across.
     pure subroutine restart(self)
         class(smoothness_type), intent(inout) :: self
 

@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> Steps that get nowhere, and the loss of rank that may stand in their way.
+!> Steps without progress, and a loss of rank as their possible cause.
 submodule(tandem_simulation) tandem_simulate_standstill
     implicit none (type, external)
 
 contains
 
     module procedure check_progress
-        !> So many tries, and such a part of the way that is left: a run that gets no further with them takes years. One whose
-        !> model contradicts itself is not worth more than so many times as many.
+        !> Number of tries, and part of the remaining time: a run that advances less with them takes years. For a model that
+        !> contradicts itself the limit is this part of the remaining time.
         integer, parameter :: many = 100000
         real(wp), parameter :: hopeless = 1.0e-7_wp, pointless = 0.1_wp
         real(wp) :: hopeful
@@ -51,24 +51,23 @@ contains
         end if
     end function for_stiffness
 
-    !> Every thousand tries: do they get much less far than as many do on average, so that it is worth looking for a loss of rank
-    !> ahead, or have steps collapsed? Steps that the next stop would cut do not count, and where events or breakpoints cut them,
-    !> counting begins anew.
+    !> Every thousand tries: if they advance much less than average, look for a loss of rank ahead; and check if steps have
+    !> collapsed. Steps that the next stop would cut do not count, and counting restarts when events or breakpoints cut them.
     subroutine check_creeping(self, t_limit, stop_at, error)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: t_limit, stop_at
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: few = 1000
         real(wp), parameter :: slow = 0.01_wp
-        !> Steps have collapsed where so many looks found that a thousand tries get no further than this part of the run, that is
-        !> 1e-10 of it each. Looks that find them longer by this factor start anew; what is left may then still be reached.
+        !> Steps have collapsed if this number of checks found a thousand tries to advance by at most this part of the run, 1e-10 of
+        !> it each. An advance longer by the next factor, or near the end of the run, restarts the count.
         integer, parameter :: enough = 5
         real(wp), parameter :: collapsed = 1.0e-7_wp, recovered = 10.0_wp, near = 100.0_wp
-        !> A run is taken to be no longer than so many times what it has done: limits of single steps need not be meant.
-        !> At its start this part of the time scale of the model stands for that.
+        !> A run is assumed to be no longer than this times its length so far: limits of single steps need not be its end. At its
+        !> start this part of the time scale of the model is used.
         real(wp), parameter :: foreseen = 10.0_wp, beginning = 0.01_wp
-        !> Of a model that contradicts itself no more than so many looks are taken, if this part of its tries was in vain: steps
-        !> fail for that reason then.
+        !> Of a model that contradicts itself at most this number of checks is made, if this part of its tries has failed: then the
+        !> contradiction is the reason.
         real(wp), parameter :: most_looks = 10.0_wp, in_vain = 0.3_wp
         real(wp) :: tries, way
         logical :: is_wrong
@@ -105,12 +104,12 @@ contains
             trim(causes(self))//trim(for_stiffness(self)))
     end subroutine check_creeping
 
-    !> Do steps shrink towards a time before the next stop? What changes at that stop they do not see.
+    !> Check if steps shrink towards a time before the next stop. Changes at that stop do not affect them.
     subroutine check_slowing(self, stop_at, error)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: stop_at
         type(error_type), allocatable, intent(out) :: error
-        !> The stop must be further by so much of the time that is left by the estimate.
+        !> Minimum distance of the stop behind the estimated time, relative to the time until then.
         real(wp), parameter :: margin = 1.0_wp
         real(wp) :: t_end
         logical :: converges
@@ -136,7 +135,7 @@ contains
     end subroutine name_near_loss
 
     module procedure name_loss_ahead
-        !> So many steps of the usual size in the run it is looked ahead.
+        !> The search ahead covers this number of steps of the usual size in the run.
         real(wp), parameter :: far = 10.0_wp
         real(wp) :: tries
         integer :: loss
@@ -151,7 +150,7 @@ contains
     module procedure underflow
         call name_near_loss(self, error)
         if (.not. allocated(error)) call name_failure()
-        ! A caller who goes on after that has removed its cause.
+        ! A caller who continues after this error has removed its cause.
         call self%control%begin()
         self%hindrance = status_ok
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The start of a simulation: is it consistent, are rows redundant, is a nonholonomic row integrable? What is little is put right.
+!> The start of a simulation: consistency, redundant rows, integrable nonholonomic rows. Small errors are corrected.
 submodule(tandem_simulation) tandem_simulate_start
     use tandem_status, only: status_inconsistent_rows
     use tandem_model_integrability, only: find_integrable_rows
@@ -13,7 +13,7 @@ contains
     module procedure accept_start
         integer :: rows(3), stat, i
 
-        ! Nobody else needs these here.
+        ! These arrays are free here and hold copies of the start.
         self%next%dq(:) = self%state%q
         self%next%dqd(:) = self%state%qd
         call begin_chart(self, stat)
@@ -68,14 +68,14 @@ contains
         if (.not. allocated(error)) call look_for_integrable_rows(self)
     end procedure accept_start
 
-    !> Let a sparse chart leave out redundant rows, and tell of them.
+    !> Let a sparse chart leave out redundant rows, and report them.
     subroutine leave_out_rows(self, stat)
         class(simulation_type), intent(inout) :: self
-        !> ok, or why it cannot.
+        !> ok, or the reason for its failure.
         integer, intent(out) :: stat
         integer, allocatable :: partners(:), first(:)
         integer :: i
-        !> So many are told with those that they repeat.
+        !> Largest number of rows reported with their partners.
         integer, parameter :: most_told = 100
 
         associate (state => self%state, model => self%model)
@@ -114,11 +114,11 @@ contains
         end do
     end subroutine check_left_out
 
-    !> Bodies without mass and redundant rows among nonholonomic ones want the dense chart: take it where the choice is the
-    !> program's.
+    !> Bodies without mass and redundant rows among nonholonomic ones require the dense chart: use it unless the user has chosen the
+    !> sparse one.
     subroutine leave_sparse(self, stat, error)
         class(simulation_type), intent(inout) :: self
-        !> Why there is no sparse chart at the start.
+        !> Status of the sparse chart at the start.
         integer, intent(in) :: stat
         type(error_type), allocatable, intent(out) :: error
 
@@ -162,7 +162,7 @@ contains
         end associate
     end subroutine measure
 
-    !> Rows that depend on each other on the manifold only do so up to what the start is off it.
+    !> Rows that depend on each other on the manifold do so only up to the error of the start.
     logical function may_hide_redundancy(self)
         class(simulation_type), intent(in) :: self
 
@@ -170,7 +170,7 @@ contains
             self%chart%independence <= 1.0e3_wp*self%errors(1)
     end function may_hide_redundancy
 
-    !> Bring the start onto the constraints by what the chart does to a point that is off.
+    !> Bring the start onto the constraints by the chart's operations for points beside the manifold.
     subroutine remove_errors(self, stat)
         class(simulation_type), intent(inout) :: self
         integer, intent(out) :: stat
@@ -189,7 +189,7 @@ contains
     !> Find redundant rows and make a chart without them; the start is then on all rows.
     subroutine drop_redundant_rows(self, is_deficient, error)
         class(simulation_type), intent(inout) :: self
-        !> Whether a chart with all rows is impossible.
+        !> True if a chart with all rows is impossible.
         logical, intent(in) :: is_deficient
         type(error_type), allocatable, intent(out) :: error
         type(redundancy_type), allocatable :: redundancy
@@ -225,7 +225,7 @@ contains
                 call self%fail(stat, 'at the start', error, before_steps)
                 return
             end if
-            ! What is off by more than the tolerance is not moved silently: it is refused with the rows that are left.
+            ! A larger error than the tolerance is not corrected silently: the start is refused with the remaining rows.
             if (redundancy%error <= options%start_tolerance) state%q = redundancy%q
             if (size(redundancy%dropped) == 0) return
             self%n_redundant = size(redundancy%dropped)
@@ -241,7 +241,7 @@ contains
             end do
         end associate
         call move_alloc(redundancy%kept, kept)
-        ! Its memory is as much as that of a chart.
+        ! Its memory is as large as that of a chart.
         deallocate (redundancy)
         call use_rows(self, kept, error)
     end subroutine drop_redundant_rows
@@ -295,7 +295,7 @@ contains
         logical :: together
         integer :: i
 
-        ! That takes dense matrices.
+        ! This requires dense matrices.
         if (self%model%n_nonholonomic == 0 .or. self%is_sparse) return
         call find_integrable_rows(self%model, self%model%scales(), self%state%t, self%state%q, self%chart%counts, alone, together)
         do i = 1, size(alone)

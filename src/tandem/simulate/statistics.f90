@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What a run cost and how wrong it was: the chart's counters, the steps, and the largest errors over all of them.
+!> Cost and errors of a run: the chart's counters, the steps, and the largest errors over all of them.
 module tandem_simulate_statistics
     use tandem_kinds, only: long, wp
     use tandem_model_consistency, only: contradiction_length
@@ -16,7 +16,7 @@ module tandem_simulate_statistics
     !> an event.
     integer, parameter :: by_start = 1, by_step = 2, by_v = 3, by_w = 4, by_d = 5, by_fbar = 6, by_breakpoint = 7
     integer, parameter :: by_condition = 8, by_iterations = 9, by_failure = 10, by_event = 11
-    !> How many reasons there are.
+    !> Number of reasons.
     integer, parameter :: n_reasons = 11
     !> Their names in reports.
     character(len=12), parameter :: reason_name(n_reasons) = &
@@ -31,44 +31,44 @@ module tandem_simulate_statistics
         real(wp) :: smallest_step = huge(1.0_wp), largest_step = 0.0_wp
         !> Charts, the initial one counted.
         integer(long) :: charts = 0
-        !> Why charts were made, see `reason_name`.
+        !> Number of charts for each reason, see `reason_name`.
         integer(long) :: charts_by(n_reasons) = 0
         !> Largest constraint errors over all accepted steps, on the natural scale of each row.
         real(wp) :: position_error = 0.0_wp, velocity_error = 0.0_wp, acceleration_error = 0.0_wp
         !> Estimated error of a step, the largest, and the sum over all, on the scale s + |y| of each coordinate and velocity, root
-        !> mean square; how the motion amplifies them is not in it. Behind them stand so many steps; 0 means no estimate.
+        !> mean square, without amplification by the motion. Number of these steps; 0 means no estimate.
         real(wp) :: local_error = 0.0_wp, local_error_sum = 0.0_wp
         integer(long) :: local_error_steps = 0
-        !> By how much the accelerations of a step miss its change of velocity, the largest on the scale s + |qd|, and when: more
-        !> than the error of a step where velocity constraints jump and no breakpoint tells of it.
+        !> Difference between a step's change of velocity and its accelerations, the largest on the scale s + |qd|, and its time:
+        !> more than the error of a step if velocity constraints jump without a breakpoint.
         real(wp) :: velocity_gap = 0.0_wp, t_gap = 0.0_wp
-        !> Estimated errors of q and of qd between steps, the largest at the times that were looked at, on the scale s + |y|.
+        !> Estimated errors of q and of qd between steps, the largest at the requested times, on the scale s + |y|.
         real(wp) :: dense_error_q = 0.0_wp, dense_error_qd = 0.0_wp
-        !> Explicit steppers: steps at the limit of stability; whether there were so many in a row that stability, not accuracy,
-        !> limits the steps, and since when.
+        !> Explicit steppers: steps at the limit of stability; true if there were so many in a row that stability, not accuracy,
+        !> limits the steps; the time of the first.
         integer(long) :: stiff_steps = 0
         logical :: is_stiff = .false.
         real(wp) :: stiff_from = 0.0_wp
-        !> Explicit steppers under error control: the work of a run with an implicit one, as a part of that of this run, by how
-        !> smooth its motion was; the stepper, where that would be faster.
+        !> Explicit steppers under error control: the work of a run with an implicit one, as a part of this run's work, estimated
+        !> from the smoothness of its motion; the stepper, if that would be faster.
         real(wp) :: implicit_part = 0.0_wp
         character(len=16) :: advised = ''
-        !> With the stepper `auto`: how often the other method took over, and the steps of the implicit one.
+        !> With the stepper `auto`: number of exchanges, and the steps of the implicit one.
         integer(long) :: switches = 0, implicit_steps = 0
-        !> How far the start was moved onto the constraints, max-norms of the changes of q and qd.
+        !> Displacement of the start onto the constraints, max-norms of the changes of q and qd.
         real(wp) :: start_moved_q = 0.0_wp, start_moved_qd = 0.0_wp
         !> Evaluations of the functions of events.
         integer(long) :: event_evaluations = 0
         !> Largest jump of qd at a breakpoint or an event, max-norm.
         real(wp) :: velocity_jump = 0.0_wp
-        !> Which procedure of the model contradicts others, as a run has noticed on its way; blank where none was seen to. What it
-        !> evaluates to look for one is among the terms counted.
+        !> Procedure of the model that contradicts others, as found during the run; blank if none was found. Evaluations of the
+        !> search are included in the counts.
         character(len=contradiction_length) :: contradiction = ''
         !> The procedures of the model come with tandem.
         logical :: has_ready_made_model = .false.
         !> Seconds spent in `integrate`, observers included.
         real(wp) :: wall_seconds = 0.0_wp, cpu_seconds = 0.0_wp
-        !> Whether that is now, and when the time that these do not have yet began.
+        !> True if time is being counted now; the start of the time that is not included yet.
         logical, private :: is_timed = .false.
         integer(long), private :: clock_from = 0
         real(wp), private :: cpu_from = 0.0_wp
@@ -102,7 +102,7 @@ contains
         self%cpu_from = cpu
     end subroutine book_time
 
-    !> Count no more of it.
+    !> Stop counting the time.
     subroutine stop_clock(self)
         class(statistics_type), intent(inout) :: self
 
@@ -110,7 +110,7 @@ contains
         self%is_timed = .false.
     end subroutine stop_clock
 
-    !> What a simulation keeps here; it takes the other figures from where they are made.
+    !> Statistics stored here; a simulation copies the others from their sources.
     subroutine pack_state(self, pack)
         class(statistics_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

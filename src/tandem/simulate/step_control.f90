@@ -4,9 +4,9 @@
 !> Proportional-integral control of the error per step. Source: K. Gustafsson, ACM TOMS 17 (1991) 533-554; Hairer, Wanner,
 !> Solving Ordinary Differential Equations II, section IV.2.
 !>
-!> Where stability limits an explicit stepper, errors grow with the step far faster than its order says: steps that follow the
-!> errors alone are rejected, repeated too small, and grow into the next rejection. So no step grows beyond the limit that the
-!> largest eigenvalue sets, as the last steps have shown it.
+!> If stability limits an explicit stepper, errors grow with the step far faster than its order predicts: steps that follow the
+!> errors alone are rejected, repeated too small, and grow into the next rejection. So no step exceeds the limit set by the largest
+!> eigenvalue, as estimated from the last steps.
 module tandem_simulate_step_control
     use tandem_kinds, only: wp
     use tandem_options, only: options_type
@@ -23,34 +23,34 @@ module tandem_simulate_step_control
         real(wp), private :: first_step = 0.0_wp
         !> The time scale of the model.
         real(wp), private :: unit = 1.0_wp
-        !> 1 / (atol s + rtol |y|) for q and for qd (n), s the coordinate scales; only under error control, as what they are made
-        !> of.
+        !> 1 / (atol s + rtol |y|) for q and for qd (n), s the coordinate scales; allocated only under error control, like the
+        !> following arrays.
         real(wp), allocatable :: weight_q(:), weight_qd(:)
         !> rtol and atol s for q and for qd (n).
         real(wp), allocatable, private :: rtol_q(:), rtol_qd(:), atol_q(:), atol_qd(:)
-        !> The most that |q| counts for (n): half a turn of an angle; only where there are angles.
+        !> Upper bound of |q| in tolerances (n): half a turn of an angle; only if there are angles.
         real(wp), allocatable, private :: largest_q(:)
         real(wp), private :: max_step = huge(1.0_wp)
         integer, private :: order = 4
         real(wp), private :: exponent = 0.2_wp, last_norm = 1.0e-4_wp
         !> The error norm of the last accepted step.
         real(wp) :: norm = 0.0_wp
-        !> A step is this part of the one whose error norm would be 1, and the norm that it aims at.
+        !> Ratio of a step to the one whose error norm would be 1, and the resulting target of the norm.
         real(wp), private :: safety = 0.8_wp, aim = 0.8_wp**5
         !> Weight of the last error, and h |lambda| from which on it counts in full.
         real(wp), private :: integral = 0.0_wp, damped_from = 0.0_wp
-        !> Whether the last step was at the limit of stability: nearly there, or not followed by a larger one for that reason.
+        !> True if the last step was at the limit of stability: nearly there, or not followed by a larger one for that reason.
         logical :: is_at_limit = .false.
-        !> Whether the last accepted step was as long as errors and stability let it.
+        !> True if only errors and stability limited the last accepted step.
         logical :: is_free = .false.
-        !> h |lambda| at the limit, 0 where there is none; the largest |lambda| of the last steps, 0 where none is known.
+        !> h |lambda| at the limit, 0 for none; the largest |lambda| of the last steps, 0 if unknown.
         real(wp), private :: stability_limit = 0.0_wp, lambda = 0.0_wp
         logical, private :: was_rejected = .false.
-        !> Whether the next error is foreseen from the last two, and the last accepted step, 0 for none.
+        !> True if the next error is predicted from the last two; the last accepted step, 0 for none.
         logical, private :: is_predictive = .false.
         real(wp), private :: last_step = 0.0_wp
-        !> The last step that was not kept, 0 for none, and how many were kept since; the longest one to be tried while a second
-        !> one was not kept soon after and near it, huge where there is no such length.
+        !> The last rejected step, 0 for none, and the number of accepted ones since; the longest step to be tried after two
+        !> successive rejections at similar sizes, huge if there is no such limit.
         real(wp), private :: barrier = 0.0_wp, ceiling = huge(1.0_wp)
         integer, private :: since_barrier = 0
     contains
@@ -62,17 +62,17 @@ module tandem_simulate_step_control
 
     !> A step changes by no more than these factors.
     real(wp), parameter :: least_factor = 0.2_wp, largest_factor = 6.0_wp
-    !> Estimates of h |lambda| up to this say nothing of lambda: a motion that the steps resolve has one of about 1, however small
-    !> they are.
+    !> Estimates of h |lambda| up to this carry no information about lambda: a motion resolved by the steps has one of about 1, for
+    !> all step sizes.
     real(wp), parameter :: resolved = 2.0_wp
-    !> What a step leaves of the memory of an eigenvalue, and the part of the limit where error control settles by itself.
+    !> Factor of a step on the memory of an eigenvalue, and the part of the limit at which error control is stable by itself.
     real(wp), parameter :: fading = 0.8_wp, nearly = 0.9_wp
-    !> Two steps that were not kept are of one cause where one is no longer than so many times the other, and so few steps lie
-    !> between them. Then steps stay below this part of the second, and each that is kept raises that a little.
+    !> Two rejected steps have one cause if their ratio is at most this and at most `soon` steps lie between them. Then steps stay
+    !> below this part of the second, and each accepted one raises the limit by this factor.
     real(wp), parameter :: alike = 1.25_wp, below = 0.85_wp, rise = 1.02_wp
     integer, parameter :: soon = 10
-    !> Explicit steps are the time scale times powers of this: what rounding does to an error must not reach the steps, which would
-    !> amplify it at the limit of stability. So a run takes the same steps in other units, or where another compiler has built it.
+    !> Explicit steps are the time scale times powers of this: rounding of an error must not affect the steps, which would amplify
+    !> it at the limit of stability. So a run takes the same steps in other units, or with another compiler.
     real(wp), parameter :: notch = 2.0_wp**(1.0_wp/32)
 
 contains
@@ -85,7 +85,7 @@ contains
         !> A velocity has the scale s over this.
         real(wp), intent(in) :: time_scale
         type(properties_type), intent(in) :: method
-        !> The most that each |q| counts for in its tolerance (n); no bound where absent.
+        !> Upper bound of each |q| in its tolerance (n); no bound if absent.
         real(wp), intent(in), optional :: largest_q(:)
 
         self%unit = time_scale
@@ -122,15 +122,15 @@ contains
             self%safety = 0.7_wp
             self%integral = 0.04_wp
         end if
-        ! The long steps of a method of high order see another motion each time: their last error tells of the next one near the
-        ! limit of stability alone, where it keeps steps from swinging.
+        ! The long steps of a method of high order cover another part of the motion each time: their last error predicts the next
+        ! one only near the limit of stability, where it damps oscillations of the step size.
         self%damped_from = merge(0.25_wp*method%stability_limit, 0.0_wp, method%estimate_order >= 7)
         self%aim = self%safety**(1.0_wp/self%exponent)
         self%stability_limit = method%stability_limit
         self%is_predictive = method%is_predictive
     end subroutine set_method
 
-    !> The order of the error estimate has changed: two errors of different ones foresee nothing.
+    !> Change the order of the error estimate: errors of different orders give no prediction.
     pure subroutine set_order(self, estimate_order)
         class(step_control_type), intent(inout) :: self
         integer, intent(in) :: estimate_order
@@ -147,7 +147,7 @@ contains
         class(step_control_type), intent(inout) :: self
         !> Coordinates and velocities at both ends (n).
         real(wp), intent(in), contiguous :: q0(:), q(:), qd0(:), qd(:)
-        !> Rounding of a large angle, of which steps see some.
+        !> Rounding error of a large angle, which partly enters the error estimates.
         real(wp), parameter :: rounding = 4*epsilon(1.0_wp)
         real(wp) :: large
         integer :: i
@@ -169,16 +169,16 @@ contains
         class(step_control_type), intent(inout) :: self
         !> The step, its error norm, and h |lambda| as the stepper estimates it.
         real(wp), intent(in) :: h, norm, stiffness
-        !> The longest step that pays next, as the stepper tells.
+        !> The longest efficient next step, from the stepper.
         real(wp), intent(in) :: longest
-        !> True where the step was cut short by a breakpoint or the end, so that `self%h` was not tried.
+        !> True if the step was cut short by a breakpoint or the end, so that `self%h` was not tried.
         logical, intent(in) :: was_cut
         real(wp) :: factor, integral, wanted
 
         integral = self%integral
         if (self%damped_from > 0.0_wp) integral = integral*min(1.0_wp, (stiffness/self%damped_from)**2)
         factor = (max(norm, tiny(1.0_wp))/self%aim)**(0.75_wp*integral - self%exponent)*(self%last_norm/self%aim)**integral
-        ! An error that has grown from step to step is taken to grow again (Gustafsson 1994; Hairer, Wanner II, (IV.8.25)).
+        ! An error that has grown from step to step is predicted to grow again (Gustafsson 1994; Hairer, Wanner II, (IV.8.25)).
         if (self%is_predictive .and. self%last_step > 0.0_wp) factor = min(factor, h/self%last_step* &
             (self%aim*max(self%last_norm, 0.01_wp)/max(norm, tiny(1.0_wp))**2)**self%exponent)
         self%last_step = h
@@ -229,8 +229,8 @@ contains
         call self%meet_barrier(h)
     end subroutine fail
 
-    !> A step of size h was not kept. Where charts end, errors grow with the step as no order tells, and steps that grow by their
-    !> errors alone are refused again and again: who is refused twice at one length waits below it.
+    !> Record a rejected step of size h. Where charts end, errors grow faster with the step than the order predicts, and steps that
+    !> grow by their errors alone are refused repeatedly: after two refusals at one size steps stay below it.
     pure subroutine meet_barrier(self, h)
         class(step_control_type), intent(inout) :: self
         real(wp), intent(in) :: h
@@ -267,15 +267,15 @@ contains
         limit = min(self%round_down(h), self%max_step)
     end function limit
 
-    !> The next power of a notch that is not larger; implicit steppers have no limit of stability, and keep h.
+    !> The largest notch, a power of `notch`, up to h; h itself for implicit steppers, which have no limit of stability.
     pure real(wp) function round_down(self, h)
         class(step_control_type), intent(in) :: self
         real(wp), intent(in) :: h
-        !> One that is there already stays.
+        !> A size that already is a notch is unchanged.
         real(wp), parameter :: hair = 1.0e-6_wp
 
         round_down = h
-        ! What is no step, zero or not a number, is left to those who refuse it.
+        ! An invalid step, zero or not a number, is refused elsewhere.
         if (.not. (self%stability_limit > 0.0_wp .and. h >= tiny(h) .and. h <= huge(h))) return
         round_down = self%unit*notch**floor(log(h/self%unit)/log(notch) + hair)
     end function round_down

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> How a run of controlled steps begins, and what is noted of the error of every step.
+!> The first size of controlled steps, and the record of every step's error.
 submodule(tandem_simulation:tandem_simulate_steps) tandem_simulate_step_notes
     implicit none (type, external)
 
@@ -18,7 +18,7 @@ contains
             h = 1.0e-6_wp*unit
             if (size_y > 1.0e-5_wp .and. size_f > 1.0e-5_wp) h = 0.01_wp*unit*size_y/size_f
             h = min(h, 0.1_wp*span)
-            ! One Euler step shows how fast the rates change.
+            ! The change of the rates in one Euler step.
             next%dq = state%dq + h*state%qd
             next%dqd = state%dqd + h*state%qdd
             call self%chart%restore_position(state%t + h, next%dq, next%q, stat)
@@ -56,8 +56,8 @@ contains
                 if (.not. is_complete) return
                 relative = local%size_of_window(self%next)
                 if (self%method%implicit) then
-                    ! Stiff modes have rates that are large against their changes. The filter takes that out, and also what an
-                    ! error leaves in dependent velocities, so it counts only where it takes nearly all.
+                    ! Stiff modes have rates that are large against their changes. The filter removes them, and also the errors of
+                    ! dependent velocities, so it is used only if it removes nearly all.
                     call self%chart%filter_error(local%error_q, local%error_qd)
                     filtered = local%size_of_window(self%next)
                     if (filtered < 0.1_wp*relative) relative = filtered

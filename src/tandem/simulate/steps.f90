@@ -3,15 +3,15 @@
 submodule(tandem_simulation) tandem_simulate_steps
     implicit none (type, external)
 
-    !> How a try of a controlled step may end: kept, beyond the tolerance, with a gap of the velocity, or not at all.
+    !> Outcomes of a try of a controlled step: kept, beyond the tolerance, with a gap of the velocity, or failed.
     integer, parameter :: is_kept = 0, misses_tolerance = 1, leaves_gap = 2, fails = 3
 
-    !> What there was before a step: errors of the state and the largest ones so far, the largest gap of the velocity, the grid.
+    !> State before a step: errors of the state and the largest ones so far, the largest gap of the velocity, the grid.
     type :: before_type
         real(wp) :: errors(3), largest_errors(3), gap, t_gap
         integer(long) :: grid_steps
         logical :: on_grid
-        !> The sum of the local errors and the steps behind it.
+        !> The sum of the local errors and its number of steps.
         real(wp) :: local_errors
         integer(long) :: local_steps
     end type before_type
@@ -25,8 +25,8 @@ submodule(tandem_simulation) tandem_simulate_steps
             real(wp), intent(in) :: span
         end subroutine choose_first_step
 
-        !> Take note of the error of the step to self%next: of the stepper's own estimate where there is one that is free or was
-        !> made, else of the window of equal steps that it completes.
+        !> Record the error of the step to self%next: the stepper's own estimate if it is free or available, else that of the window
+        !> of equal steps that it completes.
         module subroutine note_local_error(self, h, norm)
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
@@ -48,7 +48,7 @@ contains
         self%stopped_by = ''
         call check_limits(self, error)
         if (allocated(error)) return
-        ! The next segment may be entered now, though that has failed before.
+        ! The next segment may be entered now, even if that has failed before.
         call find_stop(self, self%state%t, t, stands_at_breakpoint)
         if (stands_at_breakpoint) call cross_breakpoint(self, error)
         if (.not. allocated(error) .and. self%switching%is_on) call self%consider_exchange(error)
@@ -62,7 +62,7 @@ contains
         before%local_errors = self%local_error%total
         before%local_steps = self%local_error%steps
         if (.not. self%is_interrupted) call self%dense_control%begin_step()
-        ! Of a model that contradicts itself every point is brought onto the manifold.
+        ! For a model that contradicts itself every stage is projected onto the manifold.
         if (self%tally%contradiction /= '') self%stepper%projects_stages = .true.
         call self%make_room()
         do
@@ -71,7 +71,7 @@ contains
             self%last_step = self%state%t - self%start%t
             if (self%method%stability_limit > 0.0_wp) call watch_stiffness(self)
             call self%dense%note_step(self%model%segment)
-            ! A wrong procedure shows in steps. Looked at are those with a power of two for their number, and ones that show more.
+            ! A wrong procedure shows in steps. Those whose number is a power of two, and those with a larger gap, are checked.
             if (popcnt(self%tally%steps + 1) == 1 .or. self%tally%velocity_gap > 2*before%gap) then
                 if (self%local_error%is_missed(self%start, self%state)) call self%compare_procedures()
             end if
@@ -99,7 +99,7 @@ contains
         self%end_is_apart = .true.
     end procedure part_end
 
-    !> Refuse a step where the run has taken or cost as many as it may.
+    !> Refuse a step if a limit on steps or on the cost of the run is reached.
     subroutine check_limits(self, error)
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
@@ -140,8 +140,8 @@ contains
                 cycle
             end if
             call take_back(self, before)
-            ! Of redundant rows, those in use may have come near dependence since the chart was made: one made here does better, and
-            ! else a shorter step.
+            ! If rows are redundant, those in use may have become nearly dependent since the chart was made: a new chart is better,
+            ! and otherwise a shorter step.
             if (error%stat /= status_constraints_not_held) return
             is_hopeless = self%chart%n_dropped == 0
             if (self%chart_is_current .and. .not. is_hopeless) then
@@ -164,7 +164,7 @@ contains
         end do
     end subroutine step_within_tolerance
 
-    !> Go to the end of a step. Where there are three states, the start of the step before makes room for the next.
+    !> Accept a step. With only three states, the last start is overwritten by the next.
     subroutine keep_step(self)
         class(simulation_type), intent(inout) :: self
         type(state_type) :: former
@@ -177,7 +177,7 @@ contains
         self%end_is_apart = .false.
     end subroutine keep_step
 
-    !> The state at the end of a step is not kept: return to the start.
+    !> Reject the state at the end of a step: return to the start.
     subroutine take_back(self, before)
         class(simulation_type), intent(inout) :: self
         type(before_type), intent(in) :: before
@@ -196,7 +196,7 @@ contains
         self%on_grid = before%on_grid
     end subroutine take_back
 
-    !> The errors of a step that is not kept count for nothing.
+    !> Remove the errors of a rejected step from the statistics.
     subroutine forget_errors(self, before)
         class(simulation_type), intent(inout) :: self
         type(before_type), intent(in) :: before
@@ -209,7 +209,7 @@ contains
         call self%local_error%take_back(before%local_errors, before%local_steps)
     end subroutine forget_errors
 
-    !> Where somebody looks between steps, judge the motion there.
+    !> If states between steps are requested, judge the motion there.
     subroutine consider_looks(self, is_refused)
         class(simulation_type), intent(inout) :: self
         logical, intent(out) :: is_refused
@@ -224,7 +224,7 @@ contains
         if (.not. is_refused) call self%control%stay_below(self%dense_control%longest)
     end subroutine consider_looks
 
-    !> Look whether stability limits the steps of an explicit method.
+    !> Check if stability limits the steps of an explicit method.
     subroutine watch_stiffness(self)
         class(simulation_type), intent(inout) :: self
         logical :: is_at_limit
@@ -238,13 +238,13 @@ contains
         call self%stiffness%observe(self%start%t, is_at_limit)
     end subroutine watch_stiffness
 
-    !> Look for events in the step, which they may cut. A step that cannot be searched is not kept.
+    !> Search for events in the step, which they may cut. A step that is not searchable is rejected.
     subroutine search_step(self, t_limit, before, ends_at_breakpoint, is_refused, error)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: t_limit
         type(before_type), intent(in) :: before
         logical, intent(inout) :: ends_at_breakpoint
-        !> Whether a shorter one is wanted.
+        !> True if a shorter step is required.
         logical, intent(out) :: is_refused
         type(error_type), allocatable, intent(out) :: error
         logical :: is_cut
@@ -254,7 +254,7 @@ contains
             self%n_collapsed = 0
             call self%slowing%restart()
             ends_at_breakpoint = ends_at_breakpoint .and. self%state%t >= self%next%t
-            ! The next step ends on the grid of fixed steps where this one would have, unless too little is left of it.
+            ! The next step ends on the grid of fixed steps where this one would have, unless the remainder is too short.
             if (.not. self%options%is_adaptive() .and. &
                 self%next%t - self%state%t > 1.0e-6_wp*(self%next%t - self%start%t)) then
                 self%grid_steps = before%grid_steps
@@ -267,7 +267,7 @@ contains
         end if
     end subroutine search_step
 
-    !> Whether a failed step has left B or H behind that were refined in vain, and are no start for others.
+    !> True if a failed step has refined B or H in vain, which are then no start for others.
     pure logical function has_spoilt(self, stat)
         class(simulation_type), intent(in) :: self
         integer, intent(in) :: stat
@@ -306,7 +306,7 @@ contains
         if (stat /= status_ok) then
             call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error, &
                 merge(in_first_step, in_step, self%tally%steps == 0))
-            ! A shorter step that follows must find no trace of this one.
+            ! A shorter step that follows must not depend on this one.
             call self%chart%retry_step()
             if (has_spoilt(self, stat)) then
                 self%chart_is_current = .false.
@@ -320,7 +320,7 @@ contains
         if (ends_on_grid) self%grid_steps = self%grid_steps + 1
     end subroutine try_fixed_step
 
-    !> Warn where the fixed step to self%next passes over values of functions of time.
+    !> Warn if the fixed step to self%next passes over values of functions of time.
     subroutine look_between(self)
         class(simulation_type), intent(inout) :: self
 
@@ -342,7 +342,7 @@ contains
         call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
         is_first = .false.
         has_failed = self%try_has_failed
-        ! Tries that a limit on the work has ended go on where they were, so that the run is the one without that limit.
+        ! Tries ended by a limit on the work continue unchanged, so that the run equals the one without that limit.
         if (.not. self%is_interrupted .or. self%renewal /= 0) then
             call prepare_tries(self, stop_at, is_first, error)
             if (allocated(error)) return
@@ -354,7 +354,7 @@ contains
             call check_progress(self, t_limit, stop_at, error)
             if (allocated(error)) return
             call propose_step(self, stop_at, h, is_cut, is_short)
-            ! What is left before the stop may be as short as it likes: it is one step.
+            ! The remainder before a stop time may be arbitrarily short; take it in one step.
             is_sliver = .not. h > 4.0_wp*spacing(abs(self%state%t))
             if (is_sliver .and. .not. (is_cut .and. h > 0.0_wp .and. (is_first .or. self%control%h > 2*h))) then
                 call underflow(self, reason, h, error)
@@ -371,7 +371,7 @@ contains
             reason = stat
             call give_up_try(self, h, norm, outcome, stat, error)
             if (allocated(error)) return
-            ! Last, so that who goes on with a higher limit finds what this run would have gone on with.
+            ! Last, so that a run continued with a higher limit is the same.
             if (self%work%is_set) call check_work(self, error)
             if (allocated(error)) exit
         end do
@@ -383,7 +383,7 @@ contains
         end if
         self%hindrance = merge(reason, status_ok, has_failed)
         call note_local_error(self, h, estimate)
-        ! In a sliver all differences are rounding.
+        ! In a tiny remainder all differences are rounding.
         if (.not. is_sliver) then
             call self%control%accept(h, is_short, norm, self%stepper%stiffness(h, self%next), longest_next(self))
         else if (is_first) then
@@ -394,42 +394,42 @@ contains
         self%grid_steps = self%grid_steps + 1
     end subroutine try_controlled_steps
 
-    !> The longest step after the one to self%next, as the work on its stages and the reach of its chart tell.
+    !> The longest step after the one to self%next, from the work on its stages and the reach of its chart.
     real(wp) function longest_next(self)
         class(simulation_type), intent(inout) :: self
         real(wp) :: within_reach
 
         longest_next = self%stepper%longest_next()
-        ! Steps with stages on the manifold are to fail where branches cross: that makes turning off visible.
+        ! Steps with stages on the manifold must fail if branches cross: this reveals a change of branch.
         if (self%method%implicit .or. self%options%chart /= 'every_step' .or. self%stepper%projects_stages) return
         call self%reach%find_longest(self%chart, self%state, self%next, within_reach)
         longest_next = min(longest_next, within_reach)
     end function longest_next
 
-    !> How far the next try goes: its size, and its end in self%next.
+    !> Propose the next try: its size, and its end in self%next.
     subroutine propose_step(self, stop_at, h, is_cut, is_short)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: stop_at
         real(wp), intent(out) :: h
-        !> Whether it ends at the stop, and whether it is shorter than the controller would have it.
+        !> True if it ends at the stop; true if it is shorter than the size of the controller.
         logical, intent(out) :: is_cut, is_short
 
         h = self%lost_rank%longest_step(self%control%h)
         self%next%t = stop_at
-        ! A step that nearly reaches the stop goes there; one that leaves a small rest takes half the way.
+        ! A step that nearly reaches the stop goes there; one that leaves a small remainder takes half the time.
         is_cut = self%state%t + 1.01_wp*h >= stop_at
         if (.not. is_cut) then
             if (self%state%t + 1.8_wp*h > stop_at) h = 0.5_wp*(stop_at - self%state%t)
             self%next%t = self%state%t + h
         end if
-        ! Nor may it pass over what functions of time are in between, such as a pulse that is narrower than the step.
+        ! Nor may it pass over values of functions of time, such as a pulse that is narrower than the step.
         do while (self%model%hides(self%state%t, self%next%t, self%method%stages > 2))
             h = 0.5_wp*(self%next%t - self%state%t)
             if (.not. h > 4.0_wp*spacing(abs(self%state%t))) exit
             is_cut = .false.
             self%next%t = self%state%t + h
         end do
-        ! Asked before the times round h: a step that is short by that alone was tried in full.
+        ! Decided before rounding of the times: a step that is short by rounding alone was tried in full.
         is_short = is_cut .or. h < self%control%h
         h = self%next%t - self%state%t
     end subroutine propose_step
@@ -438,10 +438,10 @@ contains
     subroutine try_step(self, h, norm, estimate, outcome, stat)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: h
-        !> The error that decides on its size, on the scale of the tolerances, and the part of it that the state keeps: the
+        !> The error that determines the step size, on the scale of the tolerances, and the part of it that the state retains: the
         !> constraints restore an imposed motion.
         real(wp), intent(out) :: norm, estimate
-        !> `is_kept`, `misses_tolerance`, `leaves_gap` or `fails`, and for the last why.
+        !> `is_kept`, `misses_tolerance`, `leaves_gap` or `fails`; the status of a failure.
         integer, intent(out) :: outcome, stat
         logical :: has_gap
 
@@ -485,10 +485,10 @@ contains
         relative_order = real(of_estimate + 1, wp)/real(of_step + 1, wp)
     end function relative_order
 
-    !> Make ready for a shorter try.
+    !> Prepare a shorter try.
     subroutine give_up_try(self, h, norm, outcome, stat, error)
         class(simulation_type), intent(inout) :: self
-        !> Size and error of the try, and how it has ended.
+        !> Size and error of the try, and its outcome.
         real(wp), intent(in) :: h, norm
         integer, intent(in) :: outcome, stat
         type(error_type), allocatable, intent(out) :: error
@@ -510,12 +510,12 @@ contains
         if (.not. self%chart_is_current .or. has_spoilt(self, stat)) call self%renew_chart(by_failure, error)
     end subroutine give_up_try
 
-    !> What comes before the first try of a step: a new chart where one is wanted, a look ahead, the size of the first step.
+    !> Before the first try of a step: a new chart if required, the search ahead, the size of the first step.
     subroutine prepare_tries(self, stop_at, is_first, error)
         class(simulation_type), intent(inout) :: self
-        !> Where the step must end at the latest.
+        !> Latest end of the step.
         real(wp), intent(in) :: stop_at
-        !> Whether its size is the first one.
+        !> True if its size is the first one.
         logical, intent(out) :: is_first
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: t_loss
@@ -536,7 +536,7 @@ contains
         call self%consider_beginning(error)
     end subroutine prepare_tries
 
-    !> The error of a run that has cost what it may; the state is the last accepted one.
+    !> The error of a run that has reached its limit of cost; the state is the last accepted one.
     subroutine check_work(self, error)
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
@@ -549,7 +549,7 @@ contains
         end associate
     end subroutine check_work
 
-    !> Where the next step ends: the next point of the grid t_start + k h, cut at a breakpoint and at t_limit.
+    !> The end of the next step: the next point of the grid t_start + k h, cut at a breakpoint and at t_limit.
     subroutine next_time(self, t_limit, t, ends_on_grid, ends_at_breakpoint)
         class(simulation_type), intent(in) :: self
         real(wp), intent(in) :: t_limit
@@ -560,7 +560,7 @@ contains
         t = self%t_start + real(self%grid_steps + 1, wp)*self%options%step
         ends_on_grid = .true.
         call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
-        ! A rest too short to matter is merged with the step before it.
+        ! A negligible remainder is merged with the step before it.
         sliver = max(1.0e-6_wp*self%options%step, 4.0_wp*spacing(abs(stop_at)))
         if (t >= stop_at - sliver) then
             ends_on_grid = t <= stop_at + sliver
@@ -570,7 +570,7 @@ contains
         end if
     end subroutine next_time
 
-    !> Where steps must stop: t_limit, or a breakpoint before it.
+    !> The next stop of steps: t_limit, or a breakpoint before it.
     subroutine find_stop(self, t_limit, stop_at, is_breakpoint)
         class(simulation_type), intent(in) :: self
         real(wp), intent(in) :: t_limit

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Notices that stability, not accuracy, limits the steps of an explicit stepper, and whether an implicit one would be faster.
+!> Detects that stability, not accuracy, limits the steps of an explicit stepper, and estimates the work of an implicit one.
 !>
-!> Single steps at the limit of stability mean nothing: it takes 15, without 6 others in a row between them.
+!> Single steps at the limit of stability are ignored: the criterion is 15, without 6 others in a row between them.
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.2, automatic stiffness detection.
 module tandem_simulate_stiffness
     use tandem_kinds, only: long, wp
@@ -13,19 +13,19 @@ module tandem_simulate_stiffness
 
     public :: stiffness_type, implicit_advice
 
-    !> What is advised.
+    !> The advised stepper.
     character(len=*), parameter :: implicit_advice = 'radau5'
 
-    !> So many steps at the limit make a run stiff; so many others in a row forget them.
+    !> Number of steps at the limit that make a run stiff; number of others in a row that reset the count.
     integer, parameter :: enough = 15, pardon = 6
 
     type :: stiffness_type
-        !> Whether it was noticed, and the start of the first of the steps that showed it.
+        !> True if stiffness was detected; the start of the first of the steps that showed it.
         logical :: is_stiff = .false.
         real(wp) :: since = 0.0_wp
-        !> All steps at the limit.
+        !> Number of steps at the limit.
         integer(long) :: steps = 0
-        !> Steps that the implicit method would have taken so far, under error control.
+        !> Steps of the implicit method for the motion so far, under error control.
         type(smoothness_type) :: smoothness
         integer, private :: in_a_row = 0, others = 0
         real(wp), private :: first = 0.0_wp
@@ -35,7 +35,7 @@ module tandem_simulate_stiffness
 
 contains
 
-    !> Another stepper goes on.
+    !> Pause, because another stepper continues.
     pure subroutine pause(self)
         class(stiffness_type), intent(inout) :: self
 
@@ -44,12 +44,12 @@ contains
         call self%smoothness%pause()
     end subroutine pause
 
-    !> Take note of an accepted step.
+    !> Add an accepted step.
     pure subroutine observe(self, t, is_at_limit)
         class(stiffness_type), intent(inout) :: self
         !> Its start.
         real(wp), intent(in) :: t
-        !> Whether it was at the limit of stability.
+        !> True if it was at the limit of stability.
         logical, intent(in) :: is_at_limit
 
         if (.not. is_at_limit) then
@@ -66,13 +66,13 @@ contains
         self%since = self%first
     end subroutine observe
 
-    !> The work of a run with the implicit method, as a part of that of this run; 0 where that is not known.
+    !> The work of a run with the implicit method, as a part of this run's work; 0 if unknown.
     pure real(wp) function part_of_implicit(self, tries, stages, n_differences)
         class(stiffness_type), intent(in) :: self
         !> Steps taken and rejected, and the stages of each.
         integer(long), intent(in) :: tries
         integer, intent(in) :: stages
-        !> Coordinates by which derivatives are made by differences; 0 where the model gives them.
+        !> Number of coordinates with derivatives by differences; 0 if the model provides them.
         integer, intent(in) :: n_differences
 
         part_of_implicit = 0.0_wp
@@ -80,7 +80,7 @@ contains
         part_of_implicit = self%smoothness%needed*cost_of_implicit(n_differences)/(real(tries, wp)*real(stages, wp))
     end function part_of_implicit
 
-    !> What was seen so far.
+    !> The state so far.
     subroutine pack_state(self, pack)
         class(stiffness_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

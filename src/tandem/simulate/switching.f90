@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> Whether another stepper would be cheaper from here on: for the stepper `auto`, by the run's own evidence.
+!> Decides if another stepper would be cheaper from here on: for the stepper `auto`, by the run's own evidence.
 !>
 !> Before the first step: the largest eigenvalue, by power iteration on differences of rates, makes explicit steps far shorter than
 !> the first implicit one would be.
-!> While steps are explicit: the implicit method would do with so few steps, by how smooth the motion was, that it costs less. Where
-!> stability limits the steps, that is so; but already before, their errors are those of what is stiff.
-!> While they are implicit: the largest eigenvalue says how long explicit steps could be, and the last steps say what implicit ones
-!> cost. A method that comes back soon waits longer for the next exchange, so that useless tries cost a small part of a run.
+!> While steps are explicit: the implicit method would need so few steps, judged by the smoothness of the motion, that it costs
+!> less. This holds if stability limits the steps; but even before that, their errors are due to stiff components.
+!> While they are implicit: the largest eigenvalue gives the length of explicit steps, and the last steps give the cost of implicit
+!> ones. After a method that returns soon the next exchange is delayed, so that useless tries cost a small part of a run.
 module tandem_simulate_switching
     use tandem_chart, only: chart_type
     use tandem_kinds, only: long, wp
@@ -18,38 +18,37 @@ module tandem_simulate_switching
 
     public :: switching_type, cost_of_implicit, looks
 
-    !> So many looks at the largest eigenvalue decide on an exchange, unless one of them, from the second on, speaks against it.
+    !> Number of estimates of the largest eigenvalue for an exchange, unless one of them, from the second on, opposes it.
     integer, parameter :: looks = 6
 
     type :: switching_type
-        !> Whether steppers are exchanged, and whether the implicit one is at work.
+        !> True if steppers are exchanged; true if the implicit one is active.
         logical :: is_on = .false., is_implicit = .false.
         !> Exchanges so far.
         integer(long) :: switches = 0
-        !> Implicit steps until it was asked last.
+        !> Implicit steps until the last query.
         integer(long), private :: implicit_steps = 0
-        !> Accepted steps when it was asked last; tries, steps of the motion itself and the time at the start of what is looked
-        !> at, and accepted steps at the last exchange.
+        !> Accepted steps at the last query; tries, steps of the motion itself and the time at the start of the observed interval,
+        !> and accepted steps at the last exchange.
         integer(long), private :: asked = -1, tries_from = 0, steps_from = 0
         real(wp), private :: needed_from = 0.0_wp
         real(wp) :: t_from = 0.0_wp
-        !> Tries in a unit of time of the explicit method before the exchange, and how many times that is what stability asks for; 0
-        !> where it is not known yet.
+        !> Tries per unit of time of the explicit method before the exchange, and their ratio to the number required by stability; 0
+        !> if unknown.
         real(wp), private :: rate = 0.0_wp, excess = 0.0_wp
-        !> What the first step would have been with the implicit method, 0 where it is not known.
+        !> First step with the implicit method, 0 if unknown.
         real(wp) :: first_step = 0.0_wp
         !> Order of the implicit method's error estimate.
         integer :: estimate_order = 0
-        !> By how many times the usual evidence is not enough.
+        !> Factor of the evidence required, relative to the usual.
         integer, private :: patience = 1
-        !> The largest eigenvalue as it was seen last, by how much the direction was stretched then; that direction (n): of q and
-        !> of qd.
+        !> The last estimate of the largest eigenvalue, and the last stretch of the direction; that direction (n): of q and of qd.
         real(wp) :: lambda = 0.0_wp
         real(wp), private :: stretch = 0.0_wp
         real(wp), allocatable, private :: direction_q(:), direction_qd(:)
         !> The coordinates' scales (n), and a state displaced along that direction.
         real(wp), allocatable, private :: scale(:)
-        !> 1 over the time scale, the least eigenvalue of account.
+        !> 1 over the time scale, the least relevant eigenvalue.
         real(wp), private :: least = 1.0_wp
         type(state_type), private :: moved
     contains
@@ -59,20 +58,20 @@ module tandem_simulate_switching
         procedure :: begin_looks, is_certain, look_at_eigenvalue, first_step_at, note_switch, pack_state
     end type switching_type
 
-    !> The part of the cost that makes an exchange worth it.
+    !> Largest ratio of costs for which an exchange is made.
     real(wp), parameter :: worth = 0.8_wp
-    !> Tries that a look at costs takes, before which a return is soon, and the most patience.
+    !> Tries for an estimate of costs, number of steps below which a return is soon, and the largest patience.
     integer, parameter :: window = 20, soon = 400, longest = 64
-    !> Tries, and the part of the cost, that are evidence enough before that.
+    !> Tries, and the ratio of costs, that are sufficient evidence before that.
     integer, parameter :: few = 6
     real(wp), parameter :: strong = 0.5_wp
 
 contains
 
-    !> What a step of the implicit method costs, in explicit stages: 27 to 37 on the scenes, with the model's derivatives. A new
-    !> matrix is made in less than every third step.
+    !> Cost of a step of the implicit method, in explicit stages: 27 to 37 on the scenes, with the model's derivatives. A new matrix
+    !> is made in less than every third step.
     pure real(wp) function cost_of_implicit(n_differences)
-        !> Coordinates by which derivatives are made by differences; 0 where the model gives them.
+        !> Number of coordinates with derivatives by differences; 0 if the model provides them.
         integer, intent(in) :: n_differences
         real(wp), parameter :: cost = 40.0_wp, matrices = 0.3_wp
 
@@ -84,7 +83,7 @@ contains
         class(switching_type), intent(inout) :: self
         logical, intent(in) :: is_on
         real(wp), intent(in) :: scale(:), time_scale, t
-        !> Of the implicit method, where there is one.
+        !> Order of the implicit method, if there is one.
         integer, intent(in) :: estimate_order
         integer :: i
 
@@ -105,7 +104,7 @@ contains
         self%stretch = 0.0_wp
         self%first_step = 0.0_wp
         if (.not. is_on) return
-        ! Any direction that no symmetry of a model makes blind.
+        ! A direction that no symmetry of a model makes blind.
         self%direction_q = [(cos(3.0_wp*real(i, wp)), i=1, size(scale))]
         self%direction_qd = [(sin(5.0_wp*real(i, wp)), i=1, size(scale))]
         self%scale = scale
@@ -113,7 +112,7 @@ contains
         call self%moved%allocate(size(scale))
     end subroutine begin
 
-    !> Whether an accepted step has come to the others since it was asked last.
+    !> True if a step was accepted since the last query.
     logical function is_asked(self, steps)
         class(switching_type), intent(inout) :: self
         !> Accepted steps so far.
@@ -135,25 +134,25 @@ contains
         if (self%is_implicit) count_implicit = count_implicit + (steps - self%asked)
     end function count_implicit
 
-    !> Whether the implicit method would be cheaper than the explicit one at work. Where stability limits the steps, strong
-    !> evidence counts early: they will not become longer.
+    !> True if the implicit method would be cheaper than the active explicit one. If stability limits the steps, strong evidence
+    !> counts early: they will not become longer.
     logical function wants_implicit(self, t, is_free, is_at_limit, needed, open, tries, stages, cost)
         class(switching_type), intent(inout) :: self
-        !> Where the run is, whether nothing but errors and stability has limited the last step, and whether stability has.
+        !> Time; true if only errors and stability have limited the last step; true if stability has.
         real(wp), intent(in) :: t
         logical, intent(in) :: is_free, is_at_limit
         !> Steps that the motion itself would have taken so far, and tries of steps that were made.
         real(wp), intent(in) :: needed
         integer(long), intent(in) :: tries
-        !> Those that the window of the motion takes, which is open, since `t_from`.
+        !> Steps of the motion in the current window, since `t_from`.
         real(wp), intent(in) :: open
-        !> Stages of a step, and what an implicit step costs.
+        !> Stages of a step, and the cost of an implicit step.
         integer, intent(in) :: stages
         real(wp), intent(in) :: cost
         real(wp) :: part
 
         wants_implicit = .false.
-        ! Another method could not have left this one out.
+        ! Another method would have needed this one, too.
         if (.not. is_free) self%tries_from = min(self%tries_from + 1, tries)
         part = cost/(real(max(tries - self%tries_from, 1_long), wp)*real(stages, wp))
         if (tries - self%tries_from < int(window*self%patience, long)) then
@@ -161,7 +160,7 @@ contains
             wants_implicit = part*(needed - self%needed_from + open) < strong
             if (.not. wants_implicit) return
         else
-            ! The window of the motion that is open counts as a step at least.
+            ! The current window of the motion counts as at least one step.
             wants_implicit = part*(needed - self%needed_from + max(1.0_wp, open)) < worth
         end if
         if (wants_implicit) then
@@ -173,20 +172,20 @@ contains
         self%t_from = t
     end function wants_implicit
 
-    !> Whether to look at the largest eigenvalue before a first step: not where an exchange was in vain.
+    !> True if the largest eigenvalue is to be estimated before a first step: false if an exchange was in vain.
     pure logical function may_begin_implicit(self)
         class(switching_type), intent(in) :: self
 
         may_begin_implicit = self%is_on .and. .not. self%is_implicit .and. self%patience == 1 .and. self%first_step > 0.0_wp
     end function may_begin_implicit
 
-    !> Whether the implicit method would be cheaper than the explicit one with steps as stability limits them. A first step is made
-    !> so cautiously that its error is a hundredth of what is allowed: the ones that follow are longer by the root of that.
+    !> True if the implicit method would be cheaper than the explicit one with steps limited by stability. The error of a first step
+    !> is a hundredth of the tolerance: later ones are longer by the corresponding root.
     pure logical function begins_implicit(self, first_step, stages, limit, cost)
         class(switching_type), intent(in) :: self
         !> Of the implicit method.
         real(wp), intent(in) :: first_step
-        !> Stages of an explicit step, h |lambda| at its limit of stability, and what an implicit step costs.
+        !> Stages of an explicit step, h |lambda| at its limit of stability, and the cost of an implicit step.
         integer, intent(in) :: stages
         real(wp), intent(in) :: limit, cost
         real(wp), parameter :: caution = 0.01_wp
@@ -196,7 +195,7 @@ contains
         begins_implicit = cost < real(stages, wp)*step*self%lambda/limit
     end function begins_implicit
 
-    !> Look at the largest eigenvalue anew.
+    !> Restart the estimate of the largest eigenvalue.
     pure subroutine begin_looks(self)
         class(switching_type), intent(inout) :: self
 
@@ -204,7 +203,7 @@ contains
     end subroutine begin_looks
 
     !> A step of the power iteration, from the rates at a state that is displaced a little along the direction. The product of two
-    !> stretches in a row is right for a pair of eigenvalues too.
+    !> successive stretches is also right for a pair of eigenvalues.
     subroutine look_at_eigenvalue(self, chart, state)
         class(switching_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -239,7 +238,7 @@ contains
         end associate
     end subroutine look_at_eigenvalue
 
-    !> Whether there were enough implicit steps to ask for the explicit method again.
+    !> True if there were enough implicit steps to consider the explicit method again.
     pure logical function is_due(self, tries)
         class(switching_type), intent(in) :: self
         !> Tries of steps so far.
@@ -248,33 +247,33 @@ contains
         is_due = tries - self%tries_from >= int(window/2*self%patience, long)
     end function is_due
 
-    !> Whether one look may speak against an exchange: not while it is also to tell how far explicit steps were from their limit.
+    !> True if one estimate may oppose an exchange: not while it must also determine the excess of explicit steps.
     pure logical function is_certain(self)
         class(switching_type), intent(in) :: self
 
         is_certain = self%excess > 0.0_wp .or. .not. self%rate > 0.0_wp
     end function is_certain
 
-    !> Whether the explicit method would be cheaper than the implicit one at work, by the largest eigenvalue as it is known.
+    !> True if the explicit method would be cheaper than the active implicit one, by the known estimate of the largest eigenvalue.
     pure logical function wants_explicit(self, t, tries, stages, limit, cost)
         class(switching_type), intent(in) :: self
-        !> Where the run is, and tries of steps so far.
+        !> Time, and tries of steps so far.
         real(wp), intent(in) :: t
         integer(long), intent(in) :: tries
-        !> Stages of an explicit step, h |lambda| at its limit of stability, and what an implicit step costs.
+        !> Stages of an explicit step, h |lambda| at its limit of stability, and the cost of an implicit step.
         integer, intent(in) :: stages
         real(wp), intent(in) :: limit, cost
         real(wp) :: explicit, implicit
 
         wants_explicit = .false.
         if (.not. self%lambda > 0.0_wp) return
-        ! Costs of a unit of time. What errors limit, they limit for both.
+        ! Costs per unit of time. Limits by errors apply to both methods.
         implicit = cost*real(tries - self%tries_from, wp)/max(t - self%t_from, tiny(1.0_wp))
         explicit = real(stages, wp)*max(excess_of(self, limit)*self%lambda/limit, implicit/cost)
         wants_explicit = explicit < worth*implicit
     end function wants_explicit
 
-    !> It was asked for the explicit method; what comes is looked at next.
+    !> Record a query for the explicit method; a new interval is observed from here on.
     pure subroutine note_decision(self, t, tries, limit)
         class(switching_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -286,8 +285,8 @@ contains
         self%t_from = t
     end subroutine note_decision
 
-    !> Errors of what is stiff make explicit steps shorter than stability does: by how much, those before the exchange say. Where
-    !> there were none, it is taken to be as on damped springs.
+    !> Errors of stiff components make explicit steps shorter than stability does, by a ratio found before the exchange. If there
+    !> were no such steps, the ratio of damped springs is assumed.
     pure real(wp) function excess_of(self, limit)
         class(switching_type), intent(in) :: self
         real(wp), intent(in) :: limit
@@ -299,8 +298,8 @@ contains
         if (self%rate > 0.0_wp) excess_of = min(most_excess, max(1.0_wp, self%rate*limit/self%lambda))
     end function excess_of
 
-    !> What a step may be in place of the first one of the run, at a time after its start; 0 where that is too late, or it is not
-    !> the first exchange.
+    !> Size of a step in place of the first one of the run, at a time after its start; 0 if that is too late, or it is not the first
+    !> exchange.
     pure real(wp) function first_step_at(self, after)
         class(switching_type), intent(in) :: self
         real(wp), intent(in) :: after
@@ -309,10 +308,10 @@ contains
         if (self%switches == 0 .and. after < self%first_step) first_step_at = self%first_step
     end function first_step_at
 
-    !> Steppers were exchanged.
+    !> Record an exchange of steppers.
     subroutine note_switch(self, t, steps, tries, needed)
         class(switching_type), intent(inout) :: self
-        !> Where, and steps, tries and steps of the motion itself so far.
+        !> Time, and steps, tries and steps of the motion itself so far.
         real(wp), intent(in) :: t
         integer(long), intent(in) :: steps, tries
         real(wp), intent(in) :: needed
@@ -331,7 +330,7 @@ contains
         self%stretch = 0.0_wp
     end subroutine note_switch
 
-    !> What the next exchange depends on; `is_implicit` is kept before, by who must make the stepper first.
+    !> State for the next exchange; the caller stores `is_implicit` before, because it must allocate the stepper first.
     subroutine pack_state(self, pack)
         class(switching_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

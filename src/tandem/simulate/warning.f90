@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What a run has to say that is no failure: one warning; and from where on an error is worth one.
+!> A warning of a run, and the limits above which errors cause one.
 module tandem_simulate_warning
     use tandem_kinds, only: wp
     use tandem_options, only: options_type
@@ -8,22 +8,22 @@ module tandem_simulate_warning
 
     public :: add_warning, dense_limit, large, times, warning_limit, warning_type
 
-    !> Errors above this part of the state are worth a warning with fixed steps, and above so many times the tolerance with others.
+    !> Errors above this part of the state cause a warning with fixed steps, and above this multiple of the tolerance with others.
     real(wp), parameter :: large = 5.0e-4_wp, times = 15.0_wp
 
-    !> Under error control the motion between steps is kept within so many times the tolerance where somebody looks there.
+    !> Under error control the motion between steps is kept within this multiple of the tolerance if states there are requested.
     real(wp), parameter :: dense_limit = 10.0_wp
 
     type :: warning_type
-        !> What was seen and what to do about it.
+        !> Observation and advice.
         character(len=:), allocatable :: text
-        !> A property of the model that users should know, such as a redundant row, rather than a doubt about the result.
+        !> True for a property of the model that users should know, such as a redundant row, rather than a warning about the result.
         logical :: is_note = .false.
     end type warning_type
 
 contains
 
-    !> The error of a step, relative to the state, above which there is something to say.
+    !> The error of a step, relative to the state, above which a warning is due.
     pure real(wp) function warning_limit(options)
         type(options_type), intent(in) :: options
 
@@ -31,9 +31,9 @@ contains
         if (options%is_adaptive()) warning_limit = min(large, times*options%relative_tolerance())
     end function warning_limit
 
-    !> Put a warning behind others. An array constructor would leave the memory of the new text behind (gfortran 12).
+    !> Append a warning. An array constructor would leave the memory of the new text behind (gfortran 12).
     subroutine add_warning(warnings, text, is_note)
-        !> Those that there are; allocated, and one longer afterwards.
+        !> Existing warnings; allocated, and one longer afterwards.
         type(warning_type), allocatable, intent(inout) :: warnings(:)
         character(len=*), intent(in) :: text
         logical, intent(in), optional :: is_note
