@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> How far a steady motion is from a state, and which way along its family leads nearer.
+!> Distance of a steady motion from a state, and the direction along its family that leads nearer.
 !>
-!> The distance is measured by the mass matrix M, in places and in velocities alike, with the time scale T of the model,
+!> The distance is measured by the mass matrix M, for positions and for velocities, with the time scale T of the model,
 !>
 !>   (q - q0)' M (q - q0) + T^2 (qd - qd0)' M (qd - qd0),   qd = X q,
 !>
@@ -20,7 +20,7 @@ contains
 
     !> The square of the distance of a state (q, qd) from another one (q0, qd0).
     real(wp) function squared_distance(point, q, qd, q0, qd0) result(square)
-        !> Its mass matrix is that of q.
+        !> Its mass matrix belongs to q.
         type(point_type), intent(in) :: point
         real(wp), intent(in) :: q(:), qd(:), q0(:), qd0(:)
         real(wp), dimension(point%n) :: away, faster
@@ -30,20 +30,20 @@ contains
         square = dot_product(away, matmul(point%mass, away)) + dot_product(faster, matmul(point%mass, faster))
     end function squared_distance
 
-    !> The step along a family that makes the distance least, to first order: of scaled coordinates and of the rates of k
-    !> symmetries times T.
+    !> The step along a family that minimises the distance, to first order: of scaled coordinates and of the rates of k symmetries
+    !> times T.
     subroutine find_way_nearer(point, symmetry, rates, k, jacobian, q, qd, q0, qd0, step)
         type(point_type), intent(in) :: point
         type(symmetry_type), intent(in) :: symmetry
         !> Rates of the fields.
         real(wp), intent(in) :: rates(:)
         integer, intent(in) :: k
-        !> Derivatives of all that must stay nothing along the family (any, n + k).
+        !> Derivatives of all residuals that must stay zero along the family (any, n + k).
         real(wp), intent(in) :: jacobian(:, :)
         real(wp), intent(in) :: q(:), qd(:), q0(:), qd0(:)
         !> (n + k)
         real(wp), intent(out) :: step(:)
-        !> Directions that weigh less than this of the heaviest one, as those of massless bodies, are left as they are.
+        !> Directions with less than this part of the largest weight, such as those of massless bodies, are unchanged.
         real(wp), parameter :: least = 1.0e-10_wp
         type(singular_type) :: svd
         real(wp), allocatable :: family(:, :), faster(:, :), weights(:, :), values(:), b(:)

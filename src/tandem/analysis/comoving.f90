@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> How a large mechanism goes on as it is: all of it along motions of the world, bodies about their own axes besides, at rates that
-!> its velocities and accelerations at one point tell, qd = X q and qdd = L qd. The field X q = L q + c of all of these together has
-!> few entries.
+!> Steady motion of a large mechanism: all of it along motions of the world, bodies also about their own axes, at rates determined
+!> by its velocities and accelerations at one point, qd = X q and qdd = L qd. The field X q = L q + c of all these motions together
+!> has few entries.
 !>
-!> With q = T(t) p, T the flow of X, coordinates p that go along rest, and in them, with L and T commuting,
+!> With q = T(t) p, T the flow of X, co-rotating coordinates p are at rest, and in them, with L and T commuting,
 !>
 !>   M p'' + M (L X p + 2 L p') + C' lambda - S(p, X p + p') - Q_A(p, X p + p') = 0,   C (X p + p') = nu.
 module tandem_analysis_comoving
@@ -20,23 +20,23 @@ module tandem_analysis_comoving
     public :: comoving_type, fit_rates
 
     type :: comoving_type
-        !> Whether anything moves.
+        !> True if anything moves.
         logical :: moves = .false.
         !> The motions with rates that are not zero, and their rates (1/s, m/s, rad/s).
         character(len=motion_name_length), allocatable :: names(:)
         real(wp), allocatable :: rates(:)
-        !> The sum of them.
+        !> The sum of the motions.
         type(affine_motion_type), private :: field
     contains
         procedure :: find, set, velocity, turned, carry
     end type comoving_type
 
-    !> What is this part of the largest is rounding; velocities that no motion explains may be as large.
+    !> Values below this part of the largest are rounding; limit of velocities that no motion explains.
     real(wp), parameter :: rounding = 1.0e-13_wp, unexplained = 1.0e-9_wp
 
 contains
 
-    !> The motions that velocities at a point are made of. Errors: no_equilibrium where there are none.
+    !> The motions that compose the velocities at a point. Errors: no_equilibrium if there are none.
     subroutine find(self, model, q, qd, qdd, turns_tell, error)
         class(comoving_type), intent(out) :: self
         class(model_type), intent(inout) :: model
@@ -64,7 +64,7 @@ contains
             to_text(qd(i)), 'eigenvalues near a shift are those of an equilibrium or of a steady motion, for which ask by --steady')
     end subroutine find
 
-    !> Take motions at given rates.
+    !> Set motions and their rates.
     subroutine set(self, motions, rates)
         class(comoving_type), intent(inout) :: self
         type(affine_motion_type), intent(in) :: motions(:)
@@ -82,23 +82,23 @@ contains
         call add_up(self%field, motions, rates)
     end subroutine set
 
-    !> The rates of all motions of a mechanism that come nearest to velocities at a point: those of the world first, which places
-    !> tell, and those of bodies from what is left. Without accelerations a turn may be taken for a translation where one body alone
-    !> has no direction.
+    !> The rates of all motions of a mechanism that best fit velocities at a point: first motions of the world, fitted to the
+    !> positions, then motions of bodies, fitted to the remainder. Without accelerations a rotation may be taken for a translation
+    !> if one body alone has no direction.
     subroutine fit_rates(motions, q, qd, rates, qdd, turns_tell)
         type(affine_motion_type), intent(in) :: motions(:)
         !> (n)
         real(wp), intent(in) :: q(:), qd(:)
         real(wp), allocatable, intent(out) :: rates(:)
         real(wp), intent(in), optional :: qdd(:)
-        !> Whether turns of bodies tell of the world too, as they have to where all places lie on the axis.
+        !> True if rotations of bodies also determine the motion of the world, which is necessary if all positions lie on the axis.
         logical, intent(in), optional :: turns_tell
         real(wp) :: rest(size(qd)), rest_qdd(size(qd)), x(size(qd))
         logical :: of_world(size(qd))
         integer :: i, k
 
         allocate (rates(size(motions)), source=0.0_wp)
-        ! Places tell how the world moves: no body's own turning changes them.
+        ! Positions determine the motion of the world: no rotation of a body about itself changes them.
         of_world = .true.
         do k = 1, size(motions)
             if (is_of_world(motions(k))) cycle
@@ -131,15 +131,15 @@ contains
         where (abs(rates) <= rounding*maxval(abs(rates))) rates = 0.0_wp
     end subroutine fit_rates
 
-    !> Whether a motion is of all bodies together.
+    !> True if a motion moves all bodies together.
     pure logical function is_of_world(motion)
         type(affine_motion_type), intent(in) :: motion
 
         is_of_world = index(motion%name, 'world.') == 1
     end function is_of_world
 
-    !> Add to the rates of motions of the world what fits best to velocities and accelerations of places, and take it off these. The
-    !> latter tell a turn from a translation where one body alone has no direction.
+    !> Add to the rates of motions of the world the best fit to velocities and accelerations of positions, and subtract it from
+    !> these. The accelerations distinguish a rotation from a translation if one body alone has no direction.
     subroutine fit_world(motions, q, qd, of_world, uses_qdd, rest, rest_qdd, rates)
         type(affine_motion_type), intent(in) :: motions(:)
         real(wp), intent(in) :: q(:), qd(:)
@@ -173,7 +173,7 @@ contains
         end do
     end subroutine fit_world
 
-    !> The sum of motions times rates, with its entries in one piece.
+    !> The sum of motions times rates, with its entries merged.
     pure subroutine add_up(field, motions, rates)
         type(affine_motion_type), intent(inout) :: field
         type(affine_motion_type), intent(in) :: motions(:)
@@ -227,8 +227,8 @@ contains
         if (self%moves) call self%field%add_turned(x, 1.0_wp, y)
     end function turned
 
-    !> Carry a state along for a time in which nothing turns by more than half a radian or so: q by the flow, vectors by its linear
-    !> part.
+    !> Move a state along the flow for a time in which nothing turns by more than half a radian or so: q by the flow, vectors by its
+    !> linear part.
     pure subroutine carry(self, time, q, vectors)
         class(comoving_type), intent(in) :: self
         real(wp), intent(in) :: time

@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Drift about a steady motion that turns: small motions in which no body is accelerated otherwise than before. Such a body goes on
-!> beside its old path at a constant distance or at a constant velocity. In the turning frame it seems to circle, in Jordan blocks
-!> of the rates of the frame, which rounding makes look like growing and decaying.
+!> Drift about a steady motion that rotates: small motions in which no body has an additional acceleration. Such a body continues
+!> beside its old path at a constant distance or at a constant velocity. In the rotating frame it seems to circle, in Jordan blocks
+!> of the rates of the frame, which rounding makes look like growth and decay.
 !>
-!> With A the matrix of small motions, u(z) the velocities of all places and the angular velocities of all bodies in the axes of the
-!> frame, and w its rate, drift is the largest subspace on which A stays and
+!> With A the matrix of small motions, u(z) the velocities of all positions and the angular velocities of all bodies in the axes of
+!> the frame, and w its rate, drift is the largest invariant subspace of A on which
 !>
 !>   u(A z) + w x u(z) = 0.
 module tandem_analysis_drift
@@ -25,7 +25,7 @@ contains
 
     !> An orthonormal basis of the drift, and the rate of the frame.
     subroutine find_drift(symmetry, rates, q, qd, a, v, g, w, basis, rate)
-        !> The motions along which it goes on, and their rates.
+        !> The motions along which the steady motion continues, and their rates.
         type(symmetry_type), intent(in) :: symmetry
         real(wp), intent(in) :: rates(:)
         !> The point (n), A (nv + nw, nv + nw), dq = V dv, dqd = G dv + W dw.
@@ -52,7 +52,7 @@ contains
         call list_accelerations(symmetry, rates, turns, q, qd, a, v, g, w, rows, sizes)
         do i = 1, size(rows, 1)
             length = norm2(rows(i, :))
-            ! Terms may cancel, and bodies that cannot move have rounding alone.
+            ! Terms may cancel, and rows of bodies that are fixed are rounding alone.
             if (length > nothing*(10*sizes(i) + maxval(sizes))) then
                 rows(i, :) = rows(i, :)/length
             else
@@ -61,7 +61,7 @@ contains
         end do
         deallocate (basis)
         call find_null_space(rows, 1.0_wp, basis)
-        ! Less whatever leads out of it.
+        ! Reduce to the invariant subspace.
         do
             if (size(basis, 2) == 0) return
             rows = matmul(a, basis)
@@ -73,14 +73,14 @@ contains
         end do
     end subroutine find_drift
 
-    !> u(A z) + w x u(z), a row each of all coordinates or of the angular velocities that they stand for.
+    !> u(A z) + w x u(z), a row for each coordinate or for each of the corresponding angular velocities.
     subroutine list_accelerations(symmetry, rates, turns, q, qd, a, v, g, w, rows, sizes)
         type(symmetry_type), intent(in) :: symmetry
         real(wp), intent(in) :: rates(:)
-        !> The numbers of the turns of the world.
+        !> The numbers of the rotations of the world.
         integer, intent(in) :: turns(:)
         real(wp), intent(in) :: q(:), qd(:), a(:, :), v(:, :), g(:, :), w(:, :)
-        !> With the sizes of their terms.
+        !> The rows and the sizes of their terms.
         real(wp), allocatable, intent(out) :: rows(:, :), sizes(:)
         real(wp), allocatable :: l(:, :), dq(:, :), velocity(:, :), spin(:, :), terms(:, :)
         integer, allocatable :: kept(:)
@@ -118,7 +118,7 @@ contains
 
     contains
 
-        !> Of four parameters the places where the three angular velocities stand.
+        !> True for the positions, among four parameters each, at which the three angular velocities are stored.
         pure function is_first_of_three() result(is_one)
             logical :: is_one(size(q))
             integer :: k, j
@@ -132,11 +132,11 @@ contains
         end function is_first_of_three
     end subroutine list_accelerations
 
-    !> Changes of an angular velocity with the state (3, nv + nw): entry k is 4 (Y p).pd, Y p the turn of the parameters p with the
-    !> world about axis k.
+    !> Changes of an angular velocity with the state (3, nv + nw): entry k is 4 (Y p).pd, Y p the rotation of the parameters p with
+    !> the world about axis k.
     subroutine find_spin(symmetry, turns, first, last, q, qd, dq, velocity, spin)
         type(symmetry_type), intent(in) :: symmetry
-        !> Turns of the world, and the first and the last of the parameters.
+        !> Rotations of the world, and the first and the last of the parameters.
         integer, intent(in) :: turns(3), first, last
         real(wp), intent(in) :: q(:), qd(:), dq(:, :), velocity(:, :)
         real(wp), allocatable, intent(out) :: spin(:, :)

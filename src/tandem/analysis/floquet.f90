@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Floquet multipliers: what small motions have become when a periodic motion has come round, by the variational equations along it.
+!> Floquet multipliers: the growth of small motions over one period of a periodic motion, by the variational equations along it.
 !>
 !> The motion and its neighbours, X' = A(t) X in the model's coordinates, are integrated together by extrapolation of the modified
-!> midpoint rule. Where the motion is steady, it comes round up to what its symmetries do in the time, T(tau): the multipliers are
-!> then the eigenvalues of T(tau)^-1 X(tau), and ln(mu)/tau those of the matrix of `tandem_analysis_linearisation`, by another way:
-!> no derivative of the symmetries takes part.
+!> midpoint rule. A steady motion closes up to the action of its symmetries in the time, T(tau): the multipliers are then the
+!> eigenvalues of T(tau)^-1 X(tau), and ln(mu)/tau those of the matrix of `tandem_analysis_linearisation`, computed independently:
+!> without derivatives of the symmetries.
 !>
 !> Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, section II.9.
 module tandem_analysis_floquet
@@ -21,11 +21,11 @@ module tandem_analysis_floquet
     public :: floquet_type, exponential
 
     type :: floquet_type
-        !> The time after which the motion has come round.
+        !> The period of the motion.
         real(wp) :: period = 0.0_wp
         !> Multipliers, and ln(mu)/period with imaginary parts up to pi/period, sorted by their real parts.
         complex(wp), allocatable :: multipliers(:), exponents(:)
-        !> How far the motion is from its start then, in scaled coordinates and velocities.
+        !> Distance of the motion from its start after the period, in scaled coordinates and velocities.
         real(wp) :: gap = 0.0_wp
         !> Steps of the extrapolation.
         integer :: steps = 0
@@ -33,20 +33,20 @@ module tandem_analysis_floquet
         procedure :: find
     end type floquet_type
 
-    !> Columns of the extrapolation, the most steps, and the part of each value that a step may err by.
+    !> Columns of the extrapolation, the most steps, and the permitted relative error of a step.
     integer, parameter :: columns = 8, most_steps = 2000
     real(wp), parameter :: tolerance = 1.0e-13_wp
-    !> A motion that is further from its start than this, over its size, has not come round.
+    !> A motion that is further from its start than this, over its size, is not periodic.
     real(wp), parameter :: closed = 1.0e-6_wp
 
 contains
 
-    !> The multipliers of the motion that a linearised system is about, over a time. Errors: invalid_option where it has not come
-    !> round then, work_limit, and what evaluating the model may give.
+    !> The multipliers of the motion of a linearised system, over a time. Errors: invalid_option if it is not periodic with this
+    !> time, work_limit, and statuses of evaluating the model.
     subroutine find(self, it, model, period, error)
         class(floquet_type), intent(out) :: self
         type(linearisation_type), intent(in) :: it
-        !> The model that it was made of.
+        !> The model of the linearised system.
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: period
         type(error_type), allocatable, intent(out) :: error
@@ -116,7 +116,7 @@ contains
         end do
     end subroutine sort
 
-    !> y := T(period)^-1 y of the symmetries that the motion goes along: the state and its neighbours.
+    !> y := T(period)^-1 y for the symmetries of the motion: the state and its neighbours.
     subroutine go_back(it, period, y)
         type(linearisation_type), intent(in) :: it
         real(wp), intent(in) :: period
@@ -134,7 +134,7 @@ contains
         y(:n, 1) = y(:n, 1) + turn(:n, n + 1)
     end subroutine go_back
 
-    !> exp(A) by its series, after halving the argument, and squaring. The matrices are those of rotations, so that nothing cancels.
+    !> exp(A) by its series, after halving the argument, and squaring. For matrices of rotations there is no cancellation.
     function exponential(a) result(e)
         real(wp), intent(in) :: a(:, :)
         real(wp) :: e(size(a, 1), size(a, 1)), term(size(a, 1), size(a, 1)), part(size(a, 1), size(a, 1))
@@ -156,7 +156,7 @@ contains
         end do
     end function exponential
 
-    !> Carry y = [(q, qd), X] from t over a time.
+    !> Integrate y = [(q, qd), X] from t over a time.
     subroutine integrate(point, t, period, y, steps, stat)
         type(point_type), intent(inout) :: point
         real(wp), intent(in) :: t, period
@@ -172,7 +172,7 @@ contains
         steps = 0
         do tries = 1, most_steps
             if (done >= period) return
-            ! No stub of a step at the end.
+            ! No tiny step at the end.
             if (period - done < 1.01_wp*h) h = period - done
             call extrapolate(point, t + done, h, y, next, error, stat)
             if (stat == status_ok .and. error <= tolerance) then
@@ -228,7 +228,7 @@ contains
             end do
         end do
         next = table(:, :, 1)
-        ! Of columns that grow in different ways each by itself.
+        ! Separately for each column, because columns grow differently.
         error = 0.0_wp
         unit = [point%scale, point%rate*point%scale]
         do j = 1, size(y, 2)

@@ -2,10 +2,9 @@
 !> Inputs and outputs of a linearised system: x' = A x + B u, y = C x + D u.
 !>
 !> Inputs are functions of time of the model (`input_name`): forces, and motions that are imposed. A motion u enters the
-!> constraints, with its rate and its acceleration, so that it has three columns; those that are zero are left out. With the
-!> derivatives of the residuals by an input, the chain is that of A: dq = -Phi_q^+ Phi_u, C dqd = -(vel_q dq + vel_u), and dqdd from
-!> acc_u and dyn_u. Outputs are what the model measures of a motion (sensors), by central differences of fourth order along the
-!> motions.
+!> constraints, with its rate and its acceleration, so that it has three columns; zero columns are left out. With the derivatives of
+!> the residuals by an input, the chain is that of A: dq = -Phi_q^+ Phi_u, C dqd = -(vel_q dq + vel_u), and dqdd from acc_u and
+!> dyn_u. Outputs are the measured quantities of the model (sensors), by central differences of fourth order along the motions.
 module tandem_analysis_inputs
     use tandem_analysis_linearisation, only: in_steady_motion, linearisation_type
     use tandem_analysis_point, only: point_type
@@ -40,7 +39,7 @@ contains
     subroutine make(self, it, model, error)
         class(inputs_type), intent(out) :: self
         type(linearisation_type), intent(in) :: it
-        !> The model that it was made of.
+        !> The model of the linearised system.
         class(model_type), intent(inout), target :: model
         type(error_type), allocatable, intent(out) :: error
         type(point_type), allocatable :: point
@@ -61,7 +60,7 @@ contains
         n_inputs = 0
         if (allocated(model%input_name)) n_inputs = size(model%input_name)
         allocate (self%b(it%nv + it%nw, 0), self%inputs(0))
-        ! How coordinates, velocities and accelerations go with inputs (n, 3, inputs).
+        ! Changes of coordinates, velocities and accelerations with inputs (n, 3, inputs).
         allocate (moves(point%n, 3, 0))
         do i = 1, n_inputs
             do order = 0, 2
@@ -77,7 +76,7 @@ contains
         call point%describe(stat, 'could not be measured', error)
     end subroutine make
 
-    !> Inputs back to nothing.
+    !> Reset inputs to zero.
     subroutine reset(model)
         class(model_type), intent(inout) :: model
 
@@ -90,7 +89,7 @@ contains
         class(inputs_type), intent(inout) :: self
         type(linearisation_type), intent(in) :: it
         type(point_type), intent(inout) :: point
-        !> The input, and its derivative in time.
+        !> The input, and the order of its derivative in time.
         integer, intent(in) :: number, order
         character(len=*), intent(in) :: name
         real(wp), allocatable, intent(inout) :: moves(:, :, :)
@@ -121,7 +120,7 @@ contains
         moves = reshape([moves, dq, dqd, dqdd], [point%n, 3, size(moves, 3) + 1])
     end subroutine add_input
 
-    !> Derivatives of Phi, C qd - nu, C qdd + gamma and the equations of motion by an input, all else as it is.
+    !> Derivatives of Phi, C qd - nu, C qdd + gamma and the equations of motion by an input, with everything else constant.
     subroutine differentiate_by_input(point, number, order, by_input, stat)
         type(point_type), intent(inout) :: point
         integer, intent(in) :: number, order
@@ -145,7 +144,7 @@ contains
                 model%input_version = model%input_version + 1
                 call point%evaluate(t, q, qd, stat)
                 if (stat /= status_ok) exit
-                ! What does not depend on the input gives nothing at all.
+                ! Terms independent of the input cancel exactly.
                 by_input = by_input + weight(i)/h*(residuals() - reference)
             end do
             model%input = 0.0_wp
@@ -163,7 +162,7 @@ contains
         end function residuals
     end subroutine differentiate_by_input
 
-    !> C and D: what is measured along the motions of the state and of the inputs.
+    !> C and D: changes of outputs along the motions of the state and of the inputs.
     subroutine make_outputs(self, it, point, moves, stat)
         class(inputs_type), intent(inout) :: self
         type(linearisation_type), intent(in) :: it
@@ -203,7 +202,7 @@ contains
         end do
     end subroutine make_outputs
 
-    !> Names of the numbers of a quantity.
+    !> Names of the components of a quantity.
     subroutine name_outputs(self, path, width)
         type(inputs_type), intent(inout) :: self
         character(len=*), intent(in) :: path
@@ -219,7 +218,7 @@ contains
         end do
     end subroutine name_outputs
 
-    !> The derivative of what is measured along a motion.
+    !> The derivative of the outputs along a motion.
     subroutine measure_along(point, it, dq, dqd, dqdd, rates, stat)
         type(point_type), intent(inout) :: point
         type(linearisation_type), intent(in) :: it
@@ -229,7 +228,7 @@ contains
         real(wp) :: values(size(rates)), h
         integer :: i
 
-        ! Displacements of about 1e-3 in the largest of what moves, over its own size.
+        ! Displacements of about 1e-3 in the largest component, relative to its own size.
         h = 2.0_wp**(-10)/max(1.0_wp, maxval(abs(dq)/point%scale), maxval(abs(dqd)/(point%scale*point%rate + abs(it%qd))), &
             maxval(abs(dqdd)/(point%scale*point%rate**2 + abs(it%qdd))))
         rates = 0.0_wp

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The linear equations of small motions about a point, in tangent-space coordinates: no multipliers, no constraints left.
+!> The linear equations of small motions about a point, in tangent-space coordinates, without multipliers and constraints.
 !>
 !> With V of null(Phi_q), W of null(C), orthonormal, and R = C^+, so that W'R = 0, small motions are dq = V dv, dqd = W dw + G dv:
 !>
@@ -7,13 +7,12 @@
 !>   (W'M W) dwd = -W' [(dyn_q V + dyn_qd G + M Hv) dv + (dyn_qd W + M Hw) dw],
 !>   A = [V'G, V'W; Av, Aw].
 !>
-!> About a steady motion q(t) = T(t) q0 of a group of symmetries, with T' = L T, the matrix is constant in coordinates that go
-!> along:
+!> About a steady motion q(t) = T(t) q0 of a group of symmetries, with T' = L T, the matrix is constant in co-rotating coordinates:
 !>
 !>   A = [V'(G - L V), V'W; Av - W'L G, Aw - W'L W].
 !>
-!> The rates of the steady motion follow from the point: those symmetries for which X q0 = qd0 and L qd0 = qdd0. An equilibrium is
-!> the case of no rates at all. Elsewhere A is that of the instant.
+!> The rates of the steady motion follow from the point: those of the symmetries with X q0 = qd0 and L qd0 = qdd0. An equilibrium is
+!> the case without rates. Otherwise A is that of the instant.
 module tandem_analysis_linearisation
     use tandem_analysis_drift, only: find_drift
     use tandem_analysis_point, only: point_type
@@ -30,7 +29,7 @@ module tandem_analysis_linearisation
 
     public :: linearisation_type, at_equilibrium, in_steady_motion, at_an_instant, kind_name, most_coordinates
 
-    !> What the motion at the point is.
+    !> Kinds of the motion at the point.
     integer, parameter :: at_equilibrium = 1, in_steady_motion = 2, at_an_instant = 3
     character(len=13), parameter :: kind_name(3) = [character(len=13) :: 'equilibrium', 'steady motion', 'instant']
 
@@ -51,14 +50,14 @@ module tandem_analysis_linearisation
         real(wp), allocatable :: v(:, :), g(:, :), w(:, :)
         !> dv = V' dq, dw = W' dqd: V' (nv, n) and W' (nw, n) for the model's own coordinates.
         real(wp), allocatable :: dual_w(:, :), dual_v(:, :)
-        !> The symmetries, and the rates of the fields along which the motion goes on.
+        !> The symmetries, and the rates of the fields along which the motion continues.
         type(symmetry_type) :: symmetry
         real(wp), allocatable :: rates(:)
-        !> How far the point is from an equilibrium or a steady motion: what is left of its rates, over the size of its terms.
+        !> Residual of the rates of an equilibrium or a steady motion at the point, over the size of its terms.
         real(wp) :: residual = 0.0_wp
-        !> Whether the equations depend on the time in a way that no symmetry makes up for: A is then frozen at t.
+        !> True if the equations depend on the time in a way that no symmetry compensates: A is then frozen at t.
         logical :: depends_on_time = .false.
-        !> Whether all gradients were the model's own; differences leave some 1e-10 of A's norm.
+        !> True if all gradients were the model's own; differences leave errors of some 1e-10 of A's norm.
         logical :: has_gradients = .true.
         !> Eigenvalues and modes.
         type(spectrum_type) :: spectrum
@@ -67,25 +66,24 @@ module tandem_analysis_linearisation
         procedure, private :: form, find_rates, go_along, find_spectrum
     end type linearisation_type
 
-    !> What is left of the rates of a steady motion is rounding up to this of the size of their terms.
+    !> Residuals of the rates of a steady motion up to this part of the size of their terms are rounding.
     real(wp), parameter :: steady_bound = 1.0e-9_wp
-    !> Errors of entries of A over the sizes of all terms that they come from, in units of the rounding of these, and that of
-    !> differences.
+    !> Errors of entries of A over the sizes of all their terms, in units of their rounding, and the rounding of differences.
     real(wp), parameter :: rounding_of_terms = 4.0_wp, rounding_of_differences = 1.0e-11_wp
 
 contains
 
     !> Linearise a model at a state that satisfies its constraints. Errors: work_limit for more than `most_coordinates`,
-    !> invalid_model, and what evaluating the model may give.
+    !> invalid_model, and statuses of evaluating the model.
     subroutine make(self, model, t, q, qd, error, names)
         class(linearisation_type), intent(out) :: self
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t, q(:), qd(:)
         type(error_type), allocatable, intent(out) :: error
-        !> Names of the fields along which the motion may go on; any, where they are absent.
+        !> Names of the fields along which the motion may continue; all if absent.
         character(len=*), intent(in), optional :: names(:)
         type(point_type), allocatable :: point
-        !> The sizes of the terms that entries of A are sums of, those of all terms that errors come from, and bounds on errors.
+        !> The sizes of the terms in the sums for entries of A, the sizes of all terms that cause errors, and bounds on errors.
         real(wp), allocatable :: terms(:, :), all_terms(:, :), uncertainty(:, :)
         integer :: stat
 
@@ -122,9 +120,9 @@ contains
         call self%find_rates(point)
         if (self%kind == in_steady_motion) call self%go_along(point, terms, all_terms)
         uncertainty = rounding_of_terms*merge(epsilon(1.0_wp), rounding_of_differences, self%has_gradients)*all_terms
-        ! An error of the point of that part of its size changes each term by as much.
+        ! An error of the point of this relative size changes each term as much.
         if (self%kind /= at_an_instant) uncertainty = uncertainty + rounding_of_terms*self%residual*terms
-        ! Balances leave rounding where the terms of an entry cancel: a square root of it would be an eigenvalue.
+        ! Balances leave rounding if the terms of an entry cancel: its square root would be an eigenvalue.
         if (self%has_gradients) then
             where (abs(self%a) <= 100*epsilon(1.0_wp)*terms)
                 uncertainty = max(uncertainty, abs(self%a))
@@ -134,12 +132,12 @@ contains
         call self%find_spectrum(point, uncertainty, error)
     end subroutine make
 
-    !> A of the point, and the sizes of what its entries are sums of.
+    !> A of the point, and the sizes of the terms of its entries.
     subroutine form(self, point, terms, all_terms)
         class(linearisation_type), intent(inout) :: self
         type(point_type), intent(in) :: point
         real(wp), allocatable, intent(out) :: terms(:, :)
-        !> With those that only rounding of bases and inverses brings in.
+        !> Including terms that contribute only rounding of bases and inverses.
         real(wp), allocatable, intent(out) :: all_terms(:, :)
         real(wp), allocatable :: g(:, :), by_v(:, :), by_w(:, :), none(:, :)
         integer :: i
@@ -181,7 +179,7 @@ contains
         end associate
     end subroutine form
 
-    !> The rates of the symmetries along which the motion goes on, if there are such.
+    !> Find the rates of the symmetries along which the motion continues, if there are any.
     subroutine find_rates(self, point)
         class(linearisation_type), intent(inout) :: self
         type(point_type), intent(in) :: point
@@ -194,12 +192,12 @@ contains
         self%rates = spread(0.0_wp, 1, size(self%symmetry%motions))
         self%residual = huge(1.0_wp)
         if (.not. allocated(self%symmetry%rates_of_time)) then
-            ! The equations may still be those of a rest, as long as they stay as they are.
+            ! The equations may still be those of rest, as long as they do not change.
             self%residual = residual_of(self, point, self%rates)
             return
         end if
-        ! At rest, by spins and translations, or with turns of the world where these do not do. So the frame turns only where it
-        ! must: a spin about a body's own axis and a turn of the world about the same line are one motion, seen in two frames.
+        ! At rest, by spins and translations, or with rotations of the world if these are not sufficient. So the frame rotates only
+        ! if necessary: a spin about a body's own axis and a rotation of the world about the same line are one motion in two frames.
         do k = 0, 2
             turns = k == 2
             call fit(self, point, merge(0, size(self%symmetry%rates, 2), k == 0), turns, rates)
@@ -220,7 +218,7 @@ contains
     subroutine fit(self, point, n_allowed, turns, rates)
         class(linearisation_type), intent(in) :: self
         type(point_type), intent(in) :: point
-        !> How many symmetries may be taken, and whether those that turn the world are among them.
+        !> Number of symmetries that may be used; true if those that turn the world are among them.
         integer, intent(in) :: n_allowed
         logical, intent(in) :: turns
         real(wp), allocatable, intent(out) :: rates(:)
@@ -238,7 +236,7 @@ contains
                 if (.not. turns .and. any(symmetry%motions%turns_world .and. abs(symmetry%rates(:, k)) > 0.0_wp)) cycle
                 columns(:n, k) = symmetry%field(symmetry%rates(:, k), point%q)/s
                 columns(n + 1:, k) = symmetry%turned(symmetry%rates(:, k), point%qd)/(point%rate*s)
-                ! A symmetry that moves nothing here has columns of rounding.
+                ! A symmetry without effect here has columns of rounding.
                 length = norm2(columns(:, k))
                 if (length < 1.0e-12_wp) columns(:, k) = 0.0_wp
             end do
@@ -251,7 +249,7 @@ contains
         end associate
     end subroutine fit
 
-    !> What rates leave of (vd, wd), over the size of the terms of either: an error of the point of that part of its size would do
+    !> Residual of (vd, wd) for given rates, over the size of their terms: a relative error of the point of this size would explain
     !> it.
     real(wp) function residual_of(self, point, rates) result(residual)
         class(linearisation_type), intent(in) :: self
@@ -274,7 +272,7 @@ contains
             maxval(abs(y))/(of_qd**2 + maxval([of_qd*sizes(:self%nv), sizes(self%nv + 1:)])))
     end function residual_of
 
-    !> A in coordinates that go along with the steady motion.
+    !> Transform A to co-rotating coordinates of the steady motion.
     subroutine go_along(self, point, terms, all_terms)
         class(linearisation_type), intent(inout) :: self
         type(point_type), intent(in) :: point
@@ -301,7 +299,7 @@ contains
         end associate
     end subroutine go_along
 
-    !> Eigenvalues, with what the symmetries say of them.
+    !> Compute eigenvalues, with known ones due to symmetries.
     subroutine find_spectrum(self, point, uncertainty, error)
         class(linearisation_type), intent(inout) :: self
         type(point_type), intent(in) :: point

@@ -1,15 +1,15 @@
 ! SPDX-License-Identifier: MIT
-!> The eigenvalues of small motions about an equilibrium, or about a steady motion of all bodies together in coordinates that go
-!> along, that are nearest to a shift, by shift and invert on the sparse form: for mechanisms of thousands of bodies, in memory and
-!> time that grow with their number. Neither V nor W is formed.
+!> The eigenvalues nearest to a shift, for small motions about an equilibrium, or about a steady motion of all bodies together in
+!> co-rotating coordinates, by shift and invert on the sparse form: for mechanisms of thousands of bodies, in memory and time
+!> proportional to their number. Neither V nor W is formed.
 !>
 !> With dq = q exp(lambda t), and (q, u) for the state, (A - sigma) (q1, u1) = (q0, u0) is
 !>
 !>   [sigma^2 M + sigma D + K, C'; C, 0] (q1; nu) = (-M (sigma q0 + u0) - D q0; g),   u1 = sigma q1 + q0,
 !>
 !> with g = 0 in rows of Phi, and -C q0/sigma in those at velocity level, which below are C + (C X q - nu)_q/sigma, X = 0 at rest
-!> (`sparse_point.f90`, `comoving.f90`). The eigenvalues theta of that operator which are largest
-!> are those of A nearest to sigma, lambda = sigma + 1/theta.
+!> (`sparse_point.f90`, `comoving.f90`). The largest eigenvalues theta of that operator give those of A nearest to sigma, lambda =
+!> sigma + 1/theta.
 module tandem_analysis_nearest
     use tandem_analysis_comoving, only: comoving_type
     use tandem_analysis_nearest_errors, only: bound_errors
@@ -29,19 +29,19 @@ module tandem_analysis_nearest
 
     public :: nearest_type, most_nearest
 
-    !> The most eigenvalues of a search.
+    !> Largest number of eigenvalues of a search.
     integer, parameter :: most_nearest = 100
 
     type :: nearest_type
         real(wp) :: t = 0.0_wp
-        !> The equilibrium or a place of the steady motion (n), and what is left of the forces there, over the size of their terms.
+        !> The equilibrium or a position of the steady motion (n), and the residual of its forces over the size of their terms.
         real(wp), allocatable :: q(:)
         real(wp) :: residual = 0.0_wp
-        !> Along what it goes on.
+        !> The co-rotating frame.
         type(comoving_type) :: frame
-        !> The shift: that which was asked for, or one beside it where that is an eigenvalue itself.
+        !> The shift: the requested one, or one beside it if that is an eigenvalue itself.
         complex(wp) :: shift = (0.0_wp, 0.0_wp)
-        !> The nearest first, each the first of its copies.
+        !> Eigenvalues, the nearest first, each the first of its copies.
         complex(wp), allocatable :: values(:)
         !> Bounds on the errors.
         real(wp), allocatable :: error(:)
@@ -49,7 +49,7 @@ module tandem_analysis_nearest
         complex(wp), allocatable :: shapes(:, :)
         !> Numbers of redundant rows, of products with the operator, and of entries of the factors.
         integer :: n_redundant = 0, products = 0, factor_entries = 0
-        !> Whether all that were asked for have been found.
+        !> True if all requested eigenvalues have been found.
         logical :: is_complete = .false.
     contains
         procedure :: find
@@ -63,7 +63,7 @@ module tandem_analysis_nearest
         type(sparse_lu_type) :: lu
         complex(wp) :: shift = (0.0_wp, 0.0_wp)
         real(wp) :: unit = 1.0_wp
-        !> 1 over the lengths of rows that take part, and their numbers.
+        !> Reciprocals of the lengths of rows that take part, and their numbers.
         real(wp), allocatable :: weight(:)
         integer, allocatable :: rows(:)
         !> Work space: unknowns, coordinates.
@@ -76,17 +76,17 @@ module tandem_analysis_nearest
         procedure :: apply, factor, draw, factor_ties
     end type inverse_type
 
-    !> Forces are in balance where what is left is this of their terms.
+    !> Forces are in balance if their residual is at most this part of their terms.
     real(wp), parameter :: balance_bound = 1.0e-9_wp
-    !> Of residuals of the iteration: rounding leaves some 1e-14.
+    !> Limit of residuals of the iteration: rounding leaves some 1e-14.
     real(wp), parameter :: tolerance = 1.0e-12_wp
     character(len=*), parameter :: advice = 'eigenvalues near a shift are those of an equilibrium, for which ask by '// &
         '--equilibrium, or of a steady motion, for which ask by --steady'
 
 contains
 
-    !> Find k eigenvalues at the equilibrium q, or about the steady motion with velocities. Errors: no_equilibrium where it is none,
-    !> invalid_option, invalid_model, work_limit, inconsistent_start, and what evaluating the model may give.
+    !> Find k eigenvalues at the equilibrium q, or about the steady motion with velocities. Errors: no_equilibrium if it is none,
+    !> invalid_option, invalid_model, work_limit, inconsistent_start, and statuses of evaluating the model.
     subroutine find(self, model, t, q, shift, k, error, qd)
         class(nearest_type), intent(out) :: self
         class(model_type), intent(inout), target :: model
@@ -95,7 +95,7 @@ contains
         !> From 1 to `most_nearest`.
         integer, intent(in) :: k
         type(error_type), allocatable, intent(out) :: error
-        !> Velocities (n): of all bodies together, which may spin besides; without them it rests.
+        !> Velocities (n): of all bodies together, which may also spin; at rest if absent.
         real(wp), intent(in), optional :: qd(:)
         type(inverse_type), allocatable :: inverse
         type(krylov_type), allocatable :: krylov
@@ -123,7 +123,7 @@ contains
         self%q = q
         self%n_redundant = count(inverse%point%is_out)
         self%shift = shift
-        ! Of dq and of dqd: what the rows leave. All other eigenvalues of the pencil are infinite.
+        ! Dimension of the null spaces of rows for dq and for dqd. All other eigenvalues of the pencil are infinite.
         associate (point => inverse%point)
             n_finite = 2*point%n - count(.not. point%is_out(:point%nh)) - count(.not. point%is_out)
             if (n_finite <= 0) then
@@ -148,8 +148,8 @@ contains
             'bounded', 'take another shift')
     end subroutine find
 
-    !> Take the point for an equilibrium or for a steady motion. Bodies that turn alike about an axis through all places turn with
-    !> the world, or each about itself: the latter is tried first.
+    !> Treat the point as an equilibrium or as a steady motion. Bodies that turn equally about an axis through all positions turn
+    !> with the world, or each about itself: the latter is tried first.
     subroutine settle(point, t, q, residual, error, qd)
         type(sparse_point_type), intent(inout) :: point
         real(wp), intent(in) :: t, q(:)
@@ -167,7 +167,7 @@ contains
         if (.not. allocated(second)) deallocate (error)
     end subroutine settle
 
-    !> How all of it goes on, from its velocities and the accelerations that go with them.
+    !> Find the frame of the motion from its velocities and the corresponding accelerations.
     subroutine find_frame(point, t, q, qd, turns_tell, error)
         type(sparse_point_type), intent(inout) :: point
         real(wp), intent(in) :: t, q(:), qd(:)
@@ -187,7 +187,7 @@ contains
         end if
     end subroutine find_frame
 
-    !> Evaluate the model at rest, where coordinates may go along, with multipliers, K and D; refuse what does not stay there.
+    !> Evaluate the model at rest, possibly in a co-rotating frame, with multipliers, K and D; refuse points that do not stay.
     subroutine rest_at(point, t, q, residual, error)
         type(sparse_point_type), intent(inout) :: point
         real(wp), intent(in) :: t, q(:)
@@ -226,14 +226,14 @@ contains
         end associate
     end subroutine rest_at
 
-    !> Factor for a shift, or for one beside it where that is an eigenvalue or none that rows at velocity level allow.
+    !> Factor for a shift, or for one beside it if that is an eigenvalue or invalid for rows at velocity level.
     subroutine factor(self, shift, error)
         class(inverse_type), intent(inout) :: self
         complex(wp), intent(in) :: shift
         type(error_type), allocatable, intent(out) :: error
-        !> Beside the shift: these parts of its modulus, or of 1/s.
+        !> Offsets of the shift, relative to its modulus, or to 1/s.
         real(wp), parameter :: beside(4) = [0.0_wp, 1.0e-2_wp, 3.0e-2_wp, 0.1_wp]
-        !> The matrix is as good as singular where a pivot falls to this part of its column.
+        !> The matrix is numerically singular if a pivot falls to this part of its column.
         real(wp), parameter :: least = 1.0e-12_wp
         integer, allocatable :: order(:)
         integer :: i, k, stat
@@ -262,10 +262,10 @@ contains
         end associate
     end subroutine factor
 
-    !> What brings states onto the rows.
+    !> Factor the matrices that project states onto the rows.
     subroutine factor_ties(self, stat)
         class(inverse_type), intent(inout) :: self
-        !> 0, or that of a matrix that cannot be factored.
+        !> 0, or the status of a singular matrix.
         integer, intent(out) :: stat
         complex(wp), parameter :: mass_only(3) = [(1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)]
         logical :: is_out(self%point%m)
@@ -297,7 +297,7 @@ contains
             is_out = point%is_out
             x(:n) = point%scale*random_vector(seed, n)
             x(n + 1:) = max(abs(self%shift), 1.0_wp)*point%scale*random_vector(seed, n)
-            ! Twice, for rounding.
+            ! Twice, because of rounding.
             do l = 1, 4
                 point%is_out = is_out
                 if (modulo(l, 2) == 1) then
@@ -344,7 +344,7 @@ contains
         class(nearest_type), intent(inout) :: self
         type(inverse_type), intent(inout) :: inverse
         type(krylov_type), intent(in) :: krylov
-        !> 0, or that of a matrix that cannot be factored.
+        !> 0, or the status of a singular matrix.
         integer, intent(out) :: stat
         complex(wp) :: largest
         integer :: i, n

@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> Bounds on the errors of eigenvalues near a shift. With the matrix P(lambda) = [lambda^2 M + lambda D + K, C'; C, 0], x = (q, nu)
-!> and z its right and left null vectors, errors E of P and what is left of P x move an eigenvalue to first order by
+!> and z its right and left null vectors, errors E of P and the residual P x move an eigenvalue to first order by
 !>
 !>   (|z|' E |x| + |z' P x|)/|z' P_lambda x|.
 !>
-!> z comes from inverse iterations with the transposed matrix beside the eigenvalue. E is rounding of M and C, and that of the
-!> differences which K and D are.
+!> z comes from inverse iterations with the transposed matrix beside the eigenvalue. E contains rounding of M and C, and the
+!> rounding of differences in K and D.
 !>
 !> Near a Jordan block eigenvectors are parallel and the first order is too large: an error changes the characteristic polynomial p
 !> by e |p'| there, and p has as many zeros as before within the circle of radius r for which r prod |1 - r/g| exceeds e (Rouché),
@@ -22,7 +22,7 @@ module tandem_analysis_nearest_errors
 
     !> Errors of single entries over eps and their sizes.
     real(wp), parameter :: rounding = 8.0_wp*epsilon(1.0_wp)
-    !> Eigenvalues whose distance is at most so many times their errors meet.
+    !> Eigenvalues whose distance is at most this times their errors coincide.
     real(wp), parameter :: apart = 8.0_wp
 
 contains
@@ -30,13 +30,13 @@ contains
     !> Bounds on the errors of all of them.
     subroutine bound_errors(point, shift, values, vectors, imbalance, errors, stat)
         type(sparse_point_type), intent(inout) :: point
-        !> Near which they are, and the eigenvalues.
+        !> The shift, and the eigenvalues near it.
         complex(wp), intent(in) :: shift, values(:)
         !> Their motions of the coordinates (n, size(values)), and the imbalance of the point, an error of it.
         complex(wp), intent(in) :: vectors(:, :)
         real(wp), intent(in) :: imbalance
         real(wp), intent(out) :: errors(:)
-        !> 0, or that of a matrix that cannot be factored.
+        !> 0, or the status of a singular matrix.
         integer, intent(out) :: stat
         real(wp) :: first(size(values))
         integer :: i, k, seed
@@ -44,7 +44,7 @@ contains
         stat = 0
         seed = 2718281
         do i = 1, size(values)
-            ! Conjugates have the same.
+            ! Conjugates have equal bounds.
             k = 0
             if (i > 1) k = minloc(abs(values(:i - 1) - conjg(values(i))), dim=1)
             if (k > 0) then
@@ -61,7 +61,7 @@ contains
         do i = 1, size(values)
             call bound_in_block(values, vectors, i, errors(i))
         end do
-        ! Eigenvalues that meet are as uncertain as any of them, and as far apart as errors have moved them.
+        ! Coinciding eigenvalues are as uncertain as the worst of them, and as far apart as errors have moved them.
         first = errors
         do i = 1, size(values)
             associate (distance => abs(values - values(i)))
@@ -70,8 +70,8 @@ contains
         end do
     end subroutine bound_errors
 
-    !> How far beside an eigenvalue the matrix is factored: near to it, and nearer than the next one, so that the left vector is its
-    !> own within a Jordan block too.
+    !> Distance from an eigenvalue at which the matrix is factored: small, and smaller than to the next one, so that the left vector
+    !> belongs to it within a Jordan block, too.
     pure real(wp) function step_beside(shift, values, i) result(step)
         complex(wp), intent(in) :: shift, values(:)
         integer, intent(in) :: i
@@ -87,7 +87,7 @@ contains
         step = max(step, least*unit)
     end function step_beside
 
-    !> The bound of one to first order.
+    !> The bound of one eigenvalue to first order.
     subroutine bound_to_first_order(point, value, step, q, imbalance, seed, error, stat)
         type(sparse_point_type), intent(inout) :: point
         complex(wp), intent(in) :: value, q(:)
@@ -95,11 +95,11 @@ contains
         integer, intent(inout) :: seed
         real(wp), intent(out) :: error
         integer, intent(out) :: stat
-        !> A matrix that is as good as singular is factored further away, so often at most.
+        !> A numerically singular matrix is factored further away, at most this many times.
         real(wp), parameter :: further = 100.0_wp
         integer, parameter :: most = 6
         integer, parameter :: iterations = 3
-        !> A correction leads to an eigenvalue of a Jordan block by one over its order only.
+        !> A correction reduces the distance to an eigenvalue of a Jordan block only by one over its order.
         real(wp), parameter :: largest_block = 4.0_wp
         type(sparse_matrix_type) :: a
         type(sparse_lu_type) :: lu
@@ -174,11 +174,11 @@ contains
         call move_alloc(b%value, a%value)
     end subroutine transpose_in_place
 
-    !> The bound of one of several whose vectors are parallel.
+    !> The bound of one of several eigenvalues whose vectors are parallel.
     pure subroutine bound_in_block(values, vectors, i, error)
         complex(wp), intent(in) :: values(:), vectors(:, :)
         integer, intent(in) :: i
-        !> To first order; the bound in its place.
+        !> The first-order bound, replaced by the new one.
         real(wp), intent(inout) :: error
         real(wp), parameter :: parallel = 0.99_wp, growth = 1.1_wp, safety = 4.0_wp
         real(wp) :: r, parts, distance(size(values)), least

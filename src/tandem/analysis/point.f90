@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A model at one point (t, q, qd), as the analysis looks at it: its terms and their gradients, orthonormal bases V of null(Phi_q)
-!> and W of null(C), and the right inverse R of C by singular values, for which redundant rows are no case of their own.
+!> A model at one point (t, q, qd) for the analysis: its terms and their gradients, orthonormal bases V of null(Phi_q) and W of
+!> null(C), and the right inverse R of C by singular values, which include redundant rows.
 !>
 !> All of it is in scaled coordinates q / scale, so that the bases do not depend on units. Costs n^3: for set-up, not for steps.
 module tandem_analysis_point
@@ -27,7 +27,7 @@ module tandem_analysis_point
         real(wp) :: t = 0.0_wp
         !> The point in the model's own coordinates (n), and the multipliers of least norm (m).
         real(wp), allocatable :: q(:), qd(:), qdd(:), lambda(:)
-        !> What a coordinate is divided by (n).
+        !> Divisors of the coordinates (n).
         real(wp), allocatable :: scale(:)
         !> 1 over the time scale of the model.
         real(wp) :: rate = 1.0_wp
@@ -37,15 +37,15 @@ module tandem_analysis_point
         real(wp), allocatable :: velocity_q(:, :), acceleration_q(:, :), acceleration_qd(:, :), dynamics_q(:, :), dynamics_qd(:, :)
         !> V (n, nv) and W (n, nw), orthonormal in scaled coordinates.
         real(wp), allocatable :: v(:, :), w(:, :)
-        !> Coordinates that take no part, see `is_idle` of a model: V and W leave them at rest.
+        !> Coordinates that take no part, see `is_idle` of a model: V and W keep them at rest.
         integer, allocatable :: idle(:)
-        !> Whether all gradients are the model's own; differences have fewer digits.
+        !> True if all gradients are the model's own; differences have fewer digits.
         logical :: has_gradients = .false.
-        !> Whether it is friction that it was refused for.
+        !> True if the point was refused because of friction.
         logical, private :: has_wrong_friction = .false.
         class(model_type), pointer :: model => null()
         type(counts_type) :: counts
-        !> How often bases were made: what an analysis costs, each some n^3.
+        !> Number of computed bases: the cost of an analysis, each some n^3.
         integer :: n_bases = 0
         type(evaluator_type), private :: evaluator
         type(differences_type), private :: differences
@@ -136,9 +136,9 @@ contains
             all(ieee_is_finite(self%nu)))) stat = status_not_finite
     end subroutine evaluate
 
-    !> Refuse the point of the last `evaluate` where friction on reactions slides: it is a damper where all of it rests, but sliding
-    !> it has normal forces, which the linearised equations have not. After `make_bases`, where rows are redundant too, since
-    !> reactions are undetermined then.
+    !> Refuse the point of the last `evaluate` if friction on reactions slides: it is a damper if all of it rests, but sliding it
+    !> has normal forces, which the linearised equations do not contain. Refuse redundant rows, too, because they leave reactions
+    !> undetermined. Call after `make_bases`.
     subroutine refuse_friction(self, stat)
         class(point_type), intent(inout) :: self
         !> A status code.
@@ -152,7 +152,7 @@ contains
         self%has_wrong_friction = stat /= status_ok
     end subroutine refuse_friction
 
-    !> V, W, and what R and the multipliers need.
+    !> V, W, and the factors for R and the multipliers.
     subroutine make_bases(self)
         class(point_type), intent(inout) :: self
 
@@ -172,7 +172,7 @@ contains
         end if
     end subroutine factor_positions
 
-    !> V and W, where Phi_q is factored.
+    !> V and W, with Phi_q factored.
     subroutine finish_bases(self)
         class(point_type), intent(inout) :: self
 
@@ -191,7 +191,7 @@ contains
         self%nw = size(self%w, 2)
     end subroutine finish_bases
 
-    !> The first rows of C, each over its length. Coordinates that take no part are held by rows behind them.
+    !> The first rows of C, each over its length. Rows behind them fix coordinates that take no part.
     pure function rows_of(self, k) result(rows)
         class(point_type), intent(in) :: self
         integer, intent(in) :: k
@@ -239,7 +239,7 @@ contains
         call self%of_phi%solve(rows, x)
     end subroutine apply_position_inverse
 
-    !> Bring coordinates onto the position constraints by corrections of least norm; the point and its bases are those there.
+    !> Bring coordinates onto the position constraints by corrections of least norm; the point and its bases are evaluated there.
     subroutine restore_position(self, t, qd, q, stat)
         class(point_type), intent(inout) :: self
         real(wp), intent(in) :: t, qd(:)
@@ -255,7 +255,7 @@ contains
         do i = 1, limit
             call self%evaluate(t, q, qd, stat)
             if (stat /= status_ok) return
-            ! Factors of the point before serve as long as they bring what is left down fast.
+            ! Factors of the previous point are reused as long as they reduce the residual fast.
             is_new = i == 1
             if (is_new) call self%factor_positions()
             call self%apply_position_inverse(-self%phi, correction)
@@ -278,7 +278,7 @@ contains
         stat = status_position_diverged
     end subroutine restore_position
 
-    !> Take an acceleration (n) as given, and the multipliers that go with it best.
+    !> Set a given acceleration (n), and the multipliers that fit it best.
     subroutine set_acceleration(self, qdd)
         class(point_type), intent(inout) :: self
         real(wp), intent(in) :: qdd(:)
@@ -312,18 +312,18 @@ contains
         call self%set_acceleration(self%scale*x(:, 1))
     end subroutine solve_dynamics
 
-    !> How qdd (n, k) changes with the coordinates and velocities (n, k), all in scaled coordinates; after `solve_dynamics` and
+    !> Changes of qdd (n, k) with the coordinates and velocities (n, k), all in scaled coordinates; after `solve_dynamics` and
     !> `differentiate`.
     subroutine vary_acceleration(self, dq, dqd, dqdd, acceleration, dynamics)
         class(point_type), intent(in) :: self
         real(wp), intent(in) :: dq(:, :), dqd(:, :)
         real(wp), intent(out) :: dqdd(:, :)
-        !> What else is added to C qdd + gamma (m) and to M qdd - S - Q_A (n), k = 1.
+        !> Additional terms of C qdd + gamma (m) and of M qdd - S - Q_A (n), k = 1.
         real(wp), intent(in), optional :: acceleration(:), dynamics(:)
         real(wp) :: rows(self%m, size(dq, 2)), force(self%nw, size(dq, 2))
         integer :: j
 
-        ! C dqdd = -(acc_q dq + acc_qd dqd), and what is left of W'M dqdd = -W'(dyn_q dq + dyn_qd dqd).
+        ! C dqdd = -(acc_q dq + acc_qd dqd), and the remainder of W'M dqdd = -W'(dyn_q dq + dyn_qd dqd).
         rows = -matmul(self%acceleration_q, dq) - matmul(self%acceleration_qd, dqd)
         if (present(acceleration)) rows(:, 1) = rows(:, 1) - acceleration
         call self%apply_right_inverse(rows, dqdd)
@@ -335,7 +335,7 @@ contains
         dqdd = dqdd + matmul(self%w, force)
     end subroutine vary_acceleration
 
-    !> How large the terms are of which W' dqdd is a sum: what rounding leaves of a balance is a small part of that.
+    !> Sizes of the terms in the sum W' dqdd: the rounding error of a balance is a small part of them.
     subroutine size_of_acceleration(self, dq, dqd, size_of)
         class(point_type), intent(in) :: self
         !> Sizes of changes of q and qd (n, k).
@@ -350,7 +350,7 @@ contains
             inverse(j, j) = 1.0_wp
             call self%reduced_mass%solve(inverse(:, j))
         end do
-        ! Models add up the stiffness of forces in balance: as large as these, where they turn with what they act on.
+        ! Models add up the stiffness of balanced forces, which is as large as the forces if these turn with their bodies.
         forces = matmul(abs(self%lambda), abs(self%jacobian)) + abs(self%force)
         changes = matmul(abs(self%dynamics_q), dq) + matmul(abs(self%dynamics_qd), dqd)
         do j = 1, size(dq, 2)
@@ -359,12 +359,12 @@ contains
         size_of = matmul(abs(inverse), matmul(transpose(abs(self%w)), changes))
     end subroutine size_of_acceleration
 
-    !> Add the sizes of terms that leave nothing but rounding: those of the right inverse of C and of the reduced mass.
+    !> Add the sizes of terms that contribute only rounding: those of the right inverse of C and of the reduced mass.
     subroutine add_hidden_sizes(self, dq, dqd, result_of, size_of)
         class(point_type), intent(in) :: self
         !> Sizes of changes of q and qd (n, k), and the changes of w' that they cause (nw, k).
         real(wp), intent(in) :: dq(:, :), dqd(:, :), result_of(:, :)
-        !> (nv + nw, k): those of v' first.
+        !> (nv + nw, k): rows of v' first.
         real(wp), intent(inout) :: size_of(:, :)
         real(wp) :: inverse(self%nw, self%nw), right(self%n, self%m), ones(self%m, self%m), forces(self%nw, size(dq, 2))
         integer :: j
@@ -389,13 +389,13 @@ contains
             matmul(abs(self%velocity_q), dq)))
     end subroutine add_hidden_sizes
 
-    !> The gradients at the point, for the qdd and lambda that it holds.
+    !> The gradients at the point, for its qdd and lambda.
     subroutine differentiate(self, stat)
         class(point_type), intent(inout) :: self
         !> A status code.
         integer, intent(out) :: stat
 
-        ! They are scaled in their place.
+        ! Scaled in place.
         if (allocated(self%velocity_q)) then
             call move_alloc(self%velocity_q, self%derivatives%velocity_q)
             call move_alloc(self%acceleration_q, self%derivatives%acceleration_q)
@@ -436,11 +436,11 @@ contains
         end subroutine scale_in_place
     end subroutine differentiate
 
-    !> A status in words.
+    !> Description of a status.
     subroutine describe(self, stat, where, error)
         class(point_type), intent(in) :: self
         integer, intent(in) :: stat
-        !> Where the point is.
+        !> Description of the point.
         character(len=*), intent(in) :: where
         type(error_type), allocatable, intent(out) :: error
 

@@ -1,7 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> The rows of Phi_q or of C at a point: solutions of least norm, an orthonormal basis of their null space, their rank. By singular
-!> values, or, of many coordinates with a pattern and where no row depends on others, by sparse factors and projections of random
-!> vectors.
+!> values, or, for many coordinates with a pattern and independent rows, by sparse factors and projections of random vectors.
 module tandem_analysis_row_space
     use tandem_kinds, only: wp
     use tandem_linalg_random, only: random_vector
@@ -23,14 +22,14 @@ module tandem_analysis_row_space
         procedure :: initialize, factor, solve, solve_transposed, get_null_basis
     end type row_space_type
 
-    !> From so many coordinates on sparse factors cost less.
+    !> Sparse factors cost less from this number of coordinates on.
     integer, parameter :: large = 250
-    !> Rows whose squared distances from each other are above this part of their squared lengths do not depend on each other.
+    !> Rows whose squared distances from each other are above this part of their squared lengths are independent.
     real(wp), parameter :: clearly = 1.0e-8_wp
 
 contains
 
-    !> Rows (m, n), which are the first of those of a pattern where one is given.
+    !> Rows (m, n), the first rows of a pattern if one is given.
     subroutine initialize(self, m, n, pattern)
         class(row_space_type), intent(inout) :: self
         integer, intent(in) :: m, n
@@ -49,7 +48,7 @@ contains
     subroutine factor(self, a, pattern)
         class(row_space_type), intent(inout) :: self
         real(wp), intent(in) :: a(:, :)
-        !> That of `initialize`.
+        !> The pattern given to `initialize`.
         type(pattern_type), intent(in), optional :: pattern
         real(wp) :: ones(self%n)
         integer :: j, stat
@@ -111,7 +110,7 @@ contains
         do j = 1, size(z, 2)
             z(:, j) = random_vector(seed, self%n)
         end do
-        ! The second time removes what the first one and the small angles between the projections have left.
+        ! The second pass removes the errors of the first one and of small angles between the projections.
         do i = 1, 2
             do j = 1, size(z, 2)
                 call self%sparse%project(z(:, j))

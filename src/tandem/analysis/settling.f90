@@ -1,18 +1,17 @@
 ! SPDX-License-Identifier: MIT
-!> Equilibria and steady motions near a state: where a mechanism rests, or goes on for ever as it is.
+!> Search for equilibria and steady motions near a state: at rest, or in a motion that continues unchanged.
 !>
-!> A steady motion goes along fields X of symmetries at constant rates, an equilibrium along none. Unknowns are the coordinates, and
-!> rates where they are not held:
+!> A steady motion follows fields X of symmetries at constant rates, an equilibrium none. Unknowns are the coordinates, and rates
+!> unless they are fixed:
 !>
 !>   Phi(q) = 0,   C X q = nu,   W' (M L X q - S - Q_A) = 0,   and rates of fields that are held at values.
 !>
 !> Newton's iteration with corrections of least norm leads to the nearest one of a family, stable or not; it is damped by the
 !> natural monotonicity test, in which units do not matter (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 4.4).
-!> Where it ends nowhere, an equilibrium is sought by going along the forces, in steps over the absolute curvatures of the
-!> potential or, of models with a pattern, by implicit ones (`sparse_settling.f90`), which finds a stable one from afar; then
-!> Newton's iteration again. A steady motion is approached by least squares
-!> of the residual with a bound on the step (D. W. Marquardt, J. SIAM 11, 1963). From any steady motion steps along its family lead
-!> to the one nearest to the start. All of it is bounded work.
+!> If it fails, an equilibrium is sought by steps along the forces, over the absolute curvatures of the potential or, for models
+!> with a pattern, by implicit ones (`sparse_settling.f90`), which finds a stable one from afar; then by Newton's iteration again. A
+!> steady motion is approached by least squares of the residual with a bound on the step (D. W. Marquardt, J. SIAM 11, 1963). From
+!> any steady motion steps along its family lead to the one nearest to the start. The work is bounded.
 module tandem_analysis_settling
     use tandem_analysis_closeness, only: find_way_nearer, squared_distance
     use tandem_analysis_point, only: point_type
@@ -33,47 +32,47 @@ module tandem_analysis_settling
     public :: settling_type
 
     type :: settling_type
-        !> Where it settles (n), and the rates of the fields of `symmetry` along which it goes on.
+        !> The solution (n), and the rates of the fields of `symmetry` along which it continues.
         real(wp), allocatable :: q(:), qd(:), rates(:)
         type(symmetry_type) :: symmetry
         !> Newton's iterations, and steps along the forces.
         integer :: iterations = 0, relaxations = 0
-        !> Dimension of the family: how many directions lead to others like it, at least.
+        !> Dimension of the family: the number of directions to other solutions, at least.
         integer :: n_free = 0
-        !> How far the coordinates have moved at most, in scaled coordinates.
+        !> Largest displacement of a coordinate, in scaled coordinates.
         real(wp) :: moved = 0.0_wp
-        !> The fields whose rates are held, and the rates.
+        !> The fields with fixed rates, and the rates.
         integer, allocatable, private :: held(:)
         real(wp), allocatable, private :: held_at(:)
-        !> What the residuals of Phi and of C qd - nu are multiplied by: 1 over the lengths of their rows at the point that the
-        !> derivatives were taken at, and for the latter the time scale.
+        !> Factors of the residuals of Phi and of C qd - nu: reciprocal lengths of their rows at the point of the derivatives, and
+        !> for the latter also the time scale.
         real(wp), allocatable, private :: row_scale(:), rate_row_scale(:)
     contains
         procedure :: find_equilibrium, find_steady_motion
         procedure, private :: iterate, relax, approach, go_nearer, hold, form, look, refuse
     end type settling_type
 
-    !> From so many coordinates on the sparse form settles models that have one, and tells of no families; full matrices of more
-    !> than the second take minutes.
+    !> From the first number of coordinates on the sparse form is used for models that have one, without information about families;
+    !> full matrices above the second number take minutes.
     integer, parameter :: large = 250, most_full = 1000
     !> Most iterations, steps along the forces, and along a family.
     integer, parameter :: most_iterations = 60, most_relaxations = 400
     integer, parameter :: most_steps_nearer = 100
-    !> Bases and factors of many coordinates are dear: so many are made, over n^2, and as many at least.
+    !> Bases and factors of many coordinates are expensive: their number is limited to this over n^2, and at least to `least_bases`.
     real(wp), parameter :: most_bases = 2.0e7_wp
     integer, parameter :: least_bases = 60
     !> The longest step, in scaled coordinates, and one too short to count.
     real(wp), parameter :: longest = 0.5_wp, no_step = 1.0e-8_wp
-    !> Forces are in balance where what is left is this of their terms.
+    !> Forces are in balance if their residual is at most this part of their terms.
     real(wp), parameter :: balance_bound = 1.0e-9_wp
 
 contains
 
-    !> The equilibrium near q. Errors: no_equilibrium, invalid_model, and what evaluating the model may give.
+    !> The equilibrium near q. Errors: no_equilibrium, invalid_model, and statuses of evaluating the model.
     subroutine find_equilibrium(self, model, t, q, error)
         class(settling_type), intent(out) :: self
         class(model_type), intent(inout), target :: model
-        !> Time, at which functions of it stand still, and coordinates (n), which need not satisfy the constraints.
+        !> Time, at which functions of it are frozen, and coordinates (n), which need not satisfy the constraints.
         real(wp), intent(in) :: t, q(:)
         type(error_type), allocatable, intent(out) :: error
         type(point_type), allocatable :: point
@@ -97,7 +96,7 @@ contains
         call self%iterate(point, t, .false., stat)
         if (stat == status_no_equilibrium) then
             self%q = q
-            ! Each part may do as much.
+            ! Each part has its own limit.
             point%n_bases = 0
             has_form = allocated(model%pattern)
             if (has_form) call relax_sparsely(model, t, self%q, self%relaxations, has_form, stat)
@@ -110,7 +109,7 @@ contains
                 point%n_bases = 0
                 call self%iterate(point, t, .false., stat)
             end if
-            ! If the start can be evaluated, a point that cannot is where the search itself has gone.
+            ! If the start is evaluable, a failing point was reached by the search itself.
             if (stat /= status_ok .and. self%relaxations > 1) stat = status_no_equilibrium
         end if
         if (stat /= status_ok) then
@@ -120,15 +119,15 @@ contains
         self%moved = maxval(abs((self%q - q)/point%scale))
     end subroutine find_equilibrium
 
-    !> The steady motion near (q, qd), along all symmetries or along fields that are named. Where none is held, their rates stay
-    !> those of qd, if that can be; else they change too. Of a family it is the one nearest to (q, qd).
+    !> The steady motion near (q, qd), along all symmetries or along named fields. If none is fixed, their rates stay those of qd,
+    !> if possible; else they change too. Of a family it is the one nearest to (q, qd).
     subroutine find_steady_motion(self, model, t, q, qd, error, names, held, held_at)
         class(settling_type), intent(out) :: self
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t, q(:), qd(:)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), intent(in), optional :: names(:)
-        !> Single fields, and the rates at which they are held; the others are free. Both or neither.
+        !> Single fields, and their fixed rates; the others are free. Both or neither.
         character(len=*), intent(in), optional :: held(:)
         real(wp), intent(in), optional :: held_at(:)
         type(point_type), allocatable :: point
@@ -161,7 +160,7 @@ contains
         nearest = huge(nearest)
         if (stat == status_ok) then
             call start_rates(self%symmetry, point, q, qd, rates)
-            ! With the rates as they are; or these too, and from where the residual is small: there may be several families.
+            ! With constant rates; then with free rates, also from a point of small residual: there may be several families.
             do attempt = merge(1, 2, size(self%held) == 0), 3
                 self%q = q
                 self%rates = rates
@@ -194,7 +193,7 @@ contains
         self%moved = maxval(abs((self%q - q)/point%scale))
     end subroutine find_steady_motion
 
-    !> Hold the rates of fields.
+    !> Fix the rates of fields.
     subroutine hold(self, model, names, values, error)
         class(settling_type), intent(inout) :: self
         class(model_type), intent(inout) :: model
@@ -223,7 +222,7 @@ contains
         end do
     end subroutine hold
 
-    !> Go along the family to the steady motion nearest to (q, qd).
+    !> Move along the family to the steady motion nearest to (q, qd).
     subroutine go_nearer(self, point, t, q, qd, frees_rates, stat)
         class(settling_type), intent(inout) :: self
         type(point_type), intent(inout) :: point
@@ -257,7 +256,7 @@ contains
                 factor = factor/2
             end do
             if (tries <= 10) cycle
-            ! As near as it gets within rounding, or to where the family ends.
+            ! As near as possible within rounding, or at the end of the family.
             self%q = old
             self%rates = rates
             call self%look(point, t, stat)
@@ -265,7 +264,7 @@ contains
         end do
     end subroutine go_nearer
 
-    !> No symmetries: nothing goes on.
+    !> No symmetries: an equilibrium.
     subroutine no_fields(self, n)
         class(settling_type), intent(inout) :: self
         integer, intent(in) :: n
@@ -275,7 +274,7 @@ contains
         self%qd = spread(0.0_wp, 1, n)
     end subroutine no_fields
 
-    !> The rates of symmetries that come nearest to qd.
+    !> The rates of symmetries that best fit qd.
     subroutine start_rates(symmetry, point, q, qd, rates)
         type(symmetry_type), intent(in) :: symmetry
         type(point_type), intent(in) :: point
@@ -301,9 +300,9 @@ contains
         class(settling_type), intent(inout) :: self
         type(point_type), intent(inout) :: point
         real(wp), intent(in) :: t
-        !> Whether the rates change with the coordinates.
+        !> True if the rates change with the coordinates.
         logical, intent(in) :: frees_rates
-        !> A status code; no_equilibrium where the iteration ends nowhere.
+        !> A status code; no_equilibrium if the iteration does not converge.
         integer, intent(out) :: stat
         type(singular_type) :: svd
         real(wp), allocatable :: residual(:), jacobian(:, :), step(:), next(:), q(:), rates(:), w(:, :)
@@ -327,7 +326,7 @@ contains
             call svd%solve(-residual, step)
             size_of_q = 1 + maxval(abs(self%q/point%scale))
             if (maxval(abs(step)) <= 1.0e-14_wp*size_of_q .or. (is_last .and. maxval(abs(step)) <= 1.0e-10_wp*size_of_q)) then
-                ! What corrections cannot change must be nothing as well.
+                ! Residuals that corrections do not change must be zero as well.
                 if (.not. left <= balance_bound) stat = status_no_equilibrium
                 return
             end if
@@ -343,7 +342,7 @@ contains
                     call residual_of(self, point, unit, residual, w)
                     call svd%solve(-residual, next)
                     if (norm2(next) <= (1 - factor/4)*norm2(step)) exit
-                    ! Rounding, when the correction before was small already: nothing gets better.
+                    ! Rounding, if the previous correction was small already: no further improvement.
                     is_last = maxval(abs(step)) <= 1.0e-10_wp*size_of_q
                     if (is_last) exit
                 end if
@@ -372,16 +371,15 @@ contains
         call point%set_acceleration(self%symmetry%turned(self%rates, self%qd))
     end subroutine look
 
-    !> Whether the search has made as many bases as it may.
+    !> True if the search has reached its limit of bases.
     pure logical function is_spent(point)
         type(point_type), intent(in) :: point
 
         is_spent = point%n_bases >= max(least_bases, int(most_bases/real(max(point%n, 1), wp)**2))
     end function is_spent
 
-    !> The residual, rows over their lengths and forces over `unit`. Forces at another point are seen along the basis W of the
-    !> old one: along the basis Z of
-    !> null(C) there for which W'Z = I, as the derivatives take it.
+    !> The residual, rows over their lengths and forces over `unit`. Forces at another point are projected, like the derivatives,
+    !> along the basis Z of null(C) there for which W'Z = I, with the basis W of the old point.
     subroutine residual_of(self, point, unit, residual, w)
         class(settling_type), intent(in) :: self
         type(point_type), intent(in) :: point
@@ -396,7 +394,7 @@ contains
         forces = matmul(transpose(point%w), matmul(point%mass, point%qdd/point%scale) - point%force)/unit
         if (present(w)) then
             if (size(w, 2) /= point%nw) then
-                ! Another rank: no step that could be compared.
+                ! Another rank: the step is not comparable.
                 residual = spread(huge(1.0_wp)**0.25_wp, 1, size(residual))
                 return
             end if
@@ -415,7 +413,7 @@ contains
         type(point_type), intent(inout) :: point
         integer, intent(in) :: k
         real(wp), allocatable, intent(inout) :: residual(:), jacobian(:, :)
-        !> What forces are divided by, and the largest residual over the size of its terms.
+        !> The divisor of forces, and the largest residual over the size of its terms.
         real(wp), intent(out) :: unit, left
         integer, intent(out) :: stat
         real(wp), allocatable :: l(:, :), gradient(:, :)
@@ -459,14 +457,14 @@ contains
                 matmul(point%mass, y))/unit
             jacobian(last + 1:, n + i) = self%symmetry%rates(self%held, i)
         end do
-        ! Errors of the coordinates of 1e-9 would leave as much.
+        ! Errors of the coordinates of 1e-9 would leave as large residuals.
         sizes = abs(point%force) + matmul(abs(point%mass), abs(point%qdd/point%scale)) + &
             matmul(abs(gradient), spread(1.0_wp, 1, n))*(1 + maxval(abs(self%q/point%scale)))
         left = maxval([0.0_wp, abs(residual(:nh + m))/(1 + maxval(abs(self%q/point%scale))), abs(residual(last + 1:)), &
             abs(residual(nh + m + 1:last))*unit/max(matmul(transpose(abs(point%w)), sizes), tiny(1.0_wp))])
     end subroutine form
 
-    !> Go along the forces to a place where they are nearly in balance.
+    !> Move along the forces to a position where they are nearly in balance.
     subroutine relax(self, point, t, stat)
         class(settling_type), intent(inout) :: self
         type(point_type), intent(inout) :: point
@@ -483,7 +481,7 @@ contains
             if (stat /= status_ok) exit
             self%relaxations = self%relaxations + 1
             if (is_spent(point)) exit
-            ! At rest, with the bases that the constraints were met with.
+            ! At rest, with the bases of the restored position.
             call point%set_acceleration(self%qd)
             call point%differentiate(stat)
             if (stat /= status_ok) exit
@@ -507,7 +505,7 @@ contains
                 call point%restore_position(t, self%qd, self%q, stat)
                 if (is_spent(point)) exit
                 if (stat == status_ok) then
-                    ! Forces that push back harder than they pulled: too far.
+                    ! Opposing forces at the end that exceed half of the driving ones: too far.
                     if (dot_product(point%force, matmul(w, step)) >= -0.5_wp*before) exit
                 end if
                 step = step/2
@@ -517,13 +515,13 @@ contains
         if (stat == status_ok) stat = status_no_equilibrium
     end subroutine relax
 
-    !> Go where the residual is smaller, coordinates and rates: to where Newton's iteration may begin.
+    !> Reduce the residual by changes of coordinates and rates, to a start of Newton's iteration.
     subroutine approach(self, point, t, stat)
         class(settling_type), intent(inout) :: self
         type(point_type), intent(inout) :: point
         real(wp), intent(in) :: t
         integer, intent(out) :: stat
-        !> Steps, and a residual from which Newton's iteration goes on.
+        !> Number of steps, and the residual from which Newton's iteration continues.
         integer, parameter :: most = 200
         real(wp), parameter :: near = 1.0e-7_wp
         type(cholesky_type) :: cholesky
@@ -559,7 +557,7 @@ contains
                     self%q = q + point%scale*step(:point%n)
                     self%rates = rates + point%rate*matmul(self%symmetry%rates, step(point%n + 1:))
                     call self%look(point, t, stat)
-                    ! The size of forces along an orthonormal basis does not depend on which.
+                    ! The size of forces along an orthonormal basis does not depend on its choice.
                     if (stat == status_ok) then
                         if (norm_at(self, point, unit, size(residual)) < before) exit
                     end if
@@ -581,18 +579,18 @@ contains
         class(settling_type), intent(in) :: self
         type(point_type), intent(in) :: point
         real(wp), intent(in) :: unit
-        !> How many entries it had.
+        !> Its earlier number of entries.
         integer, intent(in) :: n
         real(wp), allocatable :: residual(:)
 
         allocate (residual(0))
         call residual_of(self, point, unit, residual)
         norm = norm2(residual)
-        ! Another rank: nothing to compare.
+        ! Another rank: not comparable.
         if (size(residual) /= n .or. .not. norm <= huge(norm)) norm = huge(norm)
     end function norm_at
 
-    !> Say that there is none.
+    !> Set the error of a failed search.
     subroutine refuse(self, point, stat, what, error)
         class(settling_type), intent(in) :: self
         type(point_type), intent(in) :: point
