@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> K and D by central differences of eighth order along groups of coordinates, and the comparison along a random direction that says
-!> whether all of their entries are where they were looked for.
+!> K and D by central differences of eighth order along groups of coordinates, and a comparison along a random direction that
+!> detects entries missing from the pattern.
 submodule(tandem_analysis_sparse_point) tandem_analysis_sparse_differences
     use tandem_linalg_random, only: random_vector
     implicit none (type, external)
@@ -32,7 +32,7 @@ contains
                 end do
             end do
         end associate
-        ! The terms of the point itself again.
+        ! Restore the terms of the point itself.
         call self%evaluator%evaluate(need_jacobian + need_force + need_mass, self%t, self%q, self%rest, self%counts, stat)
     end procedure differentiate
 
@@ -55,7 +55,7 @@ contains
         call difference_along(self, direction, step, by_qd, is_rough, change, change_of_rows, stat)
         if (stat /= status_ok) return
         if (.not. by_qd) then
-            ! Of the bodies of a row one is in the group.
+            ! One of the bodies of a row is in the group.
             do i = self%nh + 1, self%m
                 do k = self%pattern%row_start(i), self%pattern%row_start(i + 1) - 1
                     do j = self%pattern%first(self%pattern%row_body(k)), self%pattern%first(self%pattern%row_body(k) + 1) - 1
@@ -72,8 +72,8 @@ contains
         end do
     end subroutine difference
 
-    !> The derivative of C' lambda - S - Q_A, and by q that of C X q - nu of rows at velocity level, along a direction; where it
-    !> moves with M (L X q + 2 L qd).
+    !> The derivative of C' lambda - S - Q_A, and by q that of C X q - nu of rows at velocity level, along a direction; in a moving
+    !> frame with M (L X q + 2 L qd).
     subroutine difference_along(self, direction, h, by_qd, is_rough, change, change_of_rows, stat)
         type(sparse_point_type), intent(inout) :: self
         real(wp), intent(in) :: direction(:), h
@@ -87,7 +87,7 @@ contains
         change = 0.0_wp
         change_of_rows = 0.0_wp
         need = need_force + merge(0, need_jacobian + need_nu, by_qd) + merge(need_mass, 0, self%frame%moves)
-        ! The two places in the middle are those of second order.
+        ! The two positions in the middle are those of second order.
         do i = merge(size(place)/2, 1, is_rough), merge(size(place)/2 + 1, size(place), is_rough)
             factor = merge(0.5_wp*place(i), weight(i), is_rough)/h
             q = self%q
@@ -116,7 +116,7 @@ contains
     end subroutine difference_along
 
     module procedure check_structure
-        !> The part of the sizes of the terms that differences of either step may leave.
+        !> Part of the sizes of the terms that differences of either step may leave as an error.
         real(wp), parameter :: bound = 1.0e-6_wp
         real(wp), dimension(self%n) :: direction, change, product, sizes
         real(wp), dimension(self%m) :: rows, known, all_rows

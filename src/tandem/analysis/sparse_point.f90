@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> A model at rest at one point, as the analysis of large mechanisms looks at it: M, K = (C' lambda - S - Q_A)_q and
-!> D = -(S + Q_A)_qd by bodies that share rows or forces, in memory and time that grow with their number. Where it goes on
-!> steadily it rests in coordinates that go along (`comoving.f90`): M (L X q + 2 L qd) counts among the forces then, and rows at
-!> velocity level depend on coordinates.
+!> A model at rest at one point, for the analysis of large mechanisms: M, K = (C' lambda - S - Q_A)_q and D = -(S + Q_A)_qd by
+!> bodies that share rows or forces, in memory and time proportional to their number. In a steady motion it is at rest in
+!> co-rotating coordinates (`comoving.f90`): M (L X q + 2 L qd) is then one of the forces, and rows at velocity level depend on
+!> coordinates.
 !>
 !> K and D are central differences of eighth order along groups of coordinates whose bodies have no neighbour in common, so that
-!> their number does not grow with that of the bodies. A comparison along a random direction says whether all of their entries are
-!> where they were looked for.
+!> their number does not grow with the number of bodies. A comparison along a random direction detects entries missing from the
+!> pattern.
 !>
 !> Source: A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119.
 module tandem_analysis_sparse_point
@@ -33,7 +33,7 @@ module tandem_analysis_sparse_point
         real(wp) :: t = 0.0_wp
         !> The point, coordinate scales, the velocities there, X q (n); multipliers (m).
         real(wp), allocatable :: q(:), scale(:), rest(:), lambda(:)
-        !> What the coordinates go along with.
+        !> The co-rotating frame.
         type(comoving_type) :: frame
         !> (C X q - nu)_q of rows at velocity level, compressed as C.
         real(wp), allocatable :: turning(:, :)
@@ -49,7 +49,7 @@ module tandem_analysis_sparse_point
         type(pattern_type), pointer :: pattern => null()
         !> C' lambda - S - Q_A (n).
         real(wp), allocatable :: residual(:)
-        !> What terms of it add up to (n).
+        !> Sums of the sizes of its terms (n).
         real(wp), allocatable :: sizes(:)
         !> [M/unit, C'; C, 0] and its factors, of the last `find_dependent_rows`.
         type(sparse_matrix_type) :: ties
@@ -69,17 +69,17 @@ module tandem_analysis_sparse_point
         procedure, private :: set_structure, add_forces, multiply_columns
     end type sparse_point_type
 
-    !> The most entries of factors: 2 GB.
+    !> Largest number of entries of factors: 2 GB.
     integer, parameter :: most_factor_entries = 80000000
-    !> The most groups of bodies: more would be as good as dense.
+    !> Largest number of groups of bodies: with more the matrix would be practically dense.
     integer, parameter :: most_groups = 100
-    !> K and D are differences with steps of some 1/256 of the scale: of the rounding of forces they make so much.
+    !> K and D are differences with steps of some 1/256 of the scale, which amplify the rounding of forces by this factor.
     real(wp), parameter :: rounding_of_differences = 3000*epsilon(1.0_wp)
-    !> A row whose pivot falls to this part of what it was depends on others: an angle of 1e-5, as the sparse chart has it.
+    !> A row depends on others if its pivot falls to this part of its initial value: an angle of 1e-5, as in the sparse chart.
     real(wp), parameter :: least_pivot = 1.0e-10_wp
 
     interface
-        !> K and D for the multipliers that the point has.
+        !> K and D for the point's multipliers.
         module subroutine differentiate(self, with_damping, stat, is_rough)
             implicit none (type, external)
             class(sparse_point_type), intent(inout) :: self
@@ -90,8 +90,8 @@ module tandem_analysis_sparse_point
             logical, intent(in), optional :: is_rough
         end subroutine differentiate
 
-        !> Whether K and D times a random direction are what differences along it say: forces between bodies that the model does not
-        !> tell of, or laws that change within a step of differences, are noticed.
+        !> Compare K and D times a random direction with differences along it: detects forces between bodies that the model does not
+        !> declare, and laws that change within a step of differences.
         module subroutine check_structure(self, error)
             implicit none (type, external)
             class(sparse_point_type), intent(inout) :: self
@@ -101,7 +101,7 @@ module tandem_analysis_sparse_point
 
 contains
 
-    !> Attach a model that `check_model` has accepted. Errors: invalid_model where it has no pattern or too many neighbours.
+    !> Attach a model that `check_model` has accepted. Errors: invalid_model if it has no pattern or too many neighbours.
     subroutine initialize(self, model, error)
         class(sparse_point_type), intent(inout) :: self
         !> It must outlive the point.
@@ -137,7 +137,7 @@ contains
             'full matrices do without (tandem linearise without --near)')
     end subroutine initialize
 
-    !> Neighbours, groups, order, and where the entries of the columns stand.
+    !> Neighbours, groups, order, and the positions of the entries of the columns.
     subroutine set_structure(self)
         class(sparse_point_type), intent(inout) :: self
         integer :: b, j, k, l, n
@@ -208,7 +208,7 @@ contains
             do j = 1, self%n
                 do k = self%start(j), self%start(j + 1) - 1
                     i = self%row(k)
-                    ! The block of M that j is in begins at the coordinate whose compressed column is 1.
+                    ! The block of M of column j begins at the coordinate whose compressed column is 1.
                     if (i - self%pattern%mass_column(i) /= j - self%pattern%mass_column(j)) cycle
                     column = self%pattern%mass_column(j)
                     self%mass(k) = terms%mass(i, column)
@@ -231,8 +231,8 @@ contains
         self%sizes = self%sizes + abs(inertia)
     end subroutine balance
 
-    !> What is left of the forces over the size of their terms: an error of the coordinates of that part of their size would leave
-    !> as much. After `differentiate` and `balance`.
+    !> Residual of the forces over the size of their terms: a relative error of the coordinates of this size would explain it. After
+    !> `differentiate` and `balance`.
     pure real(wp) function imbalance(self)
         class(sparse_point_type), intent(in) :: self
         real(wp), dimension(self%n) :: product, sizes
@@ -252,7 +252,7 @@ contains
         violation = maxval([0.0_wp, abs(self%evaluator%terms%phi)/max(scales, tiny(1.0_wp))])
     end function violation
 
-    !> The same of what the evaluator holds, at an acceleration (n).
+    !> C' lambda - S - Q_A with the evaluator's terms, at an acceleration (n).
     subroutine add_forces(self, lambda, acceleration, residual)
         class(sparse_point_type), intent(in) :: self
         real(wp), intent(in) :: lambda(:)
@@ -265,8 +265,8 @@ contains
         call self%pattern%add_transposed(self%evaluator%terms%jacobian, lambda, .false., residual)
     end subroutine add_forces
 
-    !> Find the rows that depend on others, and the acceleration (n) from rest with the multipliers that go with it; with a metric D
-    !> in the place of M what D^-1 makes of the forces that the rows leave.
+    !> Find the rows that depend on others, and the acceleration (n) from rest with its multipliers; with a metric D in place of M,
+    !> D^-1 times the remaining forces.
     subroutine find_dependent_rows(self, acceleration, stat, metric)
         class(sparse_point_type), intent(inout) :: self
         real(wp), allocatable, intent(out) :: acceleration(:)
@@ -304,7 +304,7 @@ contains
 
     contains
 
-        !> Those of the rows that are not out.
+        !> Factors of the rows that are not left out.
         subroutine factor_ties(may_leave)
             logical, intent(in) :: may_leave(:)
             complex(wp), parameter :: zero = (0.0_wp, 0.0_wp), one = (1.0_wp, 0.0_wp)
@@ -360,12 +360,12 @@ contains
     end subroutine multiply
 
     !> [(cm M + cd D + ck K)/unit, C'; C, 0] without rows that are left out, those of C over their lengths; below, rows at velocity
-    !> level are C + ck/cd (C X q - nu)_q where cd is not zero.
+    !> level are C + ck/cd (C X q - nu)_q if cd is not zero.
     subroutine assemble(self, c, a, order, unit, diagonal)
         class(sparse_point_type), intent(in) :: self
         complex(wp), intent(in) :: c(3)
         type(sparse_matrix_type), intent(inout) :: a
-        !> Of its columns.
+        !> Order of its columns.
         integer, allocatable, intent(out) :: order(:)
         real(wp), intent(out) :: unit
         !> Added to the diagonal of the first block (n).
@@ -432,7 +432,7 @@ contains
 
     contains
 
-        !> A size without a square root.
+        !> A measure of size without a square root.
         elemental real(wp) function size_of(number)
             complex(wp), intent(in) :: number
 
@@ -469,7 +469,7 @@ contains
         if (.not. length > 0.0_wp) length = 1.0_wp
     end function row_length
 
-    !> Row i of C times x (n), at velocity level that of C + (C X q - nu)_q/value where a value is given.
+    !> Row i of C times x (n); at velocity level of C + (C X q - nu)_q/value if a value is given.
     pure complex(wp) function row_times(self, i, x, value) result(product)
         class(sparse_point_type), intent(in) :: self
         integer, intent(in) :: i
@@ -506,7 +506,7 @@ contains
         end associate
     end function turning_times
 
-    !> What the terms of row i of C times x (n) add up to.
+    !> Sum of the sizes of the terms of row i of C times x (n).
     pure real(wp) function row_size(self, i, x) result(total)
         class(sparse_point_type), intent(in) :: self
         integer, intent(in) :: i
@@ -523,8 +523,8 @@ contains
         end associate
     end function row_size
 
-    !> Bounds on the errors of (lambda^2 M + lambda D + K) x (n): that part of each term, and rounding of the differences that K and
-    !> D are, of forces as large as the terms of the balance and as K and D make of the rounding of coordinates.
+    !> Bounds on the errors of (lambda^2 M + lambda D + K) x (n): a part of each term, and rounding of the differences in K and D,
+    !> for forces as large as the terms of the balance and as the changes of forces by K and D due to rounding of coordinates.
     pure subroutine size_errors(self, lambda, part, x, sizes)
         class(sparse_point_type), intent(in) :: self
         !> The modulus of lambda, the part, and moduli of x (n).
@@ -548,7 +548,7 @@ contains
         end do
     end subroutine size_errors
 
-    !> Solve A (x; lambda) = (f; g) with the real factors that `assemble` and `factor` left.
+    !> Solve A (x; lambda) = (f; g) with the real factors of `assemble` and `factor`.
     subroutine solve(self, a, lu, unit, f, g, x, lambda)
         class(sparse_point_type), intent(in) :: self
         type(sparse_matrix_type), intent(in) :: a

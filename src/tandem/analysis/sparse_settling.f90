@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> Equilibria of large mechanisms: Newton's iteration with the sparse matrix [K, C'; C, 0], damped by the natural monotonicity test
-!> (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 4.4). Where that ends nowhere or would go far, the motion
-!> without inertia D q' = forces, by implicit steps with mu D + K, each of which goes downhill, with a mu that falls as it comes to
-!> rest (C. T. Kelley, D. E. Keyes, SIAM J. Numer. Anal. 35, 1998), which finds a stable one, and Newton's iteration again. D
-!> measures turns rather than places: by M the far end of a chain would have to wait until a bend has gone through all of it.
+!> (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 4.4). If it fails or would go far, the motion without inertia
+!> D q' = forces, by implicit steps with mu D + K, each of which goes downhill, with a mu that falls towards rest (C. T. Kelley, D.
+!> E. Keyes, SIAM J. Numer. Anal. 35, 1998), which finds a stable equilibrium, and Newton's iteration again. D measures rotations
+!> rather than positions: with M the far end of a chain would wait until a bend has passed through all of it.
 !>
-!> Rows at velocity level hold: the coordinates go where they let them.
+!> Rows at velocity level hold: the coordinates move in the directions that these allow.
 module tandem_analysis_sparse_settling
     use tandem_analysis_sparse_point, only: most_factor_entries, sparse_point_type
     use tandem_error, only: error_type, set_error, to_text
@@ -18,27 +18,27 @@ module tandem_analysis_sparse_settling
 
     public :: moved_reason, relax_sparsely, settle_sparsely
 
-    !> Why a mechanism rests nowhere, behind what a message says of it.
+    !> Reason why a mechanism has no equilibrium, appended to a message.
     character(len=*), parameter :: moved_reason = '; its constraints move it, so that it cannot rest'
 
-    !> Most iterations of Newton, and implicit steps.
+    !> Largest number of iterations of Newton, and of implicit steps.
     integer, parameter :: most_iterations = 60, most_relaxations = 400
     !> The longest step over the size of the coordinates: a long chain swings far.
     real(wp), parameter :: longest = 0.5_wp
-    !> Forces are in balance where what is left is this of their terms.
+    !> Forces are in balance if their residual is at most this part of their terms.
     real(wp), parameter :: balance_bound = 1.0e-9_wp
 
 contains
 
-    !> Find the equilibrium near q. Errors: no_equilibrium, invalid_model where there is no sparse form, and what evaluating the
-    !> model may give.
+    !> Find the equilibrium near q. Errors: no_equilibrium, invalid_model if there is no sparse form, and statuses of evaluating the
+    !> model.
     subroutine settle_sparsely(model, t, q, iterations, relaxations, has_form, error)
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t
         !> The start (n), which need not satisfy the constraints; the equilibrium.
         real(wp), intent(inout) :: q(:)
         integer, intent(out) :: iterations, relaxations
-        !> Whether the model has a sparse form.
+        !> True if the model has a sparse form.
         logical, intent(out) :: has_form
         type(error_type), allocatable, intent(out) :: error
         type(sparse_point_type), allocatable :: point
@@ -73,11 +73,11 @@ contains
         end associate
     end subroutine settle_sparsely
 
-    !> Only go with the forces, to where Newton's iteration may begin.
+    !> Only move along the forces, to a start of Newton's iteration.
     subroutine relax_sparsely(model, t, q, relaxations, has_form, stat)
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t
-        !> The start, and the place that it leads to (n).
+        !> The start, and the resulting position (n).
         real(wp), intent(inout) :: q(:)
         integer, intent(inout) :: relaxations
         !> False for a model without a sparse form.
@@ -98,7 +98,7 @@ contains
     subroutine iterate(point, t, stays_near, q, iterations, stat)
         type(sparse_point_type), intent(inout) :: point
         real(wp), intent(in) :: t
-        !> True to end when steps must be made much shorter: from there on it may go to any equilibrium, however far.
+        !> True to end when steps must be shortened much: from there on any equilibrium may be reached, however far.
         logical, intent(in) :: stays_near
         real(wp), intent(inout) :: q(:)
         integer, intent(inout) :: iterations
@@ -142,7 +142,7 @@ contains
                     call point%balance()
                     call correct(point, a, lu, unit, next, unused)
                     if (norm2(next/point%scale) <= (1 - factor/4)*norm2(step/point%scale)) exit
-                    ! Rounding, when the correction before was small already: nothing gets better.
+                    ! Rounding, if the previous correction was small already: no further improvement.
                     is_last = length <= 1.0e-10_wp*size_of_q
                     if (is_last) exit
                 end if
@@ -153,15 +153,15 @@ contains
         stat = status_no_equilibrium
     end subroutine iterate
 
-    !> The factors of [mu D + K, C'; C, 0] at the point, whose K is known.
+    !> The factors of [mu D + K, C'; C, 0] at the point, with known K.
     subroutine factor_with(point, diagonal, a, lu, unit, stat)
         type(sparse_point_type), intent(in) :: point
-        !> That of mu D (n).
+        !> Diagonal of mu D (n).
         real(wp), intent(in) :: diagonal(:)
         type(sparse_matrix_type), intent(inout) :: a
         type(sparse_lu_type), intent(inout) :: lu
         real(wp), intent(out) :: unit
-        !> no_equilibrium where it is singular.
+        !> no_equilibrium if it is singular.
         integer, intent(out) :: stat
         integer, allocatable :: order(:)
         integer :: info
@@ -188,19 +188,19 @@ contains
         call point%solve(a, lu, unit, -point%residual, g, step, more)
     end subroutine correct
 
-    !> Go downhill with the forces to a place where they are nearly in balance. A step is taken where it stays near the constraints,
-    !> and where the forces along it do work at both of its ends together; else it is tried again with a larger mu. So a matrix that
-    !> is not positive definite, or a linearisation that does not reach as far, makes steps shorter, but leads nowhere else.
+    !> Move downhill along the forces to a position where they are nearly in balance. A step is accepted if it stays near the
+    !> constraints, and if the forces at both of its ends together do work along it; else it is repeated with a larger mu. So a
+    !> matrix that is not positive definite, or a linearisation of short reach, shortens steps, but does not change the result.
     subroutine relax(point, t, q, relaxations, stat)
         type(sparse_point_type), intent(inout) :: point
         real(wp), intent(in) :: t
         real(wp), intent(inout) :: q(:)
         integer, intent(inout) :: relaxations
         integer, intent(out) :: stat
-        !> The part of the work at the start that may be lost at the end, and factors of mu for steps that are too long, for those
-        !> at whose end the forces have changed much, and for others.
+        !> The part of the work at the start that may be lost at the end, and factors of mu for steps that are too long, for steps
+        !> with large changes of the forces, and for others.
         real(wp), parameter :: least_work = -0.5_wp, much = 0.25_wp, shorter = 4.0_wp, longer = 0.5_wp, much_longer = 0.2_wp
-        !> The lengths of the first step, of the longest one, and of one that ends the search, in weighed coordinates.
+        !> The lengths of the first step, of the longest one, and of one that ends the search, in weighted coordinates.
         real(wp), parameter :: first_length = 0.05_wp, longest_step = 0.5_wp, no_step = 1.0e-6_wp
         type(sparse_matrix_type) :: a
         type(sparse_lu_type) :: lu
@@ -262,8 +262,8 @@ contains
         stat = status_no_equilibrium
     end subroutine relax
 
-    !> Weights of the coordinates where steps are measured: 1 over their scales and over how far coordinates of the same unit reach.
-    !> Places of a long chain move as far as its bars turn.
+    !> Weights of the coordinates in the lengths of steps: 1 over their scales and over the extent of coordinates of the same unit.
+    !> Positions of a long chain move as far as its bars turn.
     subroutine weigh(point, weight)
         type(sparse_point_type), intent(in) :: point
         real(wp), intent(out) :: weight(:)
@@ -286,18 +286,18 @@ contains
         end do
     end subroutine weigh
 
-    !> Bring coordinates onto the rows of Phi, with the factors of the last `find_dependent_rows` as long as they do; look at the
-    !> point there.
+    !> Bring coordinates onto the rows of Phi, with the factors of the last `find_dependent_rows` while these are suitable; evaluate
+    !> the point there.
     subroutine return_to_rows(point, t, weight, length, q, stat)
         type(sparse_point_type), intent(inout) :: point
-        !> Time; weights of the coordinates (n), and how far they have come: corrections of more than half of that are too long.
+        !> Time; weights of the coordinates (n), and the length of the step: corrections of more than half of it are too long.
         real(wp), intent(in) :: t, weight(:), length
         real(wp), intent(inout) :: q(:)
-        !> no_equilibrium where the rows are out of reach.
+        !> no_equilibrium if the rows are out of reach.
         integer, intent(out) :: stat
         integer, parameter :: most = 20
-        !> Corrections of this part of the size of the coordinates end the iteration; factors serve as long as each correction is
-        !> at most the second part of the one before.
+        !> Corrections of this part of the size of the coordinates end the iteration; factors are reused as long as each correction
+        !> is at most the second part of the previous one.
         real(wp), parameter :: part_of_size = 1.0e-10_wp, fast = 0.1_wp
         real(wp), allocatable :: unused_pull(:)
         real(wp), dimension(size(q)) :: step, none
@@ -326,7 +326,7 @@ contains
 
     contains
 
-        !> The shortest correction in weighed coordinates.
+        !> The shortest correction in weighted coordinates.
         subroutine correct_rows()
             g = 0.0_wp
             g(:point%nh) = -point%evaluator%terms%phi

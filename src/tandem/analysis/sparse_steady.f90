@@ -1,15 +1,15 @@
 ! SPDX-License-Identifier: MIT
-!> Steady motions of large mechanisms, on the sparse form: coordinates, multipliers, and rates of motions that are not held, with
+!> Steady motions of large mechanisms, on the sparse form: coordinates, multipliers, and rates of motions that are free, with
 !>
 !>   Phi = 0,   C X q = nu,   M L X q + C' lambda - S - Q_A = 0.
 !>
-!> A steady motion is never alone: moved along a symmetry it is another one, and nonholonomic rows leave families. So corrections s
-!> are those of least norm, with J s + r as small as it can be, and delta a bound on what a direction that changes nothing does:
+!> A steady motion is never isolated: moved along a symmetry it is another one, and nonholonomic rows leave families. So corrections
+!> s have least norm, with J s + r as small as possible, and delta a bound on the effect of a direction without influence:
 !>
 !>   [delta, J; J', -delta] (y; s) = (-r; 0).
 !>
-!> delta grows where r does not fall (K. Levenberg, Quart. Appl. Math. 2, 1944; D. W. Marquardt, J. SIAM 11, 1963; as one sparse
-!> system A. Björck, Numerical Methods for Least Squares Problems, 1996, section 2.7).
+!> delta grows if r does not fall (K. Levenberg, Quart. Appl. Math. 2, 1944; D. W. Marquardt, J. SIAM 11, 1963; as one sparse system
+!> A. Björck, Numerical Methods for Least Squares Problems, 1996, section 2.7).
 module tandem_analysis_sparse_steady
     use tandem_analysis_comoving, only: fit_rates
     use tandem_analysis_sparse_point, only: most_factor_entries, sparse_point_type
@@ -27,14 +27,14 @@ module tandem_analysis_sparse_steady
 
     public :: find_steady_sparsely
 
-    !> What is solved for.
+    !> Unknowns and data of the search.
     type :: problem_type
         type(sparse_point_type) :: point
-        !> The motions along which it goes on, their rates, and the numbers of those that are free.
+        !> The motions along which it continues, their rates, and the numbers of those with free rates.
         type(affine_motion_type), allocatable :: motions(:)
         real(wp), allocatable :: rates(:)
         integer, allocatable :: free(:)
-        !> Forces are measured in units of this, velocities in units of that; the lengths of rows in scaled coordinates (m).
+        !> Units of forces and of velocities; the lengths of rows in scaled coordinates (m).
         real(wp) :: unit = 1.0_wp, speed = 1.0_wp
         real(wp), allocatable :: length(:)
         !> Derivatives of all residuals with respect to the free rates (n + m, free).
@@ -43,22 +43,22 @@ module tandem_analysis_sparse_steady
         procedure :: look, residual, differentiate, assemble, iterate
     end type problem_type
 
-    !> Most iterations, and rates that are found besides.
+    !> Largest number of iterations, and of free rates.
     integer, parameter :: most_iterations = 60, most_rates = 100
-    !> The longest step over the size of the coordinates, and one that rounding leaves.
+    !> The longest step over the size of the coordinates, and one at rounding level.
     real(wp), parameter :: longest = 0.5_wp, rounding = 1.0e-9_wp
-    !> Forces are in balance where what is left is this of their terms.
+    !> Forces are in balance if their residual is at most this part of their terms.
     real(wp), parameter :: balance_bound = 1.0e-9_wp
 
 contains
 
-    !> The steady motion near (q, qd) along motions that are named, or along all that these velocities are made of. Where none is
-    !> held, the rates stay those of the velocities, if that can be; else they change too. Errors: no_equilibrium, invalid_option,
-    !> work_limit, invalid_model where there is no sparse form, and what evaluating the model may give.
+    !> The steady motion near (q, qd) along named motions, or along all that compose these velocities. If none is fixed, the rates
+    !> stay those of the velocities, if possible; else they change too. Errors: no_equilibrium, invalid_option, work_limit,
+    !> invalid_model if there is no sparse form, and statuses of evaluating the model.
     subroutine find_steady_sparsely(model, t, q, qd, iterations, error, names, held, held_at)
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t
-        !> (n); unchanged where none is found.
+        !> (n); unchanged if none is found.
         real(wp), intent(inout) :: q(:), qd(:)
         integer, intent(inout) :: iterations
         type(error_type), allocatable, intent(out) :: error
@@ -79,7 +79,7 @@ contains
         allocate (free, source=problem%free)
         stat = status_no_equilibrium
         do attempt = 1, 2
-            ! Rates as they are, or these too.
+            ! With constant rates, then with free rates.
             if (attempt == 1 .and. size(free) > 0 .and. size(free) < size(rates)) cycle
             if (attempt == 2 .and. (size(free) == 0 .or. size(free) > most_rates)) exit
             problem%rates = rates
@@ -104,7 +104,7 @@ contains
         end if
     end subroutine find_steady_sparsely
 
-    !> The motions, and rates that come nearest to the velocities.
+    !> The motions, and rates that best fit the velocities.
     subroutine choose_motions(problem, q, qd, error, names, held, held_at)
         type(problem_type), intent(inout) :: problem
         real(wp), intent(in) :: q(:), qd(:)
@@ -149,7 +149,7 @@ contains
         end associate
     end subroutine choose_motions
 
-    !> Some of all motions; gfortran's `pack` forgets what such objects have allocated.
+    !> Some of all motions; gfortran's `pack` loses allocatable components.
     pure function pack_motions(motions, is_kept) result(some)
         type(affine_motion_type), intent(in) :: motions(:)
         logical, intent(in) :: is_kept(:)
@@ -165,12 +165,12 @@ contains
         end do
     end function pack_motions
 
-    !> Rates of motions that bring X q nearest to velocities, of several such the least.
+    !> Rates of motions that best fit X q to velocities, the least of several solutions.
     subroutine fit_named(motions, is_fitted, q, qd, rates, error)
         type(affine_motion_type), intent(in) :: motions(:)
         logical, intent(in) :: is_fitted(:)
         real(wp), intent(in) :: q(:), qd(:)
-        !> Those that are fitted are 0 before.
+        !> Rates to be fitted are 0 on entry.
         real(wp), intent(inout) :: rates(:)
         type(error_type), allocatable, intent(inout) :: error
         type(singular_type) :: svd
@@ -205,9 +205,9 @@ contains
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:)
         integer, intent(inout) :: iterations
-        !> A status code; no_equilibrium where it ends nowhere.
+        !> A status code; no_equilibrium if the iteration does not converge.
         integer, intent(out) :: stat
-        !> Of delta, whose scale is that of the entries of J.
+        !> Limits of delta, relative to the entries of J.
         real(wp), parameter :: least = 1.0e-8_wp, most = 1.0e3_wp
         type(sparse_matrix_type) :: a
         type(sparse_lu_type) :: lu
@@ -266,7 +266,7 @@ contains
                     call restore(stat)
                     if (stat /= status_ok) return
                     call self%residual(r)
-                    ! Nothing gets better.
+                    ! No further improvement.
                     if (length <= rounding*size_of_q) exit
                 else
                     call restore(stat)
@@ -288,7 +288,7 @@ contains
 
     contains
 
-        !> Back to where the step began.
+        !> Return to the start of the step.
         subroutine restore(stat)
             integer, intent(out) :: stat
 
@@ -299,7 +299,7 @@ contains
         end subroutine restore
     end subroutine iterate
 
-    !> Evaluate the model where it is carried along.
+    !> Evaluate the model in the co-rotating frame.
     subroutine look(self, t, q, stat)
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:)
@@ -310,7 +310,7 @@ contains
         if (stat == status_ok) call self%point%balance()
     end subroutine look
 
-    !> What is left of all equations (n + m).
+    !> Residuals of all equations (n + m).
     subroutine residual(self, r)
         class(problem_type), intent(in) :: self
         real(wp), intent(out) :: r(:)
@@ -325,14 +325,14 @@ contains
         end associate
     end subroutine residual
 
-    !> All derivatives at the point, where the model was evaluated, as it is afterwards.
+    !> All derivatives at the point, at which the model is evaluated before and after.
     subroutine differentiate(self, is_first, stat)
         class(problem_type), intent(inout) :: self
-        !> Whether units are to be chosen.
+        !> True if units are to be chosen.
         logical, intent(in) :: is_first
         !> A status code.
         integer, intent(out) :: stat
-        !> Central differences of what is of second order in velocities.
+        !> Step of central differences of terms of second order in velocities.
         real(wp), parameter :: h = 2.0_wp**(-10)
         real(wp), dimension(self%point%n + self%point%m) :: ahead, behind
         real(wp) :: rates(size(self%rates)), q(self%point%n)

@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> The eigenvalues of a linearised system, with those taken off and named that follow from symmetries and families.
+!> The eigenvalues of a linearised system; those that follow from symmetries and families are split off and marked.
 !>
-!> Directions in which symmetries move the state span an invariant space, on which the matrix is what the group makes of it: zeros,
-!> and in a turning frame the rates of the turn. Zeros that are left come in families: other steady motions or equilibria lie beside
-!> this one, as nonholonomic rows always leave some. Both are split off by orthogonal transformations of the balanced matrix before
-!> the eigenvalues are computed, so that Jordan blocks cost them no digits.
+!> Directions in which symmetries move the state span an invariant space, on which the matrix is determined by the group: zeros, and
+!> in a rotating frame the rates of the rotation. Remaining zeros come in families: other steady motions or equilibria lie beside
+!> this one, as always with nonholonomic rows. Both are split off by orthogonal transformations of the balanced matrix before the
+!> eigenvalues are computed, so that Jordan blocks do not reduce their accuracy.
 module tandem_analysis_spectrum
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
@@ -19,12 +19,12 @@ module tandem_analysis_spectrum
     public :: spectrum_type, of_motion, of_symmetry, of_family, cause_name
     public :: is_asymptotically_stable, is_marginal, is_unstable, stability_name
 
-    !> Where an eigenvalue comes from.
+    !> Origin of an eigenvalue.
     integer, parameter :: of_motion = 1, of_symmetry = 2, of_family = 3
     character(len=8), parameter :: cause_name(3) = [character(len=8) :: 'motion', 'symmetry', 'family']
 
-    !> What the linear equations say: all else decays; it neither grows nor decays within rounding, and terms of higher order
-    !> decide; it grows.
+    !> Stability by the linear equations: everything else decays; it neither grows nor decays within rounding, and terms of higher
+    !> order decide; it grows.
     integer, parameter :: is_asymptotically_stable = 1, is_marginal = 2, is_unstable = 3
     character(len=8), parameter :: stability_name(3) = [character(len=8) :: 'stable', 'marginal', 'unstable']
 
@@ -33,11 +33,11 @@ module tandem_analysis_spectrum
         complex(wp), allocatable :: values(:)
         !> `of_motion`, `of_symmetry` or `of_family`.
         integer, allocatable :: cause(:)
-        !> Bounds on the errors; of zeros that were split off, what a Jordan block of their size would make of those of the matrix.
+        !> Bounds on the errors; for zeros that were split off, the error of the matrix amplified by a Jordan block of their size.
         real(wp), allocatable :: error(:)
         !> Eigenvectors in (v, w) of the eigenvalues of the motion, others zero (nv + nw, nv + nw).
         complex(wp), allocatable :: vectors(:, :)
-        !> The same as motions of the coordinates and velocities (n, nv + nw): the largest entry of the coordinates is 1.
+        !> Eigenvectors as motions of the coordinates and velocities (n, nv + nw): the largest entry of the coordinates is 1.
         complex(wp), allocatable :: shapes(:, :), rates(:, :)
         !> The number of zeros; entry j the number of their Jordan blocks of size j or more.
         integer :: n_zeros = 0
@@ -52,9 +52,9 @@ contains
     !> Eigenvalues of A (n, n).
     subroutine find(self, a, uncertainty, nv, directions, drift, rate, tolerance, error)
         class(spectrum_type), intent(out) :: self
-        !> With bounds on the errors of its entries (n, n).
+        !> A and bounds on the errors of its entries (n, n).
         real(wp), intent(in) :: a(:, :), uncertainty(:, :)
-        !> How many of its rows are those of v.
+        !> Number of its rows that belong to v.
         integer, intent(in) :: nv
         !> Directions of symmetries, and of drift in a turning frame (n, any); they may depend on each other. The frame's rate.
         real(wp), intent(in) :: directions(:, :), drift(:, :), rate
@@ -90,7 +90,7 @@ contains
         call split_rest(nz, blocks)
         i = n - ns - nz
         allocate (values(i), vectors(i, i), condition(i), rounding(i), left(i, i))
-        ! Those of the symmetries and of drift; all others that were split off are zero.
+        ! Values of the symmetries and of drift; all others that were split off are zero.
         self%cause(:ns - nd) = of_symmetry
         self%cause(ns - nd + 1:ns + nz) = of_family
         associate (bound => 8*epsilon(1.0_wp)*norm + norm2(e) + dropped, first => ns - nd + 1)
@@ -109,14 +109,14 @@ contains
         self%values(ns + nz + 1:) = values
         call self%set_zeros(b, ns + nz, tolerance*norm, norm, dropped + norm2(e))
         call self%set_vectors(b, d, q, ns + nz, vectors)
-        ! Rounding of the transformations, which are those of no rows where nothing was split off.
+        ! Rounding of the transformations, unless nothing was split off.
         dropped = dropped + merge(4*epsilon(1.0_wp)*norm, 0.0_wp, ns + nz > 0)
         call self%set_errors(b, e, d, q, ns + nz, left, rounding, dropped)
         call self%sort()
 
     contains
 
-        !> Split the zeros off what the symmetries leave.
+        !> Split the zeros off the matrix that remains after the symmetries.
         subroutine split_rest(k, dimensions)
             integer, intent(out) :: k
             integer, allocatable, intent(out) :: dimensions(:)
@@ -129,7 +129,7 @@ contains
             q(:, ns + 1:) = matmul(q(:, ns + 1:), z)
         end subroutine split_rest
 
-        !> Split drift off what the symmetries leave; it counts among their directions then.
+        !> Split drift off the remaining matrix; it counts as directions of symmetries from then on.
         subroutine split_drift(k)
             integer, intent(out) :: k
             real(wp), allocatable :: rest(:, :), turn(:, :)
@@ -147,16 +147,16 @@ contains
         end subroutine split_drift
     end subroutine find
 
-    !> Eigenvalues on directions that were split off: zeros, and rates of a turning frame, which Jordan blocks leave with half their
-    !> digits unless they are known.
+    !> Eigenvalues on directions that were split off: zeros, and rates of a rotating frame, which Jordan blocks leave with half
+    !> their digits unless they are known.
     subroutine find_known_values(matrix, tolerance, rate, bound, values, errors, stat)
-        !> (n, n); what counts as zero; the rate, and a bound on errors of the matrix.
+        !> (n, n); bound of zeros; the rate, and a bound on errors of the matrix.
         real(wp), intent(in) :: matrix(:, :), tolerance, rate, bound
         complex(wp), intent(out) :: values(:)
         real(wp), intent(out) :: errors(:)
         !> > 0: without convergence.
         integer, intent(out) :: stat
-        !> A value this near to a known one over the rate, and no further away than its condition explains, is that.
+        !> A value is identified with a known one if their distance over the rate is below this and explained by its condition.
         real(wp), parameter :: near = 1.0e-3_wp
         real(wp) :: block(size(values), size(values)), q(size(values), size(values)), condition(size(values)), first_order
         complex(wp) :: vectors(size(values), size(values)), known(3), nearest
@@ -182,8 +182,8 @@ contains
         end do
     end subroutine find_known_values
 
-    !> Measure velocities in a unit in which they are about as large as the coordinates: B := D^-1 B D, so that what couples one to
-    !> the other is about as large both ways. Powers of two round nothing. A full balancing would scale by what is rounding.
+    !> Measure velocities in a unit in which they are about as large as the coordinates: B := D^-1 B D, so that both coupling blocks
+    !> have similar sizes. Powers of two cause no rounding. A full balancing would scale by rounding errors.
     subroutine choose_unit_of_time(b, nv, d)
         real(wp), intent(inout) :: b(:, :)
         integer, intent(in) :: nv
@@ -200,14 +200,14 @@ contains
         b(nv + 1:, :nv) = b(nv + 1:, :nv)/d(size(d))
     end subroutine choose_unit_of_time
 
-    !> Split the directions of symmetries off: Q'BQ = [S, X; 0, B'] in the place of B, S (k, k).
+    !> Split the directions of symmetries off: Q'BQ = [S, X; 0, B'] in place of B, S (k, k).
     subroutine split_directions(b, d, directions, tolerance, q, k, dropped)
         real(wp), intent(inout) :: b(:, :)
         !> The units of B (n).
         real(wp), intent(in) :: d(:), directions(:, :), tolerance
         real(wp), allocatable, intent(out) :: q(:, :)
         integer, intent(out) :: k
-        !> The size of what was left out.
+        !> The size of neglected entries.
         real(wp), intent(out) :: dropped
         type(singular_type) :: svd
         real(wp), allocatable :: rows(:, :), rest(:, :), basis(:, :)
@@ -226,7 +226,7 @@ contains
         do i = 1, size(rows, 1)
             rows(i, :) = directions(:, i)/d
             length = norm2(rows(i, :))
-            ! A symmetry that moves nothing here.
+            ! A symmetry without effect here has a zero row.
             if (length > 1.0e-10_wp*norm2(1/d)) rows(i, :) = rows(i, :)/length
             if (.not. length > 1.0e-10_wp*norm2(1/d)) rows(i, :) = 0.0_wp
         end do
@@ -235,7 +235,7 @@ contains
         call svd%get_null_basis(rest)
         call svd%get_row_basis(basis)
         k = size(basis, 2)
-        ! Only what is invariant may be taken off: it is where the symmetries are those of the equations.
+        ! Only an invariant space may be split off, which it is for symmetries of the equations.
         if (norm2(matmul(transpose(rest), matmul(b, basis))) > 1.0e3_wp*tolerance) then
             k = 0
             return
@@ -247,10 +247,10 @@ contains
         b(k + 1:, :k) = 0.0_wp
     end subroutine split_directions
 
-    !> The Jordan blocks of all zeros together, and how large they would come out unless they were split off.
+    !> Compute the Jordan blocks of all zeros together, and their size without splitting.
     subroutine set_zeros(self, b, k, tolerance, norm, uncertainty)
         class(spectrum_type), intent(inout) :: self
-        !> B, in whose leading block (k, k) they are; its norm, and that of its errors.
+        !> B, with the zeros in its leading block (k, k); its norm, and the norm of its errors.
         real(wp), intent(in) :: b(:, :), tolerance, norm, uncertainty
         integer, intent(in) :: k
         real(wp) :: block(k, k), q(k, k)
@@ -296,7 +296,7 @@ contains
 
     contains
 
-        !> The complex system, by the procedure that solves for real and imaginary parts.
+        !> Solve the complex system by the procedure for real and imaginary parts.
         function solved(right) result(left)
             complex(wp), intent(in) :: right(:)
             complex(wp) :: left(size(right))
@@ -312,11 +312,11 @@ contains
     !> Bounds on the errors of the eigenvalues of the last block of Q'BQ: left vectors times errors of B times right vectors.
     subroutine set_errors(self, b, e, d, q, k, left, rounding, dropped)
         class(spectrum_type), intent(inout) :: self
-        !> With bounds E on the errors of B, which are not transformed.
+        !> B, and bounds E on its errors, which are not transformed.
         real(wp), intent(in) :: b(:, :), e(:, :), d(:), q(:, :)
         !> The order of the leading block.
         integer, intent(in) :: k
-        !> Left eigenvectors of the last block; errors of the iteration; the size of what the transformations left out.
+        !> Left eigenvectors of the last block; errors of the iteration; the size of entries neglected by the transformations.
         complex(wp), intent(in) :: left(:, :)
         real(wp), intent(in) :: rounding(:), dropped
         real(wp), allocatable :: last(:, :)
@@ -384,7 +384,7 @@ contains
         natural_frequency = abs(self%values(i))/(2*acos(-1.0_wp))
     end function natural_frequency
 
-    !> -Re lambda/|lambda|: 1 for what decays without turning back, 0 for a zero.
+    !> -Re lambda/|lambda|: 1 for decay without oscillation, 0 for a zero.
     pure real(wp) function damping_ratio(self, i)
         class(spectrum_type), intent(in) :: self
         integer, intent(in) :: i
@@ -393,7 +393,7 @@ contains
         if (abs(self%values(i)) > 0.0_wp) damping_ratio = -real(self%values(i), wp)/abs(self%values(i))
     end function damping_ratio
 
-    !> What the eigenvalues of the motion say of its stability.
+    !> Stability according to the eigenvalues of the motion.
     pure integer function stability(self)
         class(spectrum_type), intent(in) :: self
         real(wp) :: bound

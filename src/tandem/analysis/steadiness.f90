@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Whether a large mechanism goes on steadily along its field X: its velocities satisfy the constraints, its acceleration is L X q,
-!> and a state beside it, carried along for a while, accelerates as it did before, so that X leaves the equations as they are.
+!> Check that a large mechanism moves steadily along its field X: its velocities satisfy the constraints, its acceleration is L X q,
+!> and a neighbouring state keeps its accelerations when moved along X, so that X does not change the equations.
 module tandem_analysis_steadiness
     use tandem_analysis_sparse_point, only: most_factor_entries, sparse_point_type
     use tandem_error, only: error_type, set_error
@@ -15,13 +15,13 @@ module tandem_analysis_steadiness
 
     !> Rows and accelerations agree to this part of their size.
     real(wp), parameter :: bound = 1.0e-8_wp
-    !> How far the state beside is away, in coordinate scales.
+    !> Distance of the neighbouring state, in coordinate scales.
     real(wp), parameter :: beside = 2.0_wp**(-6)
     character(len=*), parameter :: advice = 'name the motions of a steady motion, or start in one'
 
 contains
 
-    !> Refuse velocities that rows do not allow, and accelerations that are not those of the frame, of a point that was looked at.
+    !> Refuse velocities that violate rows, and accelerations that differ from those of the frame, at an evaluated point.
     subroutine check_rows(point, error)
         type(sparse_point_type), intent(in) :: point
         type(error_type), allocatable, intent(inout) :: error
@@ -45,7 +45,7 @@ contains
         end associate
     end subroutine check_rows
 
-    !> C qd - nu of what the evaluator holds, and the sizes of its terms.
+    !> C qd - nu with the evaluator's terms, and the sizes of its terms.
     subroutine velocity_rows(point, qd, rows, sizes)
         type(sparse_point_type), intent(in) :: point
         !> (n), (m), (m).
@@ -61,7 +61,7 @@ contains
         end associate
     end subroutine velocity_rows
 
-    !> Refuse a field along which the equations change. The point is looked at again afterwards, with its multipliers.
+    !> Refuse a field along which the equations change. The point is evaluated again afterwards, with its multipliers.
     subroutine check_symmetry(point, error)
         type(sparse_point_type), intent(inout) :: point
         type(error_type), allocatable, intent(inout) :: error
@@ -88,7 +88,7 @@ contains
             call point%look(time + duration, q, stat, vectors(:, 1))
         end if
         if (stat == status_ok) then
-            ! Rows are told by name: functions of the time other than constant rates are the usual reason.
+            ! Rows are named: functions of the time other than constant rates are the usual reason.
             call velocity_rows(point, vectors(:, 1), rows, sizes)
             i = maxloc(abs(rows)/max(sizes, tiny(1.0_wp)), dim=1)
             if (any(abs(rows) > bound*sizes)) call set_error(error, status_no_equilibrium, 'the constraint "'// &
@@ -110,7 +110,7 @@ contains
         call point%look(time, start, stat)
     end subroutine check_symmetry
 
-    !> A state on the manifold beside the point, in simplified Newton iterations with the matrix of this.
+    !> A state on the manifold beside the point, by simplified Newton iterations with the matrix of the point.
     subroutine go_beside(point, seed, q, qd, stat)
         type(sparse_point_type), intent(inout) :: point
         integer, intent(inout) :: seed

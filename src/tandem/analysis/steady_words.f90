@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Steady motions by words: `NAME` for a motion along which it goes on, or all of a group, `NAME=RATE` where the rate is held, `any`
-!> for all symmetries. Thus scenes, C, Fortran 77 and Python say the same.
+!> Steady motions as text: `NAME` for a motion along which it continues, or all of a group, `NAME=RATE` for a fixed rate, `any` for
+!> all symmetries. Scenes, C, Fortran 77 and Python use the same syntax.
 module tandem_analysis_steady_words
     use tandem_analysis_settling, only: settling_type
     use tandem_error, only: error_type, set_error
@@ -14,18 +14,18 @@ module tandem_analysis_steady_words
 
     public :: any_motion, find_steady_from_text, find_steady_from_words
 
-    !> In the place of names: all symmetries.
+    !> Used instead of names: all symmetries.
     character(len=*), parameter :: any_motion = 'any'
 
 contains
 
-    !> The steady motion near (q, qd); see `find_steady_motion` of `settling_type`. Errors: those, and a rate that is no number.
+    !> The steady motion near (q, qd); see `find_steady_motion` of `settling_type`. Errors: those, and an invalid rate.
     subroutine find_steady_from_words(settling, model, t, q, qd, words, error)
         type(settling_type), intent(out) :: settling
         class(model_type), intent(inout), target :: model
         !> Time (s), coordinates and velocities (n).
         real(wp), intent(in) :: t, q(:), qd(:)
-        !> None of them is the same as `any` alone.
+        !> An empty list is equivalent to `any` alone.
         character(len=*), intent(in) :: words(:)
         type(error_type), allocatable, intent(out) :: error
         character(len=motion_name_length) :: names(size(words)), held(count(index(words, '=') > 0))
@@ -54,7 +54,7 @@ contains
         end if
     end subroutine find_steady_from_words
 
-    !> The same for words in a text, with blanks or commas between them.
+    !> Variant for words in a text, separated by blanks or commas.
     subroutine find_steady_from_text(settling, model, t, q, qd, text, error)
         type(settling_type), intent(out) :: settling
         class(model_type), intent(inout), target :: model
@@ -67,7 +67,7 @@ contains
         call find_steady_from_words(settling, model, t, q, qd, words, error)
     end subroutine find_steady_from_text
 
-    !> How many words a text has.
+    !> Number of words of a text.
     pure integer function count_words(text)
         character(len=*), intent(in) :: text
         integer :: from, to
@@ -81,10 +81,10 @@ contains
         end do
     end function count_words
 
-    !> The words of a text, with blanks or commas between them.
+    !> The words of a text, separated by blanks or commas.
     pure subroutine split_words(text, words)
         character(len=*), intent(in) :: text
-        !> As many as `count_words` says.
+        !> Its size is the result of `count_words`.
         character(len=*), intent(out) :: words(:)
         integer :: from, i, to
 
@@ -95,12 +95,12 @@ contains
         end do
     end subroutine split_words
 
-    !> Where the next word of a text is.
+    !> Find the next word of a text.
     pure subroutine next_word(text, from, to)
         character(len=*), intent(in) :: text
-        !> Its first letter, 0 where there is none.
+        !> Its first letter, 0 if there is none.
         integer, intent(out) :: from
-        !> The last letter of the word before, 0 at first; that of this one.
+        !> The last letter of the previous word, 0 at first; on return of this word.
         integer, intent(inout) :: to
         character(len=*), parameter :: blanks = ' ,'
         integer :: length

@@ -1,15 +1,15 @@
 ! SPDX-License-Identifier: MIT
-!> The symmetries of a model among the ways in which it can be moved: fields q' = L q + c under which its constraints and equations
-!> of motion stay as they are.
+!> The symmetries of a model among its possible motions: fields q' = L q + c that leave its constraints and equations of motion
+!> unchanged.
 !>
-!> A sum of fields with rates xi, and with the time going on at a rate s, is a symmetry where at every state on the manifold, with
-!> x = X q, x' = L qd,
+!> A sum of fields with rates xi, and with the time advancing at a rate s, is a symmetry if at every state on the manifold, with x =
+!> X q, x' = L qd,
 !>
 !>   Phi_q x + s Phi_t = 0,   vel_q x + C x' + s vel_t = 0,   W' (dyn_q x + dyn_qd x' + M L qdd + s dyn_t) = 0.
 !>
-!> All of that is linear in (xi, s): the symmetries are the null space of these rows at a few states, and at as many times, that
-!> nobody has chosen. Rows of accelerations follow from those of velocities, which hold at all times. The gradients are exact, so
-!> that the rank is clear; so are derivatives with respect to time, of which no differences are taken: Phi_t = -nu, and
+!> All of this is linear in (xi, s): the symmetries are the null space of these rows at a few states and times in general position.
+!> Rows of accelerations follow from those of velocities, which hold at all times. The gradients are exact, so that the rank is
+!> clear; so are derivatives with respect to time, computed without differences: Phi_t = -nu, and
 !>
 !>   C_t = (gamma_qd - (C qd - nu)_q)(qd = 0),   nu_t = -gamma(qd = 0),   dyn_t = C_t' lambda - Q_A,t.
 module tandem_analysis_symmetry
@@ -27,12 +27,12 @@ module tandem_analysis_symmetry
     public :: symmetry_type, is_named, list_motions
 
     type :: symmetry_type
-        !> The fields that were tried.
+        !> The tested fields.
         type(affine_motion_type), allocatable :: motions(:)
-        !> The symmetries: rates of the fields (n_motions, k) with the time standing still.
+        !> The symmetries: rates of the fields (n_motions, k) at constant time.
         real(wp), allocatable :: rates(:, :)
-        !> Rates of fields that go with the time: zero where the equations do not depend on it; not allocated where no symmetry
-        !> moves the time.
+        !> Rates of fields that accompany the time: zero if the equations do not depend on it; not allocated if no symmetry changes
+        !> the time.
         real(wp), allocatable :: rates_of_time(:)
     contains
         procedure :: find, field, turned, matrix, name_of, knows, check_names
@@ -40,7 +40,7 @@ module tandem_analysis_symmetry
         procedure, private :: add_rows, reduce
     end type symmetry_type
 
-    !> Rows are compared with the size of their terms; what is left of those that cancel.
+    !> Bounds of residuals of cancelling terms, relative to their size.
     real(wp), parameter :: exact_bound = 1.0e-9_wp, difference_bound = 1.0e-6_wp
     !> Displacements in units of the step, weights, and the step over the time scale of central differences with respect to time.
     real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp], weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
@@ -48,13 +48,13 @@ module tandem_analysis_symmetry
 
 contains
 
-    !> Find the symmetries from states around one on the manifold. `point` is left elsewhere.
+    !> Find the symmetries from states around one on the manifold. `point` is evaluated elsewhere afterwards.
     subroutine find(self, point, t, q, qd, stat, names)
         class(symmetry_type), intent(inout) :: self
         type(point_type), intent(inout) :: point
         real(wp), intent(in) :: t, q(:), qd(:)
         integer, intent(out) :: stat
-        !> Only these fields: a name, or what comes before its last `_` (BODY.spin).
+        !> Only these fields: a name, or the part before its last `_` (BODY.spin).
         character(len=*), intent(in), optional :: names(:)
         type(singular_type) :: svd
         real(wp), allocatable :: rows(:, :), span(:, :)
@@ -66,14 +66,14 @@ contains
         k = size(self%motions)
         per_sample = max(point%nh + point%m, 1) + point%n
         n_samples = 4 + 2*(k + 1)/max(point%n, 1)
-        ! Of the samples before the triangular factor is kept.
+        ! For earlier samples the triangular factor is stored.
         allocate (rows(k + 1 + per_sample, k + 1), source=0.0_wp)
         seed = 20071
         unit_of_time = 1/max(point%rate, maxval(abs(qd)/max(abs(q), point%scale)))
         do i = 1, n_samples
             size_of_move = 0.1_wp
             do
-                ! At times that are no multiples of each other.
+                ! At incommensurable times.
                 call go_nearby(point, t, q, qd, size_of_move, size_of_move*unit_of_time*sqrt(real(i, wp)), seed, stat)
                 if (stat == status_ok) call point%make_bases()
                 if (stat == status_ok) call point%solve_dynamics(stat)
@@ -87,7 +87,7 @@ contains
             call triangularise(rows)
         end do
         rows = rows(:k + 1, :)
-        ! All fields have told what is large in a row before those that were not named go: what a single one leaves may be rounding.
+        ! The sizes of rows include all fields, before unnamed fields are removed: terms of a single field may be rounding.
         if (present(names)) then
             allocate (kept, source=pack([(i, i=1, k)], [(is_named(trim(self%motions(i)%name), names), i=1, k)]))
             rows = rows(:, [kept, k + 1])
@@ -130,7 +130,7 @@ contains
         end do
     end subroutine list_motions
 
-    !> Whether a name stands for fields that were tried.
+    !> True if a name refers to tested fields.
     pure logical function knows(self, name)
         class(symmetry_type), intent(in) :: self
         character(len=*), intent(in) :: name
@@ -142,7 +142,7 @@ contains
         end do
     end function knows
 
-    !> Refuse a name that stands for none of the fields that were tried.
+    !> Refuse a name that refers to no tested field.
     subroutine check_names(self, model, names, error)
         class(symmetry_type), intent(in) :: self
         class(model_type), intent(inout) :: model
@@ -160,10 +160,10 @@ contains
         end do
     end subroutine check_names
 
-    !> The names of all fields of a model, with commas; of many the first.
+    !> The names of all fields of a model, separated by commas; if there are many, only the first.
     subroutine list_names(model, text)
         class(model_type), intent(inout) :: model
-        !> No function: results of deferred length stand in static memory (gfortran).
+        !> Not a function: results of deferred length are stored in static memory (gfortran).
         character(len=:), allocatable, intent(out) :: text
         integer, parameter :: most = 40
         type(affine_motion_type), allocatable :: motions(:)
@@ -179,7 +179,7 @@ contains
         if (size(motions) > most) text = text//', ...'
     end subroutine list_names
 
-    !> Whether a field is one of those that were named.
+    !> True if a field is one of those that were named.
     pure logical function is_named(name, names)
         character(len=*), intent(in) :: name, names(:)
         integer :: last
@@ -189,7 +189,7 @@ contains
         is_named = any(names == name) .or. any(names == name(:last))
     end function is_named
 
-    !> Evaluate a state on the manifold near one, which its velocities have carried on for a time.
+    !> Evaluate a state on the manifold near one that was moved by its velocities for a time.
     subroutine go_nearby(point, t, q, qd, size_of_move, later, seed, stat)
         type(point_type), intent(inout) :: point
         real(wp), intent(in) :: t, q(:), qd(:), size_of_move, later
@@ -211,7 +211,7 @@ contains
         call point%evaluate(t + later, near, point%scale*velocity, stat)
     end subroutine go_nearby
 
-    !> The rows of one state, each over the size of its terms; the last column is the time's.
+    !> The rows of one state, each over the size of its terms; the last column belongs to the time.
     subroutine add_rows(self, point, rows, stat)
         class(symmetry_type), intent(in) :: self
         type(point_type), intent(inout) :: point
@@ -237,7 +237,7 @@ contains
             x = x/point%scale
             x_rate = x_rate/point%scale
             x_curve = x_curve/point%scale
-            ! Most fields move one body: columns of the others are left out.
+            ! Most fields move one body: zero columns of other bodies are left out.
             associate (of_phi => rows(:ends(2), k), of_c => rows(ends(2) + 1:ends(3), k))
                 do j = 1, point%n
                     if (abs(x(j)) > 0.0_wp) then
@@ -265,7 +265,7 @@ contains
         if (stat /= status_ok) return
         rows(:, size(self%motions) + 1) = of_time
         sizes = max(sizes, abs(of_time))
-        ! Rows whose terms are nothing beside the others of their level say nothing.
+        ! Rows whose terms are negligible beside the others of their level carry no information.
         do level = 1, 3
             associate (rows => rows(ends(level) + 1:ends(level + 1), :), sizes => sizes(ends(level) + 1:ends(level + 1)))
                 if (size(sizes) == 0) cycle
@@ -305,8 +305,8 @@ contains
         end subroutine size_field
     end subroutine add_rows
 
-    !> The derivatives of Phi, C qd - nu and W'(M qdd + C' lambda - S - Q_A) with respect to time alone, from gradients and gamma
-    !> at qd = 0; exactly zero where nothing depends on it. The point is left there.
+    !> The derivatives of Phi, C qd - nu and W'(M qdd + C' lambda - S - Q_A) with respect to time alone, from gradients and gamma at
+    !> qd = 0; exactly zero if nothing depends on it. Changes the point.
     subroutine differentiate_by_time(point, of_time, stat)
         type(point_type), intent(inout) :: point
         real(wp), intent(out) :: of_time(:)
@@ -337,7 +337,7 @@ contains
         end associate
     end subroutine differentiate_by_time
 
-    !> The derivative of S + Q_A with respect to time alone by central differences, of a model that does not give it.
+    !> The derivative of S + Q_A with respect to time alone by central differences, for a model that does not provide it.
     subroutine difference_forces(point, rates, stat)
         type(point_type), intent(inout) :: point
         real(wp), intent(out) :: rates(:)
@@ -360,7 +360,7 @@ contains
         call point%evaluate(t, q, qd, stat)
     end subroutine difference_forces
 
-    !> All of them by central differences, of a model without gradients; exactly zero where nothing depends on the time.
+    !> All of them by central differences, for a model without gradients; exactly zero if nothing depends on the time.
     subroutine difference_by_time(point, of_time, stat)
         type(point_type), intent(inout) :: point
         real(wp), intent(out) :: of_time(:)
@@ -395,7 +395,7 @@ contains
         end function residuals
     end subroutine difference_by_time
 
-    !> From any basis of the symmetries to one that is easy to read: echelon form, the time first.
+    !> Transform any basis of the symmetries to readable echelon form, the time first.
     subroutine reduce(self, span)
         class(symmetry_type), intent(inout) :: self
         !> (n_motions + 1, any), the time last.
@@ -409,7 +409,7 @@ contains
         k = size(span, 2)
         if (allocated(self%rates_of_time)) deallocate (self%rates_of_time)
         is_used = .false.
-        ! Rotations of the world come last, so that a spin of a body is a spin where both are the same.
+        ! Rotations of the world come last, so that the spin of a body is preferred if both are equal.
         allocate (order, source=[n])
         do i = 1, n - 1
             if (.not. self%motions(i)%turns_world) order = [order, i]
@@ -484,7 +484,7 @@ contains
         end do
     end function matrix
 
-    !> The name of a symmetry: those of its fields, with their rates where these are not one.
+    !> The name of a symmetry: the names of its fields, with rates other than one.
     function name_of(self, rates) result(name)
         class(symmetry_type), intent(in) :: self
         real(wp), intent(in) :: rates(:)
