@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Cosines and sines of as many angles at once as loops take, to the rounding of the last digit or two: the nearest multiple of a
-!> quarter turn is taken off, and of what is left, at most an eighth of a turn, the Taylor series are summed.
+!> Cosines and sines of several angles at once, accurate to the last digit or two: the nearest multiple of a quarter turn is
+!> subtracted, and for the remainder, at most an eighth of a turn, the Taylor series are summed.
 module tandem_rigid_angle_lanes
     use tandem_kinds, only: lane, wp
     implicit none (type, external)
@@ -12,7 +12,7 @@ module tandem_rigid_angle_lanes
     !> are exact.
     real(wp), parameter :: quarter(3) = [6746518852.0_wp*2.0_wp**(-32), 4484108710.0_wp*2.0_wp**(-66), &
         2.0222662487959506e-21_wp]
-    !> Larger angles are left to the intrinsic functions.
+    !> Larger angles use the intrinsic functions.
     real(wp), parameter :: largest = 1.0e5_wp
 
 contains

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The calculus of Euler parameters (`tandem_rigid_euler_parameters`) for as many bodies at once as loops take: every entry of
-!> a vector or matrix is a row of `lane` numbers, one of each body. As there, everything holds for every p.
+!> The calculus of Euler parameters (`tandem_rigid_euler_parameters`) for several bodies at once: every entry of a vector or matrix
+!> is a row of `lane` numbers, one for each body. As there, everything holds for every p.
 module tandem_rigid_euler_lanes
     use tandem_kinds, only: lane, wp
     implicit none (type, external)
@@ -134,15 +134,15 @@ contains
         end do
     end subroutine set_dots
 
-    !> Four numbers of each of several bodies, which stand behind the first ones of theirs.
+    !> Copy four numbers of each of several bodies, behind the first ones of each body.
     pure subroutine take_four(before, offset, n, q, x)
-        !> Before which entry of q each body's numbers begin, and how many are left out.
+        !> Entry of q before each body's numbers, and the number of entries to skip.
         integer, intent(in) :: before(lane), offset, n
         real(wp), intent(in) :: q(n)
         real(wp), intent(out) :: x(lane, 4)
         integer :: k, l
 
-        ! So written, it becomes loads of four numbers and a transposition in registers.
+        ! In this form it is compiled to loads of four numbers and a transposition in registers.
         !GCC$ UNROLL 1
         do k = 1, 4
             !GCC$ UNROLL 8

@@ -235,13 +235,13 @@ contains
         end do
     end function g_sandwich
 
-    !> 4 G(p)' diag(j) G(p), the mass matrix of a body that turns, (4, 4), columns n apart.
+    !> 4 G(p)' diag(j) G(p), the mass matrix of a body that rotates, (4, 4), columns n apart.
     pure subroutine set_rotational_mass(p, j, n, mass)
         real(wp), intent(in) :: p(4)
         !> Principal moments of inertia.
         real(wp), intent(in) :: j(3)
-        !> How many rows the matrix has in which the block stands: it is set in place, and `mass(4, 4)` of M as the argument sets
-        !> the block that begins there.
+        !> Number of rows of the matrix that contains the block: the block is set in place, and with `mass(4, 4)` of M as the
+        !> argument it begins there.
         integer, intent(in) :: n
         real(wp), intent(inout) :: mass(3*n + 4)
         real(wp) :: e0, e1, e2, e3, x, y, z
