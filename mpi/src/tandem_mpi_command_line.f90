@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> tandem-mpi sweep: `tandem sweep` with the cases distributed over the ranks of MPI. A program that calls `mpi_command_line` with
-!> models of its own does so with them.
+!> its own models includes these.
 module tandem_mpi_command_line
     use mpi_f08, only: mpi_abort, mpi_bcast, mpi_comm_rank, mpi_comm_world, mpi_finalize, mpi_init, mpi_integer
     use tandem, only: error_type
@@ -17,9 +17,9 @@ module tandem_mpi_command_line
 
 contains
 
-    !> Do what the command line says, on every rank.
+    !> Execute the command line, on every rank.
     subroutine mpi_command_line(code, models)
-        !> Exit code, the same on every rank.
+        !> Exit code, equal on all ranks.
         integer, intent(out) :: code
         !> Models besides the shipped ones.
         type(scene_model_type), intent(in), optional :: models(:)
@@ -49,12 +49,12 @@ contains
             end if
         end if
         if (rank == 0) call finish_output(code)
-        ! Ranks that hang on others that have died would wait for ever.
+        ! Ranks that depend on others that have died would wait for ever.
         if (code > signalled) call mpi_abort(mpi_comm_world, code)
         call mpi_finalize()
     end subroutine mpi_command_line
 
-    !> The sweep.
+    !> Run the sweep.
     subroutine sweep(arguments, rank, code)
         type(arguments_type), intent(in) :: arguments
         integer, intent(in) :: rank
@@ -78,7 +78,7 @@ contains
             code = code_of(error)
             if (rank == 0) call complain(error%message)
         end if
-        ! What rank 0 finds wrong ends all.
+        ! An error found by rank 0 ends all ranks.
         call mpi_bcast(code, 1, mpi_integer, 0, mpi_comm_world)
         if (code /= done) return
         if (rank == 0) then
@@ -96,7 +96,7 @@ contains
         call mpi_bcast(code, 1, mpi_integer, 0, mpi_comm_world)
     end subroutine sweep
 
-    !> What rank 0 does.
+    !> Part of rank 0.
     subroutine lead(arguments, setup, jobs, error)
         type(arguments_type), intent(in) :: arguments
         type(sweep_setup_type), intent(inout), target :: setup

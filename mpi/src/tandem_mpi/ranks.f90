@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A team of ranks of MPI: rank 0 distributes and writes; each rank, the first too, runs cases in processes of its own, so that a
-!> case that ends its process takes no rank with it. Messages are few: a rank hands on what its processes have told in one piece.
+!> A team of ranks of MPI: rank 0 distributes and writes; each rank, including the first, runs cases in its own processes, so that a
+!> case that ends its process does not end a rank. There are few messages: a rank sends the reports of its processes together.
 module tandem_mpi_ranks
     use mpi_f08, only: mpi_any_source, mpi_any_tag, mpi_comm_size, mpi_comm_world, mpi_get_count, mpi_integer8, &
         mpi_iprobe, mpi_recv, mpi_send, mpi_status
@@ -13,12 +13,11 @@ module tandem_mpi_ranks
 
     public :: ranks_type, relay
 
-    !> What a message is.
+    !> Kinds of messages.
     integer, parameter :: to_start = 1, to_give = 2, to_end = 3, to_leave = 4, told = 5
-    !> Words of a message of events, and milliseconds that a rank sleeps between looks at its messages.
+    !> Largest number of words of a message of events, and milliseconds that a rank sleeps between checks for messages.
     integer, parameter :: most_words = 65536, sleep = 2
-    !> Seconds, for each rank that there is, that a rank gathers what it tells: 2000 messages a second reach rank 0, however many
-    !> ranks there are.
+    !> Seconds, per rank, during which a rank collects reports: rank 0 receives 2000 messages a second, for any number of ranks.
     real(wp), parameter :: gathering = 5.0e-4_wp
     !> Seconds that rank 0 waits for the others to leave.
     integer(long), parameter :: longest = 5
@@ -26,10 +25,10 @@ module tandem_mpi_ranks
     integer, parameter :: head = 3
 
     type, extends(team_type) :: ranks_type
-        !> The processes of this rank, and how many each rank has.
+        !> The processes of this rank, and the number of processes of each rank.
         type(processes_type), private :: own
         integer, private :: jobs = 1, ranks = 1
-        !> The last message: words, of which the first `taken` are done with, and who has sent it.
+        !> The last message: words, of which the first `taken` are processed, and its sender.
         integer(long), allocatable, private :: words(:)
         integer, private :: n = 0, taken = 0, sender = 0
         integer, private :: words_of_event = 0
@@ -47,7 +46,7 @@ module tandem_mpi_ranks
 
 contains
 
-    !> The team as rank 0 sees it.
+    !> Create the team of rank 0.
     subroutine prepare(self, runner, jobs, words_of_event)
         class(ranks_type), intent(inout) :: self
         !> Prepared; must outlive the team.
@@ -62,7 +61,7 @@ contains
         allocate (self%words(most_words + words_of_event))
     end subroutine prepare
 
-    !> How many workers there are on all ranks.
+    !> Number of workers on all ranks.
     integer function count_workers(self)
         class(ranks_type), intent(in) :: self
 
@@ -82,7 +81,7 @@ contains
         end if
     end subroutine start
 
-    !> Give a worker cases after those that it has.
+    !> Give a worker cases in addition to its earlier ones.
     subroutine give(self, worker, first, last)
         class(ranks_type), intent(inout) :: self
         integer, intent(in) :: worker
@@ -107,14 +106,14 @@ contains
         end if
     end subroutine end_worker
 
-    !> Seconds until rank 0 hears of something.
+    !> Largest delay of reports to rank 0, in seconds.
     pure real(wp) function delay_of_ranks(self) result(delay)
         class(ranks_type), intent(in) :: self
 
         delay = merge(gathering*self%ranks, 0.0_wp, self%ranks > 1)
     end function delay_of_ranks
 
-    !> Tell the rank of a worker what to do.
+    !> Send an instruction to the rank of a worker.
     subroutine tell_rank(jobs, worker, what, range)
         integer, intent(in) :: jobs, worker, what
         integer(long), intent(in) :: range(2)
@@ -124,7 +123,7 @@ contains
         call mpi_send(words, 3, mpi_integer8, (worker - 1)/jobs, what, mpi_comm_world)
     end subroutine tell_rank
 
-    !> The next thing that a worker has told.
+    !> The next event of a worker.
     subroutine next(self, milliseconds, event)
         class(ranks_type), intent(inout) :: self
         integer, intent(in) :: milliseconds
@@ -145,7 +144,7 @@ contains
                 call mpi_recv(self%words, self%n, mpi_integer8, self%sender, told, mpi_comm_world, status)
                 cycle
             end if
-            ! MPI would wait with a busy processor, which has better things to do.
+            ! MPI would wait with a busy processor, which is needed for the cases.
             call self%own%next(merge(sleep, 0, waited < milliseconds), event)
             if (event%kind /= nothing .or. waited >= milliseconds) return
             waited = waited + sleep
@@ -179,7 +178,7 @@ contains
         do rank = 1, self%ranks - 1
             call tell_rank(1, rank + 1, to_leave, [0_long, 0_long])
         end do
-        ! A rank may be about to tell something: it leaves with an empty message, unless it is dead.
+        ! A rank may be about to send a report: it leaves with an empty message, unless it is dead.
         left = 1
         call system_clock(from, rate)
         now = from
@@ -196,7 +195,7 @@ contains
         end do
     end subroutine dismiss
 
-    !> What the other ranks do: hand on to their processes what rank 0 says, and to rank 0 what these tell, until they may leave.
+    !> Loop of the other ranks: pass messages of rank 0 to their processes, and reports of these to rank 0, until they may leave.
     subroutine relay(runner, jobs, words_of_event, error)
         type(case_runner_type), intent(in), target :: runner
         integer, intent(in) :: jobs, words_of_event
@@ -250,7 +249,7 @@ contains
             end do
             if (n == 0) cycle
             call system_clock(now)
-            ! At once where a process waits for cases, or is lost.
+            ! Immediately if a process waits for cases, or is lost.
             if (.not. (is_urgent .or. left <= 0 .or. n > most_words/2) .and. &
                 real(now - since, wp) < gathering*real(ranks, wp)*real(rate, wp)) cycle
             call mpi_send(words, n, mpi_integer8, 0, told, mpi_comm_world)
