@@ -190,9 +190,9 @@ module tandem_chart
             class(chart_type), intent(inout) :: self
         end subroutine retry_step_interface
 
-        !> `forget` the evaluations of the last point, because the model has changed there (a new segment); `forget_model` also
-        !> forgets a constant mass matrix, because parameters may have changed. `hold` saves the start of the next step; `release`
-        !> restores it after other points were evaluated.
+        !> `forget`: invalidate the last point, because the model has changed there (a new segment). `forget_model`: also a constant
+        !> mass matrix, because parameters may have changed. `hold`: save the start of the next step. `release`: restore it after
+        !> evaluations of other points.
         subroutine forget_interface(self)
             import :: chart_type
             implicit none (type, external)

@@ -70,7 +70,7 @@ contains
     end subroutine build_stiffness
 
     !> The rate of the fastest oscillation that the forces on one body alone cause at (t, q, qd), times the time scale of the model:
-    !> the root of the largest entry of the diagonals of K over M. Zero if it cannot be evaluated.
+    !> the root of the largest entry of the diagonals of K over M. Zero if it is not evaluable.
     subroutine stiffness_of(model, t, q, qd, ratio)
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t, q(:), qd(:)

@@ -13,8 +13,8 @@ module tandem_simulate_advice
     public :: advice_on_failure, advice_on_limit, advice_length
     public :: anywhere, before_steps, in_first_step, in_step, at_smallest_step
 
-    !> Circumstances of a failure: between steps, at the start of the run, in its first step, in a step, or in a step that cannot be
-    !> shorter.
+    !> Circumstances of a failure: between steps, at the start of the run, in its first step, in a step, or in one of the smallest
+    !> size.
     integer, parameter :: anywhere = 0, before_steps = 1, in_first_step = 2, in_step = 3, at_smallest_step = 4
 
     !> Texts have a fixed length, since a deferred one would be static memory (see `tandem_status`).

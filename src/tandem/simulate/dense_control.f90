@@ -38,7 +38,7 @@ module tandem_simulate_dense_control
 
 contains
 
-    !> Forget all steps: another method, another motion, or no more requests between steps.
+    !> Clear the history of steps: another method, another motion, or no more requests between steps.
     subroutine begin(self)
         class(dense_control_type), intent(out) :: self
     end subroutine begin

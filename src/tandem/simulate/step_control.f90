@@ -280,7 +280,7 @@ contains
         round_down = self%unit*notch**floor(log(h/self%unit)/log(notch) + hair)
     end function round_down
 
-    !> Forget all steps, so that the next one is chosen as the first one was.
+    !> Clear the history of steps, so that the next one is chosen like the first one.
     pure subroutine begin(self)
         class(step_control_type), intent(inout) :: self
 
@@ -288,7 +288,7 @@ contains
         call self%restart()
     end subroutine begin
 
-    !> Forget the past, after a breakpoint.
+    !> Clear the history of errors, after a breakpoint.
     pure subroutine restart(self)
         class(step_control_type), intent(inout) :: self
 

@@ -59,7 +59,7 @@ contains
     end procedure project_velocity
 
     !> Bring a point beside the manifold onto it: q := q - R (Phi, 0) until Phi = 0 and qd := qd - R (C qd - nu), with the R of the
-    !> point itself. Newton's iteration, but C is left as it is where Phi falls fast.
+    !> point itself. Newton's iteration, but C is reused while Phi falls fast.
     module procedure restore_near
         !> From an error of the size of the coordinates a few corrections suffice; an iteration that takes more diverges.
         integer, parameter :: most = 30
@@ -198,7 +198,7 @@ contains
         energy = 0.5_wp*dot_product(qd, matmul(self%model%terms%mass, qd))
     end procedure kinetic_energy
 
-    !> Find the term that is not finite, if there is one, after a failure. Forget the point, so that it can be tried again.
+    !> Find the term that is not finite, if there is one, after a failure. Invalidate the point, so that it can be tried again.
     module procedure name_infinite
         call self%forget()
         associate (terms => self%model%terms)

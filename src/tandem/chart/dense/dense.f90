@@ -503,14 +503,14 @@ contains
         end if
     end subroutine refresh
 
-    !> Forget the last point.
+    !> Invalidate the last point.
     subroutine forget(self)
         class(dense_chart_type), intent(inout) :: self
 
         call self%point%forget()
     end subroutine forget
 
-    !> Forget the last point, the constant mass matrix, and the Newton matrix, because the model has changed.
+    !> Invalidate the last point, the constant mass matrix, and the Newton matrix, because the model has changed.
     subroutine forget_model(self)
         class(dense_chart_type), intent(inout) :: self
 

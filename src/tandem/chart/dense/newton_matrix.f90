@@ -131,7 +131,7 @@ contains
         !> The terms and derivatives of the point.
         type(terms_type), intent(in) :: terms
         type(derivatives_type), intent(in) :: derivatives
-        !> V as a basis and as the dual that gives coordinates (n, nv), the same of W (n, nw), U (n, nh), B Phi_q (nh, n) at the
+        !> V as a basis and as the dual that gives coordinates (n, nv), likewise for W (n, nw), U (n, nh), B Phi_q (nh, n) at the
         !> point.
         real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :), u_basis(:, :), b_phi(:, :)
         !> D (n, nw), the matrix to the left of R2_v and R2_w (n, nw), which is D without friction on reactions, and R (n, m) at the
@@ -353,7 +353,7 @@ contains
         end associate
     end subroutine bring_back
 
-    !> Compute T_v, T_w and the ways back for the current chart, once.
+    !> Compute T_v, T_w, S_v and S_w for the current chart, once.
     subroutine set_carry(self, v_basis, v_dual, w_basis, w_dual)
         class(stage_type), intent(inout) :: self
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.

@@ -114,7 +114,7 @@ contains
         call copy(size(qd), qd, self%qd)
     end subroutine note_motion
 
-    !> Forget the point and everything known there.
+    !> Invalidate the point and all data there.
     pure subroutine forget(self)
         class(visited_point_type), intent(inout) :: self
 

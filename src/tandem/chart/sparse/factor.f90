@@ -97,7 +97,7 @@ module tandem_chart_sparse_factor
             logical, intent(in) :: has_force
             !> f (n), g (m).
             real(wp), intent(in), contiguous :: f(:), g(:)
-            !> x (n); the multipliers of all rows but the owned ones in the order of the nodes, among x of kept bodies (n_unknowns).
+            !> x (n); the multipliers of all rows but the owned ones in the order of the nodes, among x of hubs (n_unknowns).
             real(wp), intent(out), contiguous :: x(:)
             real(wp), intent(inout), contiguous :: z(:)
         end subroutine solve

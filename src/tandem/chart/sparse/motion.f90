@@ -319,14 +319,14 @@ contains
         self%defect_of_rate = 0.0_wp
     end subroutine retry_step
 
-    !> Forget the last point.
+    !> Invalidate the last point.
     subroutine forget(self)
         class(sparse_motion_type), intent(inout) :: self
 
         call self%system%forget()
     end subroutine forget
 
-    !> Forget the last point and the constant mass matrix.
+    !> Invalidate the last point and the constant mass matrix.
     subroutine forget_model(self)
         class(sparse_motion_type), intent(inout) :: self
 

@@ -53,14 +53,14 @@ contains
     !> True if a correction left about as large an error as before because of rounding, and not because all corrections are slow: if
     !> a body has turned by more than a radian each may leave more than half.
     pure logical function is_rounding(error, last_error, error_before)
-        !> The error now, before the last correction, and before the one before that, 0 where there was none.
+        !> The error now, before the last correction, and before the previous one, 0 if there was none.
         real(wp), intent(in) :: error, last_error, error_before
         real(wp), parameter :: fast = 0.1_wp, some = 0.5_wp, none = 0.9_wp
 
         is_rounding = error > merge(some, none, last_error < fast*error_before)*last_error
     end function is_rounding
 
-    !> The largest weighted entry; not finite where one is not.
+    !> The largest weighted entry; not finite if one is not.
     pure real(wp) function largest(n, x, weight)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n), weight(n)

@@ -56,7 +56,7 @@ contains
 
     contains
 
-        !> The mass of a kept body.
+        !> The mass of a hub.
         subroutine put_kept(body, height)
             integer, intent(in) :: body, height
             integer :: column, row, first

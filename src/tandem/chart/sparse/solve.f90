@@ -19,7 +19,7 @@ contains
         call fetch_bodies(self, a, size(a%link, 2), a%body, a%link, self%y, x, z)
     end procedure solve
 
-    !> g by nodes, zeros for kept bodies.
+    !> g by nodes, zeros for hubs.
     pure subroutine scatter(n_nodes, node, is_body, g, z)
         integer, intent(in) :: n_nodes, node(4, n_nodes)
         logical, intent(in) :: is_body(n_nodes)

@@ -153,7 +153,7 @@ contains
         end associate
     end subroutine lend_rows
 
-    !> Forget everything about the last point.
+    !> Invalidate all data of the last point.
     pure subroutine forget(self)
         class(system_type), intent(inout) :: self
 
@@ -470,7 +470,7 @@ contains
         end associate
     end subroutine find_multipliers
 
-    !> Find the term that is not finite, if there is one, after a failure. Forget the point, so that it can be tried again.
+    !> Find the term that is not finite, if there is one, after a failure. Invalidate the point, so that it can be tried again.
     subroutine name_infinite(self, stat)
         class(system_type), intent(inout) :: self
         !> `not_finite` if a term was not finite; unchanged otherwise.
