@@ -8,8 +8,8 @@
 !>   [sigma^2 M + sigma D + K, C'; C, 0] (q1; nu) = (-M (sigma q0 + u0) - D q0; g),   u1 = sigma q1 + q0,
 !>
 !> with g = 0 in rows of Phi, and -C q0/sigma in those at velocity level, which below are C + (C X q - nu)_q/sigma, X = 0 at rest
-!> (`sparse_point.f90`, `comoving.f90`). The largest eigenvalues theta of that operator give those of A nearest to sigma, lambda =
-!> sigma + 1/theta.
+!> (`sparse_point.f90`, `comoving.f90`). The largest eigenvalues theta of that operator give the eigenvalues of A nearest to sigma,
+!> lambda = sigma + 1/theta.
 module tandem_analysis_nearest
     use tandem_analysis_comoving, only: comoving_type
     use tandem_analysis_nearest_errors, only: bound_errors

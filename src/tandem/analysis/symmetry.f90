@@ -2,8 +2,8 @@
 !> The symmetries of a model among its possible motions: fields q' = L q + c that leave its constraints and equations of motion
 !> unchanged.
 !>
-!> A sum of fields with rates xi, and with the time advancing at a rate s, is a symmetry if at every state on the manifold, with x =
-!> X q, x' = L qd,
+!> A sum of fields with rates xi, and with the time advancing at a rate s, is a symmetry if at every state on the manifold, with
+!> x = X q, x' = L qd,
 !>
 !>   Phi_q x + s Phi_t = 0,   vel_q x + C x' + s vel_t = 0,   W' (dyn_q x + dyn_qd x' + M L qdd + s dyn_t) = 0.
 !>

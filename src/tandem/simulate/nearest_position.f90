@@ -3,9 +3,9 @@
 !> Phi(t, q) = 0, in bounded work.
 !>
 !> First the constraints are reached by Gauss-Newton steps of smallest norm within a trust region, then the distance is minimised
-!> along them by Newton's iteration in their tangent space, each step brought back by the first procedure. Coordinates here are y =
-!> (q - q0) / width with width = w^(-1/2), rows those of A = Phi_q diag(width) at unit length. At the nearest point y + A' lambda =
-!> 0, which gives the part of each row in the move of each coordinate.
+!> along them by Newton's iteration in their tangent space, each step brought back by the first procedure. Coordinates here are
+!> y = (q - q0) / width with width = w^(-1/2), rows those of A = Phi_q diag(width) at unit length. At the nearest point
+!> y + A' lambda = 0, which gives the part of each row in the move of each coordinate.
 !>
 !> Source: J. Nocedal, S. J. Wright, Numerical Optimization, 2nd ed., Springer, 2006: trust regions for least squares (section
 !> 10.3), the reduced Hessian (section 18.3).

@@ -267,9 +267,9 @@ contains
     end function pays
 
     !> The velocity by which the plain complement strains stiff directions in a step, as far as the method's stages miss it, in
-    !> units of coordinate scales. With a = beta D and b = beta^2 K over the mass of a coordinate, its spring moves it by b/(1 + a +
-    !> b) of the displacement. Of that, a method of stage order 1 misses a part that falls with a + b if a step resolves the spring,
-    !> and if a damper holds the coordinate, which then follows slowly and is resolved by the step, too.
+    !> units of coordinate scales. With a = beta D and b = beta^2 K over the mass of a coordinate, its spring moves it by
+    !> b/(1 + a + b) of the displacement. Of that, a method of stage order 1 misses a part that falls with a + b if a step resolves
+    !> the spring, and if a damper holds the coordinate, which then follows slowly and is resolved by the step, too.
     pure subroutine measure(self, beta, strain, dominance)
         class(metric_type), intent(in) :: self
         real(wp), intent(in) :: beta

@@ -402,9 +402,9 @@ contains
             abs(self%nw - sum(self%carry_w*transpose(self%back_w))) <= most
     end function is_near
 
-    !> One Newton correction at the current point. The stage's rates are ambient: their coordinates vd = V' rate_q and wd = W'
-    !> rate_qd are corrected, and the parts that the chart ignores are copied from qd and qdd, which makes the rates good start
-    !> values for other stages, on other charts too.
+    !> One Newton correction at the current point. The stage's rates are ambient: their coordinates vd = V' rate_q and
+    !> wd = W' rate_qd are corrected, and the parts that the chart ignores are copied from qd and qdd, which makes the rates
+    !> good start values for other stages, on other charts too.
     subroutine correct(self, terms, velocity_basis, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, change_q, &
         change_qd)
         class(stage_type), intent(inout) :: self
