@@ -229,7 +229,7 @@ contains
         call self%meet_barrier(h)
     end subroutine fail
 
-    !> Record a rejected step of size h. Where charts end, errors grow faster with the step than the order predicts, and steps that
+    !> Record a rejected step of size h. At the end of a chart's reach, errors grow faster than the order predicts, and steps that
     !> grow by their errors alone are refused repeatedly: after two refusals at one size steps stay below it.
     pure subroutine meet_barrier(self, h)
         class(step_control_type), intent(inout) :: self
