@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> The position level of a chart: u with Phi(t, q0 + xi - U u) = 0 by Newton's iteration (17), and the matrix B = (Phi_q U)^-1
-!> (13) that it needs, factored once a step or refined at every point as in the paper (20). On a chart without bases
+!> (13) that it needs, factored once per step or refined at every point as in the paper (20). On a chart without bases
 !> U = diag(s)^2 Phi_q0' spans the same space, and B is the inverse of a Gram matrix, which then follows the motion: by Broyden's
 !> updates, and by one refinement (20) at stages that took many corrections.
 module tandem_chart_dense_position

@@ -13,9 +13,8 @@ contains
         self%is_implicit = implicit
         self%follows_stiffness = implicit .and. self%damps .and. options%chart /= 'paper'
         self%uses_svd = options%basis == 'svd'
-        ! The reach of kept charts is measured for the paper's complement; without restored stages the end of a step is more
-        ! accurate with it; and fixed steps, which have no error estimate, end with status `chart_left` if C has turned too far for
-        ! it.
+        ! The reach of kept charts is measured for the paper's complement. Without restored stages it makes ends of steps more
+        ! accurate. Fixed steps, which have no error estimate, end with `chart_left` if C has turned too far for it.
         self%keeps_momentum = options%is_adaptive() .and. projects_stages(options) .and. &
             options%chart == chart_policies(1)
         self%tolerance = options%constraint_tolerance
