@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* What a path leads to, without opening it: to open a pipe may wait for ever. */
+/* Kind of file at a path, found without opening it: opening a pipe may block for ever. */
 #include <sys/stat.h>
 
-/* Whether two paths lead to one file, however they are spelled: by links too. */
+/* True if two paths lead to one file, however they are spelled: through links too. */
 int tandem_path_is_same(const char *one, const char *other)
 {
     struct stat first, second;
@@ -10,7 +10,7 @@ int tandem_path_is_same(const char *one, const char *other)
     return stat(one, &first) == 0 && stat(other, &second) == 0 && first.st_dev == second.st_dev && first.st_ino == second.st_ino;
 }
 
-/* Whether a path leads to a regular file. */
+/* True if a path leads to a regular file. */
 int tandem_path_is_regular(const char *path)
 {
     struct stat about;
@@ -18,7 +18,7 @@ int tandem_path_is_regular(const char *path)
     return stat(path, &about) == 0 && S_ISREG(about.st_mode);
 }
 
-/* Whether a path leads to a pipe, named or not. */
+/* True if a path leads to a pipe, named or not. */
 int tandem_path_is_pipe(const char *path)
 {
     struct stat about;
@@ -26,7 +26,7 @@ int tandem_path_is_pipe(const char *path)
     return stat(path, &about) == 0 && S_ISFIFO(about.st_mode);
 }
 
-/* Whether a path is a symbolic link that leads to nothing. */
+/* True if a path is a dangling symbolic link. */
 int tandem_path_is_dangling(const char *path)
 {
     struct stat about;

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What a path leads to, without opening it: to open a pipe may wait for ever. The work is done in path.c.
+!> Kind of file at a path, found without opening it: opening a pipe may block for ever. The work is done in path.c.
 module tandem_io_path
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
     implicit none (type, external)
@@ -39,28 +39,28 @@ module tandem_io_path
 
 contains
 
-    !> Whether two paths lead to one file, however they are spelled: by links too. False where one leads to nothing.
+    !> True if two paths lead to one file, however they are spelled: through links too. False if one leads to nothing.
     logical function is_same_file(one, other)
         character(len=*), intent(in) :: one, other
 
         is_same_file = c_is_same(one//c_null_char, other//c_null_char) /= 0
     end function is_same_file
 
-    !> Whether a path leads to a regular file: no folder, pipe, socket or device.
+    !> True if a path leads to a regular file: no folder, pipe, socket or device.
     logical function is_regular(path)
         character(len=*), intent(in) :: path
 
         is_regular = c_is_regular(path//c_null_char) /= 0
     end function is_regular
 
-    !> Whether a path leads to a pipe, named or not.
+    !> True if a path leads to a pipe, named or not.
     logical function is_pipe(path)
         character(len=*), intent(in) :: path
 
         is_pipe = c_is_pipe(path//c_null_char) /= 0
     end function is_pipe
 
-    !> Whether a path is a symbolic link that leads to nothing.
+    !> True if a path is a dangling symbolic link.
     logical function is_dangling(path)
         character(len=*), intent(in) :: path
 

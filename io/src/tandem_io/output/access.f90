@@ -24,7 +24,7 @@ module tandem_io_output_access
             integer(c_int) :: stat
         end function h5f_start_swmr_write
 
-        !> Where the last piece of the file ends that has been given away.
+        !> End of the last allocated piece of the file.
         function h5f_get_eoa(file, address) result(stat) bind(c, name='H5Fget_eoa')
             import :: c_int, c_int64_t
             implicit none (type, external)
@@ -49,7 +49,7 @@ module tandem_io_output_access
             integer(c_int64_t), value :: driver
         end subroutine release_driver
 
-        !> Keep all that HDF5 knows of a file's objects in memory while it is open (metadata.c).
+        !> Keep all metadata of a file's objects in memory while it is open (metadata.c).
         function keep_metadata(access) result(stat) bind(c, name='tandem_metadata_keep')
             import :: c_int, c_int64_t
             implicit none (type, external)
@@ -75,7 +75,7 @@ module tandem_io_output_access
             integer(c_int) :: stat
         end function h5p_set_file_space_strategy
 
-        !> Whether HDF5 locks files.
+        !> Set file locking by HDF5.
         function h5p_set_file_locking(access, use, ignore_where_disabled) result(stat) bind(c, name='H5Pset_file_locking')
             import :: c_bool, c_int, c_int64_t
             implicit none (type, external)
@@ -87,14 +87,14 @@ module tandem_io_output_access
 
 contains
 
-    !> Make the properties with which a file is opened; the caller closes them. Those of a file that grows: the format of HDF5
+    !> Make the properties with which a file is opened; the caller closes them. Properties of a file that grows: the format of HDF5
     !> 1.10; no locks, since a guard locks the file, and readers may be there when it is opened again at the end of a run; and room
     !> taken in large pieces, so that the end of the file that the superblock states, which plain readers believe, seldom changes
-    !> and is ahead of the rows. What is left of the room is given back when the file is closed. Rows go to the disk past HDF5's
+    !> and is ahead of the rows. Unused room is given back when the file is closed. Rows go to the disk past HDF5's
     !> cache: a failure then shows before anything on the disk says that they are there.
     !>
     !> The system may end a program for good between two pages of a write. Pieces of metadata, most of them smaller than `slot`,
-    !> begin at multiples of it, so that none of these lies in two pages: the header of a dataset, which changes with every flush,
+    !> begin at multiples of it, so that none of them spans two pages: the header of a dataset, which changes with every flush,
     !> is on the disk as it was or as it is.
     subroutine make_access(access, grows, driver, datasets)
         integer(hid_t), intent(out) :: access
@@ -153,7 +153,7 @@ contains
         start_swmr = int(h5f_start_swmr_write(int(file, c_int64_t)))
     end function start_swmr
 
-    !> Where an open file will end after the next flush; 0 where that is not known.
+    !> End of an open file after the next flush; 0 if unknown.
     integer(c_int64_t) function end_of(file)
         integer(hid_t), intent(in) :: file
 

@@ -21,13 +21,13 @@ module tandem_io_output_checkpoint
     integer, parameter :: chunk = 4096
     character(len=*), parameter :: kind_of_row = 'result'
 
-    !> What a run goes on from.
+    !> State from which a run is resumed.
     type :: snapshot_type
         !> The complete scene as TOML.
         character(len=:), allocatable :: scene
         !> The state of the simulation, and of what watches it besides the file.
         integer(long), allocatable :: simulation(:), watcher(:)
-        !> Rows and events in the file then, how many rows the interval had asked for, and the times of the first and the last row.
+        !> Rows and events in the file then, number of rows requested by the interval, and the times of the first and the last row.
         integer(long) :: rows = 0, events = 0, intervals = 0
         real(wp) :: first_time = 0.0_wp, last_time = 0.0_wp
         !> Energy at the start and its largest deviation.
@@ -45,7 +45,7 @@ module tandem_io_output_checkpoint
         procedure, private :: pack_state => pack_snapshot
     end type snapshot_type
 
-    !> Where snapshots are written.
+    !> Destination of snapshots.
     type :: checkpoint_type
         private
         integer(hid_t) :: datasets(2) = -1_hid_t
@@ -76,7 +76,7 @@ contains
     subroutine take_up(self, file, snapshot)
         class(checkpoint_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file
-        !> What was read from it.
+        !> Contents of the checkpoint.
         type(snapshot_type), intent(in) :: snapshot
         integer :: i
 
@@ -194,7 +194,7 @@ contains
         end do
     end subroutine check_places
 
-    !> All that goes into the file. What comes after the version, only that version understands.
+    !> Complete contents of the file. The format after the version number depends on the version.
     subroutine pack_snapshot(self, pack, problem)
         class(snapshot_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -23,7 +23,7 @@ module tandem_io_output_checksums
     !> A place holds the running number, rows, events, a sum for each dataset, and the checksum of these and of the names.
     integer, parameter :: number_at = 1, rows_at = 2, events_at = 3, head = 3
 
-    !> Where the sums are written.
+    !> Writer of the checksums.
     type :: checksums_type
         private
         integer(hid_t) :: datasets(2) = -1_hid_t
@@ -34,19 +34,19 @@ module tandem_io_output_checksums
         procedure :: make, take_up, write => write_sums, note_texts, close
     end type checksums_type
 
-    !> What a file was found to be.
+    !> Result of the check of a file.
     type :: finding_type
-        !> Why it is not what was written; empty where it is, as far as that can be told.
+        !> Reason why the file differs from what was written; empty if no difference was found.
         character(len=:), allocatable :: problem
-        !> Whether it has checksums. Files of earlier programs have none.
+        !> True if the file has checksums. Files of earlier programs have none.
         logical :: has_checksums = .false.
-        !> Rows and events that they are of, and rows that came after them.
+        !> Rows and events covered by the checksums, and rows after them.
         integer(long) :: rows = 0, events = 0, rows_behind = 0
-        !> Datasets that have them, and texts among the attributes that cannot be read.
+        !> Number of datasets with checksums, and of unreadable texts among the attributes.
         integer :: datasets = 0, lost_texts = 0
-        !> Whether the file has a sum of the texts among its attributes, and whether they are others than those that were written.
+        !> True if the file has a checksum of the texts among its attributes; true if the texts differ from it.
         logical :: has_sum_of_texts = .false., are_other_texts = .false.
-        !> Their sums after the rows that were asked for.
+        !> Checksums of the datasets after the requested rows.
         type(fletcher_type), allocatable :: sums(:)
         !> The last place that was written.
         integer(long), allocatable, private :: words(:)
@@ -141,7 +141,7 @@ contains
     subroutine examine(file, finding, rows, events)
         type(hdf5_type), intent(inout) :: file
         type(finding_type), intent(out) :: finding
-        !> Rows and events after which the sums are asked for; all where absent.
+        !> Rows and events after which the sums are requested; all if absent.
         integer(long), intent(in), optional :: rows, events
         character(len=:), allocatable :: status, name
         type(fletcher_type) :: sum
@@ -224,7 +224,7 @@ contains
     subroutine read_place(file, finding, is_torn)
         type(hdf5_type), intent(inout) :: file
         type(finding_type), intent(inout) :: finding
-        !> Whether one of the places is not whole.
+        !> True if one of the places is incomplete.
         logical, intent(out) :: is_torn
         integer(long), allocatable :: words(:)
         integer :: i, n

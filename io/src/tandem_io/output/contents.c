@@ -8,8 +8,8 @@
    link for each joint that is told of, and as many users. */
 enum { deepest = 8, deepest_scale = 2 };
 
-/* What is found. Texts stand apart from the attributes, in collections without checksums. One that cannot be read is counted: it may
-   have been on its way when the program was killed. Those that do not change while a run goes on have a sum: FNV-1a (Fowler, Noll
+/* Contents found. Texts are stored apart from the attributes, in collections without checksums. Unreadable texts are counted:
+   they may have been in transit when the program was killed. Texts that stay constant during a run have a sum: FNV-1a (Fowler, Noll
    and Vo 1991) of 64 bits over the names of objects and attributes and the letters, each with the 0 that ends it. */
 struct contents {
     int lost;

@@ -3,7 +3,7 @@
    with which HDF5 would refuse it for ever once its writer was killed, never reaches the disk, and the file never is shorter than
    its superblock says. Who may write is for guard.c to say.
 
-   Nobody else writes the file. One that has become shorter was cut, and nothing more is read from it or written; and what HDF5 reads
+   Nobody else writes the file. A file that has become shorter was cut, and is neither read nor written any more; and what HDF5 reads
    again and again is damaged: from a file with one writer and many readers it reads metadata whose checksum is wrong 100 times, and
    sleeps twice as long before each, which ends in no lifetime. Its property for that does not hold for the writer. */
 #include "heap.h"
@@ -17,11 +17,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* A file: what HDF5 knows of it, and the same file in the hands of HDF5's own driver. */
+/* A file: the data of HDF5, and the same file opened by HDF5's own driver. */
 typedef struct {
     H5FD_t known;
     H5FD_t *inner;
-    /* Bytes that are there unless somebody has cut the file. */
+    /* Bytes that exist unless others have truncated the file. */
     uint64_t size;
     /* The last piece of metadata that was read, if nothing was written since, and how often it was read in a row. */
     haddr_t last_at;
@@ -78,7 +78,7 @@ static int compare(const H5FD_t *one, const H5FD_t *other)
     return H5FDcmp(inner_of(one), inner_of(other));
 }
 
-/* What HDF5's own driver can do, and pieces of metadata and of data may be put together in large ones. */
+/* Features of HDF5's own driver; in addition, pieces of metadata and of data may be combined into large ones. */
 static herr_t query(const H5FD_t *file, unsigned long *features)
 {
     (void)file;
@@ -163,7 +163,7 @@ static herr_t write_on(H5FD_t *inner, H5FD_mem_t type, hid_t transfer, haddr_t a
     end = tandem_superblock_end(from);
     memcpy(bytes, from, sizeof bytes);
     tandem_superblock_set(bytes, end);
-    /* The superblock comes last: what it tells of is there then. */
+    /* The superblock comes last: all data to which it refers then exist. */
     if (size > sizeof bytes && H5FDwrite(inner, type, transfer, sizeof bytes, size - sizeof bytes, rest) < 0)
         return -1;
     return extend(inner, end) < 0 ? -1 : H5FDwrite(inner, type, transfer, 0, sizeof bytes, bytes);
@@ -189,7 +189,7 @@ static herr_t truncate_file(H5FD_t *file, hid_t transfer, hbool_t is_closing)
 {
     file_type *ours = (file_type *)file;
 
-    /* What somebody has cut is not made long again. */
+    /* A file that was truncated by others is not extended again. */
     if (size_of(ours->inner) < ours->size || H5FDtruncate(ours->inner, transfer, is_closing) < 0)
         return -1;
     ours->size = size_of(ours->inner);
@@ -197,7 +197,7 @@ static herr_t truncate_file(H5FD_t *file, hid_t transfer, hbool_t is_closing)
 }
 
 /* Let files that are opened with these properties be written by this driver, and give its number to HDF5; a negative one where
-   that fails. Each call makes a driver of its own to HDF5, which therefore takes a file that is open with another for another file. */
+   that fails. Each call makes a driver of its own to HDF5, which therefore treats a file opened with another driver as another file. */
 int64_t tandem_driver_set(int64_t access)
 {
     static const H5FD_class_t driver = {

@@ -20,7 +20,7 @@ module tandem_io_output_events
     type :: event_output_type
         integer(hid_t), private :: time = -1_hid_t, name = -1_hid_t, number = -1_hid_t, direction = -1_hid_t
         integer(hid_t), private :: q = -1_hid_t, qd = -1_hid_t
-        !> Whether there is anything to write, and the rows in the file.
+        !> True if there is anything to write; number of rows in the file.
         logical :: is_open = .false.
         integer(long) :: rows = 0
         !> The sums of the rows of time, name, number, direction, q and qd.
@@ -84,7 +84,7 @@ contains
         call file%open_dataset(place//'/qd', self%qd)
     end subroutine take_up
 
-    !> Cut off the rows behind the first ones. What is missing is written again by `append`.
+    !> Cut off the rows behind the first ones. Missing rows are written again by `append`.
     subroutine cut(self, file, n, rows)
         class(event_output_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What a result file may hold besides the time, and what was asked for. This table is the only list of the fields.
+!> Fields of a result file besides the time, and the selection made by a scene. This table is the only list of the fields.
 module tandem_io_output_fields
     use tandem, only: model_type, wp
     implicit none (type, external)
@@ -26,13 +26,13 @@ module tandem_io_output_fields
         character(len=field_length) :: name, group
         !> `one`, `each_coordinate` or `each_constraint`.
         integer :: width
-        !> Whether it counts and is stored as integers.
+        !> True if the field is a count, stored as integers.
         logical :: counts
         !> Power of a second in the unit of a field with `each_coordinate`: 0 position, -1 velocity, -2 acceleration.
         integer :: rate
         !> Unit of a field with `one`.
         character(len=8) :: unit
-        !> What it is.
+        !> Description of the field.
         character(len=80) :: meaning
     end type field_type
 
@@ -56,11 +56,11 @@ module tandem_io_output_fields
     !> Their names.
     character(len=field_length), parameter :: field_names(size(fields)) = fields%name
 
-    !> What is written where a scene does not say: what the integration knows anyway.
+    !> Default fields: quantities that the integration computes in any case.
     character(len=field_length), parameter :: default_fields(8) = [character(len=field_length) :: 'q', 'qd', 'qdd', &
         'position_error', 'velocity_error', 'acceleration_error', 'step', 'chart']
 
-    !> What a scene asks for.
+    !> Output requested by a scene.
     type :: output_type
         !> Path of the result file.
         character(len=:), allocatable :: file
@@ -80,7 +80,7 @@ module tandem_io_output_fields
 
 contains
 
-    !> Whether a field was asked for.
+    !> True if a field is requested.
     pure logical function asks_for(self, field)
         class(output_type), intent(in) :: self
         !> Index in `fields`.
@@ -90,7 +90,7 @@ contains
         if (allocated(self%fields)) asks_for = any(self%fields == fields(field)%name)
     end function asks_for
 
-    !> What of the fields cannot be; nothing where all can.
+    !> Problem of the requested fields; empty if all are valid.
     pure function problem(self, model) result(text)
         class(output_type), intent(in) :: self
         !> The model that is to run.

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* What keeps a result file safe that HDF5 does not do: a lock while it is written, a look whether it is still there and has room,
-   an end that is ahead of what is written, and the system's reason where it refuses to write. */
+/* Protection of a result file beyond HDF5: a lock while it is written, checks that it still exists and that the disk has room,
+   an end ahead of the written data, and the system's reason if it refuses to write. */
 #define _GNU_SOURCE
 #include "superblock.h"
 #include <errno.h>
@@ -44,7 +44,7 @@ void tandem_guard_release(int file)
     close(file);
 }
 
-/* Whether another process has locked the file. */
+/* True if another process has locked the file. */
 int tandem_guard_is_taken(const char *path)
 {
     int file = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK), is_taken;
@@ -56,7 +56,7 @@ int tandem_guard_is_taken(const char *path)
     return is_taken;
 }
 
-/* Whether the path still leads to the file. */
+/* True if the path still leads to the file. */
 int tandem_guard_is_there(int file, const char *path)
 {
     struct stat ours, theirs;
@@ -76,7 +76,7 @@ static int read_superblock(int file, unsigned char *bytes, uint64_t *last, uint6
     return 1;
 }
 
-/* Whether the file begins with a superblock, and is as long as that says: what this program writes is at every moment (driver.c). */
+/* True if the file is signed as HDF5 and not shorter than a known superblock states; files written here always are (driver.c). */
 int tandem_guard_is_whole(int file)
 {
     unsigned char bytes[superblock_size];
@@ -88,7 +88,7 @@ int tandem_guard_is_whole(int file)
 }
 
 /* Remove the mark of a writer from the superblock, and let the file end where it says, or at `end` if that is later: before a
-   flush, so that what the flush brings is never behind the end. What is no superblock as we know it is left alone. */
+   flush, so that flushed data never lie behind the end. An unknown superblock is left alone. */
 void tandem_guard_mend(int file, int64_t end)
 {
     unsigned char bytes[superblock_size];
@@ -120,7 +120,7 @@ void tandem_guard_trim(int file)
         return;
 }
 
-/* Whether the file may grow by so many bytes; it is left as it was. */
+/* True if the file may grow by so many bytes; its length stays unchanged. */
 int tandem_guard_has_room(int file, int64_t bytes)
 {
     struct stat about;

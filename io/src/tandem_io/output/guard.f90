@@ -145,7 +145,7 @@ contains
     !> killed, and with an end that no piece is behind.
     subroutine mend(self, end)
         class(guard_type), intent(in) :: self
-        !> Where the file will end at the earliest; 0 for where it does.
+        !> Earliest future end of the file; 0 for the present end.
         integer(c_int64_t), intent(in) :: end
 
         if (self%file >= 0) call c_mend(self%file, end)
@@ -158,7 +158,7 @@ contains
         if (self%file >= 0) call c_trim(self%file)
     end subroutine trim_file
 
-    !> Whether the file may grow by so many bytes; true where there is no guard.
+    !> True if the file may grow by so many bytes, or if there is no guard.
     logical function has_room(self, bytes)
         class(guard_type), intent(in) :: self
         integer(c_int64_t), intent(in) :: bytes
@@ -167,7 +167,7 @@ contains
         if (self%file >= 0) has_room = c_has_room(self%file, bytes) /= 0
     end function has_room
 
-    !> Whether the file still stands where it was made; true where there is no guard.
+    !> True if the file still has the path at which it was created, or if there is no guard.
     logical function is_there(self)
         class(guard_type), intent(in) :: self
 
@@ -175,7 +175,7 @@ contains
         if (self%file >= 0) is_there = c_is_there(self%file, self%path) /= 0
     end function is_there
 
-    !> Whether the file is as long as its superblock says, and has one; true where there is no guard.
+    !> True if the file has a superblock and is not shorter than stated there, or if there is no guard.
     logical function is_whole(self)
         class(guard_type), intent(in) :: self
 
@@ -191,7 +191,7 @@ contains
         self%file = -1_c_int
     end subroutine release
 
-    !> Whether another process has locked a file.
+    !> True if another process has locked a file.
     logical function is_taken(path)
         character(len=*), intent(in) :: path
 

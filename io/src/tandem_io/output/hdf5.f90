@@ -23,10 +23,10 @@ module tandem_io_output_hdf5
 
     public :: hdf5_type, start_library
 
-    !> Up to so many attributes stand in the header of their group, whose pieces HDF5 writes such that they are whole at every
-    !> moment. What it has for many attributes else is not.
+    !> Largest number of attributes stored in the header of their group. HDF5 writes its pieces such that they are whole at every
+    !> moment, unlike its other storage of many attributes.
     integer, parameter :: most_attributes = 1000
-    !> What is said of a file that is shorter than it was written.
+    !> Message about a file that is shorter than it was written.
     character(len=*), parameter :: was_cut = &
         'somebody else has cut or overwritten the file while the run wrote it; what it held is lost'
 
@@ -38,7 +38,7 @@ module tandem_io_output_hdf5
         integer(c_int64_t), private :: driver = -1
         !> How many datasets grow in it.
         integer, private :: datasets = 0
-        !> Whether rows are being appended.
+        !> True while rows are being appended.
         logical, private :: is_growing = .false.
         type(guard_type), private :: guard
     contains
@@ -57,7 +57,7 @@ module tandem_io_output_hdf5
         procedure :: link, open_to_read, get
         ! Runs that go on.
         procedure :: open_to_append, open_dataset, rows_of, cut, remove, add_words, write_words, get_words
-        ! What is there, and whether it can be read.
+        ! Contents of the file and their integrity.
         procedure :: has, sum_rows, read_all
     end type hdf5_type
 
@@ -111,7 +111,7 @@ module tandem_io_output_hdf5
             integer, intent(in) :: width
             !> Rows in a chunk.
             integer, intent(in) :: chunk
-            !> Whether integers are stored.
+            !> True if integers are stored.
             logical, intent(in) :: counts
             !> The dataset.
             integer(hid_t), intent(out) :: dataset
@@ -133,7 +133,7 @@ module tandem_io_output_hdf5
             !> Rows that it has, and rows to append.
             integer(long), intent(in) :: before
             integer, intent(in) :: rows
-            !> The rows, one a column; more columns may follow.
+            !> The rows, one per column; more columns may follow.
             real(wp), intent(in), contiguous, target :: values(:, :)
         end subroutine append
 
@@ -167,7 +167,7 @@ module tandem_io_output_hdf5
             integer(hid_t), intent(out) :: dataset
         end subroutine open_dataset
 
-        !> How many rows a dataset has; 0 where that cannot be told.
+        !> Number of rows of a dataset; 0 if unknown.
         module function rows_of(self, dataset) result(rows)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -202,7 +202,7 @@ module tandem_io_output_hdf5
             integer(long), allocatable, target, intent(out) :: words(:)
         end subroutine get_words
 
-        !> Whether there is an object of this path; its group must be there.
+        !> True if there is an object of this path; its group must exist.
         module function has(self, path) result(is_there)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -226,9 +226,9 @@ module tandem_io_output_hdf5
         module subroutine read_all(self, lost_texts, sum_of_texts)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
-            !> Texts among them that cannot be read.
+            !> Number of unreadable texts among the attributes.
             integer, intent(out) :: lost_texts
-            !> A checksum of those that do not change while a run goes on.
+            !> A checksum of the texts that stay constant during a run.
             integer(long), intent(out) :: sum_of_texts
         end subroutine read_all
 
@@ -329,7 +329,7 @@ module tandem_io_output_hdf5
         module subroutine replace_text(self, path, name, value)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
-            !> Where the file stands, and the name of the attribute.
+            !> Path of the file, and name of the attribute.
             character(len=*), intent(in) :: path, name
             character(len=*), intent(in) :: value
         end subroutine replace_text
@@ -380,7 +380,7 @@ module tandem_io_output_hdf5
             !> Numbers in a row; 0 for single numbers, without that dimension.
             integer, intent(in) :: width
             integer(long), intent(in) :: rows
-            !> Whether integers are stored.
+            !> True if integers are stored.
             logical, intent(in) :: counts
             integer(hid_t), intent(out) :: dataset
         end subroutine add_column
@@ -395,7 +395,7 @@ module tandem_io_output_hdf5
             integer, intent(in) :: width
             !> Rows before these.
             integer(long), intent(in) :: before
-            !> The rows, one a column.
+            !> The rows, one per column.
             real(wp), intent(in), contiguous, target :: values(:, :)
         end subroutine fill_column
 
@@ -462,7 +462,7 @@ contains
     !> for new attributes (`reserve`); a text among the attributes that is written anew may be unreadable for a moment.
     subroutine start_appending(self, path)
         class(hdf5_type), intent(inout) :: self
-        !> Where the file stands.
+        !> Path of the file.
         character(len=*), intent(in) :: path
 
         if (allocated(self%problem)) return
@@ -512,11 +512,11 @@ contains
         end if
     end subroutine flush
 
-    !> Close the file, if it is open. After a failure HDF5 is not asked again: what it still held back would spoil what is there.
-    !> What `flush` has not brought to a growing file may be lost to readers if the program ends meanwhile.
+    !> Close the file, if it is open. After a failure HDF5 is not called again: its buffered data would damage the file.
+    !> Data not yet flushed to a growing file may be lost to readers if the program ends meanwhile.
     subroutine close(self, keeps_lock)
         class(hdf5_type), intent(inout) :: self
-        !> Whether other writers stay out, until `let_go`; default false.
+        !> True to keep other writers out until `let_go`; default false.
         logical, intent(in), optional :: keeps_lock
         logical :: keeps_lock_
         integer :: stat
@@ -576,9 +576,9 @@ contains
     !> Keep the first failure.
     subroutine note(self, stat, action)
         class(hdf5_type), intent(inout) :: self
-        !> What HDF5 returned.
+        !> Status returned by HDF5.
         integer, intent(in) :: stat
-        !> What was tried, an infinitive.
+        !> Attempted action, an infinitive.
         character(len=*), intent(in) :: action
 
         character(len=:), allocatable :: reason

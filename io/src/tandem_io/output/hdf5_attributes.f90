@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What objects of a file say of themselves: numbers and texts as attributes.
+!> Attributes of objects of a file: numbers and texts.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_attributes
     use hdf5, only: h5_index_name_f, h5_integer_kind, h5_iter_inc_f, h5aclose_f, h5acreate_f, h5adelete_by_idx_f, h5adelete_f, &
         h5aexists_f, h5aget_name_by_idx_f, h5aget_num_attrs_f, h5aopen_by_name_f, h5aopen_f, h5aread_f, h5awrite_f, &
@@ -45,7 +45,7 @@ contains
         integer :: stat
 
         if (allocated(self%problem)) return
-        ! HDF5 knows of the room that an old text leaves once it has read that.
+        ! HDF5 can reuse the room of an old text only after reading the text.
         if (length < 0) call self%get_text(path, name, old)
         call set_letters(values, letters, starts)
         call make_text_type(text_type)
@@ -84,7 +84,7 @@ contains
             call h5awrite_f(attribute, memory_type, values, stat)
             call h5aclose_f(attribute, ignored)
             if (stat /= 0 .and. exists) then
-                ! HDF5 1.14 replaces no text that cannot be read.
+                ! HDF5 1.14 does not replace unreadable texts.
                 call h5adelete_f(object, name, ignored)
                 call make_attribute(object, name, file_type, length, attribute, stat)
                 if (stat == 0) call h5awrite_f(attribute, memory_type, values, stat)
@@ -102,7 +102,7 @@ contains
         !> Length of an array, -1 for a scalar.
         integer, intent(in) :: length
         integer(hid_t), intent(out) :: attribute
-        !> What HDF5 returned.
+        !> Status returned by HDF5.
         integer, intent(out) :: stat
         integer(hid_t) :: space
         integer :: ignored

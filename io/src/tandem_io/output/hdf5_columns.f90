@@ -4,7 +4,7 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_columns
     implicit none (type, external)
 
     interface
-        !> Whether HDF5 notes when an object was made.
+        !> Set the recording of creation times of objects by HDF5.
         function h5p_set_obj_track_times(properties, tracks) result(stat) bind(c, name='H5Pset_obj_track_times')
             use, intrinsic :: iso_c_binding, only: c_bool, c_int, c_int64_t
             implicit none (type, external)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What can still be said in a file that cannot be written any more: texts that take the place of others.
+!> Last message in a file that accepts no more data: replacement of texts in place.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_last_word
     use hdf5, only: h5aclose_f, h5aopen_by_name_f, h5awrite_f, h5fget_filesize_f
     use tandem_io_output_hdf5_texts, only: make_text_type, read_text, set_letters
@@ -7,10 +7,10 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_last_word
 
 contains
 
-    !> Replace a text of the root after a failure to write, if that needs no new space. What HDF5 still holds back for the file must
-    !> not be written: new properties have a driver of their own, which makes it another file to HDF5, read anew from the disk.
-    !> Texts stand in collections with some room; HDF5 knows of it once it has read from one. Where the room is too small, the file
-    !> is left as it is.
+    !> Replace a text of the root after a failure to write, if that needs no new space. Data that HDF5 still buffers must not
+    !> be written: new properties have a driver of their own, which makes it another file to HDF5, read anew from the disk.
+    !> Texts are stored in collections with some room, known to HDF5 once it has read from one. If the room is too small, the file
+    !> is left unchanged.
     module procedure replace_text
         character(len=:), allocatable :: old
         character(kind=c_char), allocatable, target :: letters(:)
@@ -20,7 +20,7 @@ contains
         integer(hsize_t) :: new_size
         integer :: stat, ignored
 
-        ! What somebody has cut stays as it is, so that nobody takes it for a result.
+        ! A file that was truncated by others stays unchanged, so that nobody takes it for a result.
         if (.not. (self%guard%is_there() .and. self%guard%is_whole())) return
         call self%guard%take(path)
         ! Nothing may go behind the end that the superblock states (see `open_to_append`), and closing the file may cut nothing off.
@@ -38,7 +38,7 @@ contains
             call h5tclose_f(text_type, ignored)
         end if
         if (stat == 0) call h5fget_filesize_f(file, new_size, stat)
-        ! What has grown is not closed: then it does not reach the disk.
+        ! A file that has grown is not closed, so that the change does not reach the disk.
         if (stat == 0 .and. new_size == size) then
             call h5aclose_f(attribute, stat)
             call h5fclose_f(file, stat)

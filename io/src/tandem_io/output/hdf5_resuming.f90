@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What HDF5 has to do where a run goes on in its file: open what is there, cut rows off, and keep whole numbers that are no rows.
+!> HDF5 operations of a resumed run: open the existing file, cut rows off, and store integers that are not rows.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_resuming
     use hdf5, only: h5_integer_kind, h5dopen_f, h5dread_f, h5kind_to_type, h5ldelete_f, h5lexists_f, &
         h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f
@@ -8,7 +8,7 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_resuming
 contains
 
     module procedure open_to_append
-        !> What is written before the first row, and some rows.
+        !> Room for the data before the first row, and for some rows.
         integer(c_int64_t), parameter :: room = 2**19
         integer(hid_t) :: access
         integer(c_int64_t) :: size
@@ -17,7 +17,7 @@ contains
         call start_library(stat)
         call self%note(stat, 'start HDF5')
         if (allocated(self%problem)) return
-        ! What a killed writer has put behind the end that the superblock states may be known to an index: nothing may go there.
+        ! An index may refer to data that a killed writer put behind the end stated in the superblock: nothing may be written there.
         inquire (file=path, size=size)
         call self%guard%take(path)
         ! On a full disk nothing is begun.

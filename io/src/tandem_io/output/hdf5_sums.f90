@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What is there in a file, and whether it can be read: all its objects, and sums of the rows of its datasets.
+!> Contents of a file and their integrity: all its objects, and checksums of the rows of its datasets.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_sums
     use hdf5, only: h5dget_type_f, h5dread_f, h5lexists_f, h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, &
         h5t_string_f, h5tget_class_f, h5tget_size_f, size_t
@@ -9,7 +9,7 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_sums
     integer(long), parameter :: piece = 2_long**20, longest_row = 2_long**24
 
     interface
-        !> Read all that is no row: how many texts cannot be read, negative where something else cannot (contents.c).
+        !> Read everything but the rows. Returns the number of unreadable texts, negative on other failures (contents.c).
         function c_read_all(file, sum) result(stat) bind(c, name='tandem_contents_read')
             import :: c_int, c_int64_t
             implicit none (type, external)

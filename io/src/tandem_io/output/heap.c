@@ -29,7 +29,7 @@ int tandem_heap_is_sound(const unsigned char *bytes, uint64_t end)
 
     if (end < least)
         return 0;
-    /* What is too small for an object's header is free. */
+    /* A remainder too small for an object's header is free. */
     while (at + object_head <= end) {
         length = number_at(bytes + at + length_at, 8);
         /* Free space has the number 0 and comes last, with its header. */

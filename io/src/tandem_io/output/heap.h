@@ -8,7 +8,7 @@
 /* The length of a collection that begins with some bytes of a file, by what it says; 0 if they are none. */
 uint64_t tandem_heap_length(const unsigned char *bytes, size_t size);
 
-/* Whether a collection is one that HDF5 can read: it has no checksum, and HDF5 1.10 believes all lengths in it, and writes beyond its
-   memory where they are damaged. */
+/* True if HDF5 can read a collection. Collections have no checksum; HDF5 1.10 uses all lengths in them unchecked, and writes beyond
+   its memory if they are damaged. */
 int tandem_heap_is_sound(const unsigned char *bytes, uint64_t length);
 #endif

@@ -98,7 +98,7 @@ contains
         if (allocated(file%problem)) call set_error(error, status_output_failed, path//': '//file%problem)
     end subroutine write_nearest
 
-    !> What the rows and columns are.
+    !> Names of the rows and columns.
     subroutine put_names(file, model, it, io)
         type(hdf5_type), intent(inout) :: file
         class(model_type), intent(in) :: model
@@ -115,7 +115,7 @@ contains
         call file%put(group//'/outputs', io%outputs)
     end subroutine put_names
 
-    !> Eigenvalues [re, im], and what belongs to each; shapes one a row, zero where symmetries and families explain the eigenvalue.
+    !> Eigenvalues [re, im] and their properties; one shape per row, zero if symmetries and families explain the eigenvalue.
     subroutine put_modes(file, it)
         type(hdf5_type), intent(inout) :: file
         type(linearisation_type), intent(in) :: it

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include <hdf5.h>
 
-/* Keep all that HDF5 knows of a file's objects in memory while it is open. Where it has no room for an object more, it drops others
+/* Keep all metadata of a file's objects in memory while it is open. If HDF5 has no room for another object, it drops others
    first, and in the mode "single writer, multiple readers" that fails for the indices of datasets (1.10.8): of some thousand
    datasets none can be written any more. 0 on success. */
 int tandem_metadata_keep(int64_t access)

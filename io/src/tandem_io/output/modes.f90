@@ -11,7 +11,7 @@ module tandem_io_output_modes
 contains
 
     !> The motions of the bodies in each mode (6 n_bodies, n_modes): of body 1 x, y, z and the turns about them, of body 2, and so
-    !> on. No rows for a model that is no mechanism.
+    !> on. No rows for models other than mechanisms.
     subroutine body_motions(model, q, shapes, motions)
         class(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:)

@@ -129,7 +129,7 @@ contains
         integer(long) :: i, n
 
         to = simulation%state%t
-        ! What an event has changed at the end of the step is no longer the motion within it.
+        ! A state changed by an event at the end of the step is not part of the motion within the step.
         if (.not. to > self%spaced_until) return
         self%spaced_until = to
         from = to - simulation%last_step
@@ -154,7 +154,7 @@ contains
             call self%series(i)%append(self%file, self%rows, self%gathered)
         end do
         if (.not. allocated(self%file%problem)) self%rows = self%rows + self%gathered
-        ! What could not be written never will be, and leaves its place all the same.
+        ! Rows whose writing failed are dropped too: it is not tried again.
         self%gathered = 0
     end procedure write_rows
 

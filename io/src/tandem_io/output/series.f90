@@ -40,7 +40,7 @@ contains
         class(model_type), intent(in) :: model
         !> Rows of the buffer, and of a chunk of the file.
         integer, intent(in) :: capacity, chunk
-        !> Whether the dataset is there.
+        !> True if the dataset exists.
         logical, intent(in) :: goes_on
         !> The dataset of the time; absent for the time itself.
         integer(hid_t), intent(in), optional :: time

@@ -2,7 +2,7 @@
 #include "superblock.h"
 #include <string.h>
 
-/* Where its version, the sizes of addresses and lengths, the marks, the end of the file and the checksum stand. */
+/* Offsets of the version, the sizes of addresses and lengths, the marks, the end of the file and the checksum. */
 enum { version_at = 8, sizes_at = 9, marks_at = 11, end_at = 28, checksum_at = 44 };
 
 static uint32_t rotate(uint32_t x, int bits)

@@ -7,16 +7,16 @@
 
 enum { superblock_size = 48 };
 
-/* Whether the bytes are a superblock of that version, and undamaged. */
+/* True if the bytes are an undamaged superblock of that version. */
 int tandem_superblock_is_known(const unsigned char *bytes);
 
-/* Whether a file that begins with the bytes is HDF5. */
+/* True if a file that begins with the bytes is HDF5. */
 int tandem_superblock_is_signed(const unsigned char *bytes);
 
-/* Where the file ends by its superblock. */
+/* End of the file stated in its superblock. */
 uint64_t tandem_superblock_end(const unsigned char *bytes);
 
-/* Whether HDF5 has marked it as open for writing. */
+/* True if HDF5 has marked it as open for writing. */
 int tandem_superblock_is_marked(const unsigned char *bytes);
 
 /* Take that mark away, and let the file end there. */

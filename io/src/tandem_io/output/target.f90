@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Whether a result may be written to a path.
+!> Checks of paths to which results are written.
 module tandem_io_output_target
     use hdf5, only: h5aexists_f, h5f_acc_rdonly_f, h5fclose_f, h5fis_hdf5_f, h5fopen_f, hid_t
     use tandem, only: error_type, set_error
@@ -18,14 +18,13 @@ module tandem_io_output_target
 
 contains
 
-    !> Refuse a path that cannot be written, a file that exists, and one that somebody is writing. A file that is not there yet is
-    !> made, empty.
+    !> Refuse an unwritable path, an existing file, and a file that is being written. A missing file is created, empty.
     subroutine check_target(path, force, is_new, error)
         !> The result file.
         character(len=*), intent(in) :: path
-        !> Whether a file that exists may be lost.
+        !> True if an existing file may be overwritten.
         logical, intent(in) :: force
-        !> Whether there was no such file.
+        !> True if there was no such file.
         logical, intent(out) :: is_new
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: folder
@@ -81,7 +80,7 @@ contains
         is_new = .not. exists
     end subroutine check_target
 
-    !> Refuse to lose a file, unless that was asked for, and always one that is in use.
+    !> Refuse to overwrite a file unless requested, and a file in use always.
     subroutine check_existing(path, force, error)
         character(len=*), intent(in) :: path
         logical, intent(in) :: force
@@ -95,12 +94,12 @@ contains
         end if
     end subroutine check_existing
 
-    !> Refuse a file that is no result of tandem, and one that somebody is writing. Where it is to be changed, a mark that a killed
-    !> writer has left (of another program: ours makes none) is removed.
+    !> Refuse a file that is not a result of tandem, and one that is being written. If it is to be changed, a mark left by a killed
+    !> writer (of another program: ours makes none) is removed.
     subroutine check_source(path, error, purpose)
         character(len=*), intent(in) :: path
         type(error_type), allocatable, intent(out) :: error
-        !> What cannot be done with the file otherwise; to go on from it, and to change it, where absent.
+        !> Purpose named in messages. If absent, the file is to be resumed and changed.
         character(len=*), intent(in), optional :: purpose
         type(guard_type) :: guard
         logical :: exists
@@ -146,7 +145,7 @@ contains
         end subroutine refuse
     end subroutine check_source
 
-    !> Whether HDF5 has marked a file as one that is being written: its writer was killed at a bad moment, if nobody does.
+    !> True if HDF5 has marked a file as being written. If there is no writer, it was killed at a bad moment.
     logical function is_marked(path)
         character(len=*), intent(in) :: path
         !> Places, from 1, of the superblock's version and of the marks, and the version that has them (HDF5 File Format
@@ -164,7 +163,7 @@ contains
         close (unit)
     end function is_marked
 
-    !> Whether HDF5 can open a file.
+    !> True if HDF5 can open a file.
     logical function can_be_opened(path)
         character(len=*), intent(in) :: path
         integer(hid_t) :: file
@@ -175,7 +174,7 @@ contains
         if (can_be_opened) call h5fclose_f(file, stat)
     end function can_be_opened
 
-    !> Whether a file is there and tandem has written it.
+    !> True if a file exists and was written by tandem.
     logical function is_result(path)
         character(len=*), intent(in) :: path
         integer(hid_t) :: file
@@ -190,7 +189,7 @@ contains
         call h5fclose_f(file, stat)
     end function is_result
 
-    !> Whether a regular file is there and is HDF5.
+    !> True if a regular file exists and is HDF5.
     logical function is_hdf5(path)
         character(len=*), intent(in) :: path
         integer :: stat

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> The observer that writes a result file: /trajectory and /diagnostics row by row, /report at the end (see doc/output.md).
 !>
-!> Rows are gathered in memory and brought to the disk in blocks, at the latest a second later. What is there survives whatever
-!> ends the program. A field that was not asked for is neither computed nor written.
+!> Rows are gathered in memory and written to the disk in blocks, at the latest a second later. Written rows survive any end of
+!> the program. A field that was not requested is neither computed nor written.
 module tandem_io_output_trajectory
     use tandem, only: at_end, at_event, at_start, at_step, error_type, global_error_type, label_length, long, mark_type, &
         model_type, observer_type, pack_type, part_blocks, part_checkpoint, profile_type, set_error, simulation_type, &
@@ -42,7 +42,7 @@ module tandem_io_output_trajectory
 
     !> How an energy, where it was written, has changed since the start.
     type :: energy_type
-        !> Whether the kinetic and the potential part were written.
+        !> True if the kinetic part was written; true if the potential part was.
         logical :: has_kinetic = .false., has_potential = .false.
         !> At the start; largest deviation from it at the rows.
         real(wp) :: at_start = 0.0_wp, deviation = 0.0_wp
@@ -53,11 +53,11 @@ module tandem_io_output_trajectory
         type(energy_type) :: energy
         !> Rows in the file.
         integer(long) :: rows = 0
-        !> Where the time of writing is booked, if anybody takes it.
+        !> Profile to which the time of writing is added, if any.
         type(profile_type), pointer :: profile => null()
         type(hdf5_type), private :: file
         type(claim_type), private :: file_claim
-        !> Where and what the run would go on from, and when that was written last; what watches the run besides.
+        !> Checkpoint, its contents and the time of its last writing; error estimator that observes the run too.
         type(checkpoint_type), private :: checkpoint
         type(checksums_type), private :: checksums
         type(snapshot_type), private :: snapshot
@@ -70,22 +70,22 @@ module tandem_io_output_trajectory
         class(global_error_type), pointer, private :: watcher => null()
         !> End of the last step of which the rows within are there.
         real(wp), private :: spaced_until = -huge(1.0_wp)
-        !> Whether the state is one within a step, at which no step has ended.
+        !> True if the state lies within a step.
         logical, private :: is_between = .false.
-        !> Whether the next start is that of a run that goes on, whose first row is there.
+        !> True if the next start is that of a resumed run, whose first row exists.
         logical, private :: goes_on = .false.
-        !> Whether `add_error` or `add_profile` may come after `close`, and the file stays locked until `release`.
+        !> True if `add_error` or `add_profile` may follow `close`; the file then stays locked until `release`.
         logical, private :: more_follows = .false.
         type(event_output_type), private :: events
         type(series_type), allocatable, private :: series(:)
         integer, private :: every = 1, capacity = 1, gathered = 0
-        !> What the model tells besides the fields, one after the other.
+        !> Quantities of the model besides the fields, one after the other.
         real(wp), allocatable, private :: quantities(:)
-        !> For that the multipliers, and until when its integrals are known.
+        !> Multipliers for the quantities, and the time until which the integrals are known.
         real(wp), allocatable, private :: lambda(:), rates(:)
         real(wp), private :: integrated_until = 0.0_wp
         real(wp), private :: last_time = 0.0_wp, interval = 0.0_wp, spacing = 0.0_wp, first_time = 0.0_wp
-        !> Rows that the interval has asked for so far.
+        !> Rows requested by the interval so far.
         integer(long), private :: intervals = 0
         character(len=:), allocatable, private :: path
     contains
@@ -103,7 +103,7 @@ module tandem_io_output_trajectory
             type(error_type), allocatable, intent(out) :: error
         end subroutine gather
 
-        !> Let the model tell what it knows of the current state.
+        !> Evaluate the quantities of the model at the current state.
         module subroutine measure(self, simulation, error)
             implicit none (type, external)
             class(trajectory_type), intent(inout) :: self
@@ -120,7 +120,7 @@ module tandem_io_output_trajectory
         end subroutine integrate
 
         !> Keep rows within the last step, so many at equal distances that none is further from the next than `spacing`. A time at
-        !> which there is no row, because the model cannot be evaluated there, is left out: nobody has asked for it.
+        !> which there is no row, because the model cannot be evaluated there, is left out: it was not requested.
         module subroutine gather_spaced(self, simulation)
             implicit none (type, external)
             class(trajectory_type), intent(inout) :: self
@@ -133,7 +133,7 @@ module tandem_io_output_trajectory
             class(trajectory_type), intent(inout) :: self
             class(simulation_type), intent(inout) :: simulation
             type(error_type), allocatable, intent(out) :: error
-            !> Whether the end of the step is left for later, when an event has changed it.
+            !> True to leave the end of the step for later, after the changes of an event.
             logical, intent(in) :: is_before_event
         end subroutine gather_between
 
@@ -193,15 +193,15 @@ contains
     !> Make the file for a simulation that is initialized. On an error nothing is left behind.
     subroutine open(self, output, simulation, error, scene, command, force, watcher)
         class(trajectory_type), intent(inout) :: self
-        !> What to write where.
+        !> Fields and file to write.
         type(output_type), intent(in) :: output
         class(simulation_type), intent(in) :: simulation
         type(error_type), allocatable, intent(out) :: error
         !> The complete scene and the command line, for the file.
         character(len=*), intent(in), optional :: scene, command
-        !> Whether a file that exists may be overwritten.
+        !> True if an existing file may be overwritten.
         logical, intent(in), optional :: force
-        !> What watches the run too, for the checkpoint; it must outlive the run.
+        !> Error estimator that observes the run too, for the checkpoint; it must outlive the run.
         class(global_error_type), intent(inout), optional, target :: watcher
         logical :: is_new, force_
         integer :: n_warnings
@@ -380,7 +380,7 @@ contains
         end do
     end subroutine set_sums
 
-    !> What `open` and `go_on` have in common: the datasets of the rows and their buffers.
+    !> Common part of `open` and `go_on`: the datasets of the rows and their buffers.
     subroutine prepare(self, output, simulation)
         class(trajectory_type), intent(inout) :: self
         type(output_type), intent(in) :: output
@@ -431,14 +431,14 @@ contains
         self%energy%has_potential = output%asks_for(field_potential_energy)
     end subroutine prepare
 
-    !> Let the model see the start before its quantities are asked for.
+    !> Pass the start to the model before its quantities are evaluated.
     subroutine begin_measuring(self, simulation)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(in) :: simulation
         integer :: stat
 
         associate (model => simulation%model, state => simulation%state)
-            ! What it cannot tell there is left open.
+            ! A failure here is ignored; the quantities are left open.
             if (associated(model%begin_measuring)) call model%begin_measuring(state%t, state%q, state%qd, self%lambda, &
                 self%rates, stat)
         end associate
@@ -510,7 +510,7 @@ contains
         type(error_type), allocatable, intent(in) :: run_error
         !> The rows or the report could not be written.
         type(error_type), allocatable, intent(out) :: error
-        !> Whether the file stays locked against other writers until `release`; default false.
+        !> True to keep the file locked against other writers until `release`; default false.
         logical, intent(in), optional :: more_follows
         character(len=:), allocatable :: message
 
@@ -669,7 +669,7 @@ contains
         class(simulation_type), intent(inout) :: simulation
         type(error_type), allocatable :: error
 
-        ! Between an event and its action there is no state to go on from; the last one serves.
+        ! Between an event and its action there is no state to resume from; the last one is used.
         call simulation%save_state(self%snapshot%simulation, error)
         if (allocated(error)) return
         self%snapshot%rows = self%rows

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What a file says about itself: groups, attributes of its head, its time.
+!> Head of a result file: groups, attributes, the time.
 submodule(tandem_io_output_trajectory) tandem_io_output_trajectory_head
     use tandem_name_index, only: name_index_type
     use tandem_io_version, only: format_version, tandem_version
@@ -39,7 +39,7 @@ contains
     module procedure take_back
         character(len=:), allocatable :: old
 
-        ! What may need space comes first, so that nothing else is lost where there is none.
+        ! Writes that may need space come first, so that nothing else is lost if there is none.
         call file%get_text('/', 'scene', old)
         if (old /= scene) call file%attach('/', 'scene', scene)
         call file%flush()

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Whether a result file holds what was written.
+!> Verification of result files against their checksums.
 module tandem_io_output_verification
     use tandem, only: error_type, set_error
     use tandem_status, only: status_invalid_checkpoint
@@ -17,11 +17,11 @@ contains
     !> Read all of a result file, which stays as it is.
     subroutine verify_result(path, finding, status, error)
         character(len=*), intent(in) :: path
-        !> What it was found to be.
+        !> Result of the check.
         type(finding_type), intent(out) :: finding
-        !> Its status, blank where it cannot be read.
+        !> Status of the file, blank if unreadable.
         character(len=:), allocatable, intent(out) :: status
-        !> It is no result, or cannot be opened.
+        !> Set if the file is not a result, or cannot be opened.
         type(error_type), allocatable, intent(out) :: error
         type(hdf5_type) :: file
         character(len=:), allocatable :: problem
@@ -31,7 +31,7 @@ contains
         call check_source(path, error, 'verify')
         if (allocated(error)) return
         call file%open_to_read(path)
-        ! Where either of them cannot be read, the file is damaged.
+        ! If either of them is unreadable, the file is damaged.
         is_of_a_run = file%has('/trajectory')
         if (.not. is_of_a_run) is_of_a_run = file%has('/checksums')
         if (.not. (is_of_a_run .or. allocated(file%problem))) then
