@@ -36,21 +36,21 @@ module tandem_io_scene
         character(len=key_length) :: model_name = ''
         !> The model with its parameters, defined.
         class(model_type), allocatable :: model
-        !> What the solver is asked for.
+        !> Options of the solver.
         type(options_type) :: options
         !> Coordinates and velocities at the start (n).
         real(wp), allocatable :: q(:), qd(:)
-        !> How the start is to be assembled; not allocated where it is not.
+        !> Settings of the assembly of the start; not allocated if there is none.
         type(assembly_type), allocatable :: assembly
-        !> Whether it is an equilibrium; the names of the motions along which it goes on as a steady motion; how either was found.
+        !> True if the start is an equilibrium; names of the motions along which a steady motion continues; how either was found.
         logical :: rests = .false.
         character(len=motion_name_length), allocatable :: steady(:)
         type(settling_type), allocatable :: settling
         !> Start and end of the run.
         real(wp) :: t_start = 0.0_wp, t_end = 0.0_wp
-        !> What is written where.
+        !> Output fields and file.
         type(output_type) :: output
-        !> What is watched; may have no elements.
+        !> Events; may have no elements.
         type(threshold_event_type), allocatable :: events(:)
         !> The complete scene as TOML, every default filled in: reading it gives this scene again.
         character(len=:), allocatable :: text
@@ -66,9 +66,9 @@ contains
         character(len=*), intent(in) :: settings(:)
         type(scene_type), intent(out) :: scene
         type(error_type), allocatable, intent(out) :: error
-        !> The scene itself, in the stead of a file.
+        !> Text of the scene, instead of a file.
         character(len=*), intent(in), optional :: text
-        !> The models that the scene may name; `shipped_models()` where they are not given.
+        !> The models that the scene may name; `shipped_models()` if absent.
         type(scene_model_type), intent(in), optional :: models(:)
         type(scene_model_type), allocatable :: known(:)
         type(reader_type) :: reader

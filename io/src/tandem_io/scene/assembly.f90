@@ -19,7 +19,7 @@ contains
         class(reader_type), intent(inout) :: reader
         !> The model, defined.
         class(model_type), intent(in) :: model
-        !> What is asked for; not allocated where the start is not assembled.
+        !> Requested assembly; not allocated if the start is not assembled.
         type(assembly_type), allocatable, intent(out) :: assembly
         logical :: assembles
         integer :: i
@@ -38,7 +38,7 @@ contains
         end do
     end subroutine read_assembly
 
-    !> What stays, what moves more easily, how far it may.
+    !> Fixed coordinates, weights of the others, and largest corrections.
     subroutine read_details(reader, model, assembly)
         class(reader_type), intent(inout) :: reader
         class(model_type), intent(in) :: model

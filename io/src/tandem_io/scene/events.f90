@@ -61,7 +61,7 @@ contains
         end do
     end subroutine read_events
 
-    !> What a text names of what the model measures: the path in files, of a vector with .x, .y or .z behind.
+    !> Find the measured quantity that a text names by its path in files, with .x, .y or .z appended for a vector.
     subroutine find_measured(reader, model, watch, event)
         class(reader_type), intent(inout) :: reader
         class(model_type), intent(in) :: model
@@ -107,7 +107,7 @@ contains
         call reader%refuse('watch', path)
     end subroutine find_measured
 
-    !> What an event changes: words of the model with semicolons between, each of which it must know.
+    !> Read the changes made by an event: words known to the model, separated by semicolons.
     subroutine read_changes(reader, model, change, event)
         class(reader_type), intent(inout) :: reader
         class(model_type), intent(inout) :: model
@@ -139,7 +139,7 @@ contains
         end do
     end subroutine read_changes
 
-    !> What a text names.
+    !> Find the quantity that a text names.
     subroutine find_quantity(reader, model, watch, event)
         class(reader_type), intent(inout) :: reader
         class(model_type), intent(in) :: model

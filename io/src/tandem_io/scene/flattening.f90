@@ -12,7 +12,7 @@ module tandem_io_scene_flattening
 
     public :: convert_value, flatten, place_type, value_to_toml, path_to_toml
 
-    !> Where an entry was given: the source, and the place in it.
+    !> Origin of an entry: the source, and the position in it.
     type :: place_type
         integer :: source = 0, origin = 0
     end type place_type
@@ -114,7 +114,7 @@ contains
         places(n_places) = place
     end subroutine add_place
 
-    !> Whether a key has a dot outside of braces.
+    !> True if a key has a dot outside of braces.
     pure logical function has_dot(key)
         character(len=*), intent(in) :: key
         integer :: i, depth

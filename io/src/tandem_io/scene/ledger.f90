@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What a reader has read: every key with its value. It is the list of the keys that exist, and the complete scene as text.
+!> Record of a reader: every key read, with its value. It provides the list of valid keys, and the complete scene as text.
 module tandem_io_scene_ledger
     implicit none (type, external)
     private
@@ -21,7 +21,7 @@ module tandem_io_scene_ledger
         character(len=key_length) :: unit = ''
         !> The source that gave it, negative for a default.
         integer :: source = -1
-        !> Whether it belongs to the complete scene.
+        !> True if the entry belongs to the complete scene.
         logical :: shown = .true.
     end type entry_type
 
@@ -46,7 +46,7 @@ contains
         character(len=*), intent(in) :: comment
         !> The source that gave it, negative for a default.
         integer, intent(in) :: source
-        !> Whether it belongs to the complete scene; default true.
+        !> True if the entry belongs to the complete scene; default true.
         logical, intent(in), optional :: shown
         !> Number of the table in an array of tables.
         integer, intent(in), optional :: element
@@ -112,7 +112,7 @@ contains
             keys(n) = self%entries(i)%key
         end do
     contains
-        !> Whether an entry is a key of the table.
+        !> True if an entry is a key of the table.
         pure logical function belongs(entry)
             type(entry_type), intent(in) :: entry
 

@@ -31,8 +31,8 @@ module tandem_io_scene_lexer
         integer, private :: n_values_here = 0, n_tables = 0
         !> Brackets and braces that are open.
         integer, private :: depth = 0
-        !> Whether nothing but blanks has come since the end of a line, whether the line is a heading, and whether the sign that
-        !> begins a value has come.
+        !> True if only blanks followed the last end of a line; true if the line is a heading; true after the sign that begins a
+        !> value.
         logical, private :: is_at_start = .true., is_heading = .false., is_in_value = .false.
         !> The current heading, the keys of the line so far, and of a mechanism the values and headings: the first `n_values` and
         !> `n_headings`.
@@ -46,7 +46,7 @@ module tandem_io_scene_lexer
 
     !> The parser is called again at each bracket, looks for a key among all of its table, and copies lists and texts as they grow.
     integer, parameter :: most_nested = 200, most_values = 10000, most_tables = 5000, most_characters = 32768
-    !> What ends a key in a path; no scene holds it.
+    !> End of a key in a path; does not occur in scenes.
     character(len=*), parameter :: behind = achar(1)
 
 contains
@@ -175,7 +175,7 @@ contains
         list(n)%text = path
     end subroutine add_path
 
-    !> Whether the keys of the line are in a list.
+    !> True if the keys of the line are in a list.
     pure logical function is_known(lexer, list, n)
         class(scene_lexer_type), intent(in) :: lexer
         type(path_type), intent(in) :: list(:)
@@ -190,7 +190,7 @@ contains
         is_known = .false.
     end function is_known
 
-    !> Whether a heading may go on behind what stands of it so far.
+    !> True if a heading may continue after the part read so far.
     logical function may_go_on(lexer)
         class(scene_lexer_type), intent(inout) :: lexer
 
@@ -199,7 +199,7 @@ contains
         if (lexer%is_below_value) may_go_on = .false.
     end function may_go_on
 
-    !> Whether a path begins with a table that has tables within it.
+    !> True if a path begins with a table that contains tables.
     pure logical function is_of_mechanism(path)
         character(len=*), intent(in) :: path
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Builds a mechanism from a scene: its tables become the keys that `build_mechanism` knows.
+!> Builds a mechanism from a scene: its tables are converted to the keys of `build_mechanism`.
 module tandem_io_scene_mechanism
     use tandem, only: build_mechanism, entries_type, error_type, mechanism_kinds, mechanism_singles, mechanism_type, model_type, &
         shown_type, wp
@@ -36,7 +36,7 @@ contains
         call reader%flatten(mechanism_tables, entries)
         if (reader%failed()) return
         allocate (mechanism)
-        ! What the tables that are read later say of it.
+        ! Values from tables that are read later.
         times = [reader%says_number('time', 'start'), reader%says_number('time', 'end')]
         call build_mechanism(entries, planar, reader%says_true('initial', 'assemble'), times, mechanism, error, place, shown)
         if (allocated(error)) then

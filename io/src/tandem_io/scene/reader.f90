@@ -18,20 +18,20 @@ module tandem_io_scene_reader
 
     public :: reader_type, anything, positive, not_negative
 
-    !> What a number may be.
+    !> Ranges allowed for a number.
     integer, parameter :: anything = 0, positive = 1, not_negative = 2
 
     type :: reader_type
         !> The first error.
         type(error_type), allocatable :: error
-        !> Whether values are all that is asked for: no list of keys, no complete scene, no look for unknown keys. For sources that
-        !> were read in full before, and of which only values have changed.
+        !> True if only values are read: no list of keys, no complete scene, no check for unknown keys. For sources that were read
+        !> in full before, and in which only values have changed.
         logical :: is_brief = .false.
         !> The scene file first, then what was set on the command line, in that order: later ones win.
         type(source_type), allocatable, private :: sources(:)
-        !> The keys that were asked for.
+        !> The keys read so far.
         type(ledger_type), private :: ledger
-        !> Where the entries of a mechanism were given.
+        !> Origins of the entries of a mechanism.
         type(place_type), allocatable, private :: places(:)
         !> The current table.
         character(len=key_length), private :: table = ''
@@ -48,9 +48,9 @@ module tandem_io_scene_reader
         procedure, private :: find, record, refuse_value
     end type reader_type
 
-    ! What sweeps need: lists of any length, and values that change from case to case.
+    ! Procedures for sweeps: lists of any length, and values that change from case to case.
     interface
-        !> A list of numbers, texts or truth values, of any length; not allocated where the key is not given.
+        !> A list of numbers, texts or truth values, of any length; not allocated if the key is absent.
         module subroutine get_list(self, key, values)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
@@ -98,7 +98,7 @@ module tandem_io_scene_reader
             integer, intent(in), optional :: check
             !> Unit and meaning, for the complete scene.
             character(len=*), intent(in), optional :: unit, help
-            !> Whether there is no default.
+            !> True if there is no default.
             logical, intent(in), optional :: required
         end subroutine get_real
 
@@ -141,7 +141,7 @@ module tandem_io_scene_reader
             character(len=*), intent(in) :: key
             !> The default before, the value after.
             character(len=*), intent(inout) :: value
-            !> What it may be.
+            !> Allowed texts.
             character(len=*), intent(in) :: choices(:)
             character(len=*), intent(in), optional :: help
             logical, intent(in), optional :: required
@@ -181,7 +181,7 @@ module tandem_io_scene_reader
             integer, intent(in) :: length
             !> The list; not allocated where there is none.
             real(wp), allocatable, intent(inout) :: values(:)
-            !> The number for all, the default before. Where it is absent, the key has no default, and a number fills the list.
+            !> The number for all, on entry the default. If absent, the key has no default, and a number fills the list.
             real(wp), intent(inout), optional :: value
             character(len=*), intent(in), optional :: help
         end subroutine get_for_each
@@ -193,10 +193,10 @@ module tandem_io_scene_reader
             character(len=*), intent(in) :: key
             !> The default before, the value after.
             character(len=*), allocatable, intent(inout) :: values(:)
-            !> What each may be.
+            !> Allowed texts of the elements.
             character(len=*), intent(in) :: choices(:)
             character(len=*), intent(in), optional :: help
-            !> Whether each may be NAME=NUMBER as well.
+            !> True if elements may have the form NAME=NUMBER as well.
             logical, intent(in), optional :: may_have_values
         end subroutine get_strings
     end interface
@@ -210,9 +210,9 @@ contains
         character(len=*), intent(in) :: path
         !> `table.key=value`, or `--unset table.key`; blanks at the end dropped.
         character(len=*), intent(in) :: settings(:)
-        !> The scene itself, in the stead of a file.
+        !> Text of the scene, instead of a file.
         character(len=*), intent(in), optional :: text
-        !> What the file is, in messages; `scene` where absent.
+        !> Kind of the file, in messages; `scene` if absent.
         character(len=*), intent(in), optional :: kind
         integer :: i
 
@@ -239,7 +239,7 @@ contains
         class(reader_type), intent(inout), target :: self
         !> The tables of a scene, those that may come several times, and those that some models bring.
         character(len=*), intent(in) :: tables(:), arrays(:), others(:)
-        !> What has them, in messages; a scene where absent.
+        !> Owner of the tables, in messages; a scene if absent.
         character(len=*), intent(in), optional :: of
         type(toml_key), allocatable :: names(:)
         class(toml_value), pointer :: found
@@ -309,7 +309,7 @@ contains
         self%element = element
     end subroutine open_element
 
-    !> All keys of the table have been asked for: refuse the others.
+    !> All keys of the table have been read: refuse the others.
     subroutine close_table(self)
         class(reader_type), intent(inout), target :: self
         type(toml_table), pointer :: table
@@ -336,7 +336,7 @@ contains
         end do
     end subroutine close_table
 
-    !> Whether an error was met.
+    !> True after an error.
     pure logical function failed(self)
         class(reader_type), intent(in) :: self
 
@@ -401,7 +401,7 @@ contains
         if (.not. self%is_brief) call self%ledger%add(self%table, key, '', '', -1, shown=.false., element=self%element)
     end subroutine propose
 
-    !> Whether a key of the current table is given.
+    !> True if a key of the current table is given.
     logical function gives(self, key)
         class(reader_type), intent(inout) :: self
         character(len=*), intent(in) :: key
@@ -417,7 +417,7 @@ contains
         class(reader_type), intent(inout) :: self
         !> A key of the current table.
         character(len=*), intent(in) :: key
-        !> What is wrong.
+        !> Description of the fault.
         character(len=*), intent(in) :: problem
         class(toml_value), pointer :: found
         integer :: source
@@ -448,7 +448,7 @@ contains
         end do
     end subroutine flatten_tables
 
-    !> Whether a key is given and true; what else it is shows when it is asked for.
+    !> True if a key is given and true; other values are reported when the key is read.
     logical function says_true(self, table, key) result(truth)
         class(reader_type), intent(inout) :: self
         character(len=*), intent(in) :: table, key
@@ -523,7 +523,7 @@ contains
         if (.not. self%is_brief) call self%ledger%add(path_to_toml(table), path_to_toml(key), value_to_toml(value), comment, 0)
     end subroutine show
 
-    !> The complete scene as TOML, with every key that was asked for.
+    !> The complete scene as TOML, with every key read.
     pure function text(self)
         class(reader_type), intent(in) :: self
         character(len=:), allocatable :: text

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What sweeps ask of a reader: lists of any length, and values that change from case to case.
+!> Reader procedures for sweeps: lists of any length, and values that change from case to case.
 submodule(tandem_io_scene_reader) tandem_io_scene_reader_lists
     use tandem, only: is_text, is_truth
     use tandem_io_scene_flattening, only: convert_value
@@ -71,7 +71,7 @@ contains
         end select
     end procedure change
 
-    !> Whether a number is a whole one that an integer holds exactly.
+    !> True if a number is whole and exactly representable as an integer.
     pure logical function is_whole(number)
         real(wp), intent(in) :: number
 

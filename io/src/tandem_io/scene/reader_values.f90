@@ -176,7 +176,7 @@ contains
         if (.not. self%is_brief) call self%record(key, to_toml(values), source, help=help)
     end procedure get_strings
 
-    !> What is wrong with the number in NAME=NUMBER; nothing where there is none.
+    !> Fault of the number in NAME=NUMBER; empty if there is no number.
     pure function value_problem(text) result(problem)
         character(len=*), intent(in) :: text
         character(len=:), allocatable :: problem
@@ -191,7 +191,7 @@ contains
         if (.not. is_read) problem = 'has "'//trim(text)//'", whose value is no finite number'
     end function value_problem
 
-    !> What a number violates; nothing where it is as it must be.
+    !> Condition that a number violates; empty if it is valid.
     pure function violated(value, check) result(problem)
         real(wp), intent(in) :: value
         integer, intent(in), optional :: check

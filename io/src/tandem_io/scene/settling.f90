@@ -16,8 +16,7 @@ contains
         class(reader_type), intent(inout) :: reader
         !> The model, defined.
         class(model_type), intent(inout) :: model
-        !> Whether the start is to be an equilibrium; the motions along which it is to go on, NAME or NAME=RATE, none
-        !> for no steady motion.
+        !> True if the start is to be an equilibrium; motions of a steady motion, NAME or NAME=RATE, none for no steady motion.
         logical, intent(out) :: rests
         character(len=motion_name_length), allocatable, intent(out) :: steady(:)
         type(affine_motion_type), allocatable :: motions(:)
@@ -49,14 +48,14 @@ contains
         if (rests .and. size(steady) > 0) call reader%refuse('steady', 'cannot be combined with equilibrium = true')
     end subroutine read_settling
 
-    !> Take a start where it settles, after it was assembled where that is asked for.
+    !> Move the start to its equilibrium, after its assembly if one is requested.
     subroutine settle(model, rests, steady, t, q, qd, settling, error, assembly)
         class(model_type), intent(inout), target :: model
         logical, intent(in) :: rests
         character(len=*), intent(in) :: steady(:)
         real(wp), intent(in) :: t
         real(wp), intent(inout) :: q(:), qd(:)
-        !> What was found.
+        !> Result of the equilibrium search.
         type(settling_type), intent(inout) :: settling
         type(error_type), allocatable, intent(out) :: error
         type(assembly_type), intent(in), optional :: assembly

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Where scenes are. A scene is given by its path, or by the name of a file NAME.toml in one of these folders, the first that
-!> has it: the one that the environment variable TANDEM_SCENES names; `scenes` in the current folder; `share/tandem/scenes` beside
+!> Paths of scenes. A scene is given by its path, or by the name of a file NAME.toml in one of these folders, searched in this
+!> order: the folder given by the environment variable TANDEM_SCENES; `scenes` in the current folder; `share/tandem/scenes` beside
 !> the folder of the program, where `make install` puts them; `scenes` beside the program or up to four folders above it, which is
 !> the checkout that the program was built in.
 module tandem_io_scene_shipped
@@ -33,7 +33,7 @@ module tandem_io_scene_shipped
             integer(c_int) :: length
         end function list_folder
 
-        !> Where a symbolic link points to, without a null at its end; its length, or -1.
+        !> Target of a symbolic link, without a null at its end; its length, or -1.
         function read_link(path, target_, size) result(length) bind(c, name='readlink')
             import :: c_char, c_size_t, c_intptr_t
             implicit none (type, external)
@@ -46,7 +46,7 @@ module tandem_io_scene_shipped
 
 contains
 
-    !> The path of a scene. What has a slash or ends in .toml is a path already.
+    !> The path of a scene. A name that contains a slash or ends in .toml is a path already.
     subroutine find_scene(name, path, error)
         !> A path, or the name of a scene.
         character(len=*), intent(in) :: name

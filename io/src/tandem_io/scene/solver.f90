@@ -75,7 +75,7 @@ contains
         end select
     end function key_of
 
-    !> Read an option under its key, and refuse a number that cannot be.
+    !> Read an option under its key, and refuse an invalid number.
     subroutine read_option(self, row, number, whole, word, list, choices)
         class(option_reader_type), intent(inout) :: self
         type(option_row_type), intent(in) :: row

@@ -24,7 +24,7 @@ module tandem_io_scene_source
     !> bounds what else the work of the parser grows with faster than the text.
     integer, parameter :: most_lines = 100000, most_bytes = 32768, most_dots = 1000
 
-    !> What some editors put before UTF-8.
+    !> Mark that some editors put before UTF-8.
     character(len=*), parameter :: byte_order_mark = char(239)//char(187)//char(191)
 
     type :: source_type
@@ -34,7 +34,7 @@ module tandem_io_scene_source
         type(toml_context) :: context
         !> The argument of `--set`; not allocated for a file.
         character(len=:), allocatable :: argument
-        !> What a file is, in messages.
+        !> Kind of the file, in messages.
         character(len=8) :: kind = 'scene'
     contains
         procedure :: load_file, load_text, load_argument, describe, value_of
@@ -69,10 +69,10 @@ contains
 
     !> Take `table.key=value`; of tables that may come several times `table.number.key=value`, or all as `table=[...]`; of
     !> mechanisms
-    !> `body.name.key=value`. The value is TOML; a bare word that is no TOML stands for itself as text.
+    !> `body.name.key=value`. The value is TOML; a bare word that is not TOML is taken as text.
     subroutine load_argument(self, argument, error)
         class(source_type), intent(inout) :: self
-        !> What followed `--set`.
+        !> Argument of `--set`.
         character(len=*), intent(in) :: argument
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-'
@@ -103,7 +103,7 @@ contains
         call parse_text(argument(:equals)//to_toml(value), '--set', self, second)
         if (.not. allocated(second)) deallocate (error)
     contains
-        !> Whether what is set is the key of a table, or all tables of a name.
+        !> True if the setting names the key of a table, or all tables of a name.
         pure logical function is_path()
             is_path = equals > second_dot + 1
             if (.not. is_path) return
@@ -124,7 +124,7 @@ contains
     !> A message about a place of the source: the file, the line number, the line, a marker under the place, a remark beside it.
     function describe(self, message, origin, remark) result(text)
         class(source_type), intent(in) :: self
-        !> What is wrong.
+        !> Description of the fault.
         character(len=*), intent(in) :: message
         !> The place: an origin that the parser has given; 0 for none.
         integer, intent(in) :: origin
@@ -202,7 +202,7 @@ contains
         end do
     end subroutine set_input_error
 
-    !> The whole file as text. A pipe of the shell will do (/dev/stdin, /dev/fd/63), so the size is not asked for.
+    !> The whole file as text. A pipe of the shell will do (/dev/stdin, /dev/fd/63), so the size is not used.
     subroutine read_text(path, kind, text, error)
         !> The path, and what the file is.
         character(len=*), intent(in) :: path, kind
@@ -212,7 +212,7 @@ contains
         character :: letter
         integer :: unit, stat, length
 
-        ! Others may wait for ever for somebody who writes to them.
+        ! Other pipes may wait for a writer for ever.
         if (is_pipe(path) .and. index(path, '/dev/') /= 1 .and. index(path, '/proc/') /= 1) then
             call set_input_error(error, 'cannot read the '//kind//' '//path//': it is a pipe; give a file, or let the shell '// &
                 'connect the pipe to /dev/stdin')
@@ -250,7 +250,7 @@ contains
         character(len=*), intent(in) :: path
         character(len=*), intent(in) :: text
         type(error_type), allocatable, intent(out) :: error
-        !> What it is, in messages; a scene where absent.
+        !> Kind of the file, in messages; a scene if absent.
         character(len=*), intent(in), optional :: kind
         character(len=:), allocatable :: problem, what
         integer :: i, code, line, bytes, dots, broken
@@ -299,7 +299,7 @@ contains
         end do
     end subroutine check_text
 
-    !> Whether there are only blanks and ends of lines up to three quotes; one quote at once is a quote in a text.
+    !> True if only blanks and ends of lines precede three quotes; a quote without blanks before it belongs to a text.
     pure logical function ends_text(text)
         character(len=*), intent(in) :: text
         integer :: first
@@ -309,7 +309,7 @@ contains
         if (ends_text) ends_text = text(first:min(first + 2, len(text))) == '"""'
     end function ends_text
 
-    !> Where a text stops to be UTF-8; 0 where all of it is.
+    !> Position of the first byte that is not UTF-8; 0 if there is none.
     pure integer function first_broken(text)
         character(len=*), intent(in) :: text
         integer :: i, code, more, least, most

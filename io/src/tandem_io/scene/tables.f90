@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Where the tables of a scene are in its sources: the file, and what was set on the command line.
+!> Positions of the tables of a scene in its sources: the file, and the settings of the command line.
 !>
 !> A table that may come several times, such as [[event]], is an array in the file. A setting gives all of them anew,
 !> `event=[{...}, {...}]`, or keys of one, by its number: `event.2.value=0.5`.
@@ -60,12 +60,12 @@ contains
         end do
     end function first_source
 
-    !> How many tables of a name there are that may come several times.
+    !> Number of tables of a name that may occur several times.
     subroutine count_elements(sources, name, n, error)
         type(source_type), intent(inout), target :: sources(0:)
         character(len=*), intent(in) :: name
         integer, intent(out) :: n
-        !> What stands there is none of them.
+        !> Set if the value is not such a table.
         type(error_type), allocatable, intent(out) :: error
         class(toml_value), pointer :: found
         integer :: i
@@ -145,7 +145,7 @@ contains
         end do
     end subroutine count_numbered
 
-    !> An error about what is no array of tables.
+    !> An error about a value that is not an array of tables.
     subroutine refuse(source, name, found, error)
         type(source_type), intent(in) :: source
         character(len=*), intent(in) :: name

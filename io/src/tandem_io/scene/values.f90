@@ -27,7 +27,7 @@ module tandem_io_scene_values
 
 contains
 
-    !> Where a value stands in its source.
+    !> Position of a value in its source.
     integer function place_of(source, found)
         class(source_type), intent(in) :: source
         class(toml_value), intent(in) :: found
@@ -37,7 +37,7 @@ contains
         type is (toml_keyval)
             if (found%origin_value > 0) place_of = found%origin_value
         class default
-            ! Of lists and inline tables the parser tells the key alone.
+            ! For lists and inline tables the parser reports the key alone.
             place_of = source%value_of(found%origin)
         end select
     end function place_of
@@ -195,7 +195,7 @@ contains
         end select
     end subroutine convert_strings
 
-    !> Whether an integer may have more digits than 64 bits hold, in base 16 too; the parser would wrap it around.
+    !> True if an integer may have more digits than 64 bits hold, in base 16 too; the parser would wrap it around.
     logical function has_overflown(source, found)
         class(source_type), intent(in) :: source
         type(toml_keyval), intent(in) :: found
