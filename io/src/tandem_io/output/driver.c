@@ -3,7 +3,7 @@
    with which HDF5 would refuse it for ever once its writer was killed, never reaches the disk, and the file never is shorter than
    its superblock says. Who may write is for guard.c to say.
 
-   Nobody else writes the file. A file that has become shorter was cut, and is neither read nor written any more; and what HDF5 reads
+   Nobody else writes the file. A file that has become shorter is neither read nor written any more; and what HDF5 reads
    again and again is damaged: from a file with one writer and many readers it reads metadata whose checksum is wrong 100 times, and
    sleeps twice as long before each, which ends in no lifetime. Its property for that does not hold for the writer. */
 #include "heap.h"
@@ -197,7 +197,7 @@ static herr_t truncate_file(H5FD_t *file, hid_t transfer, hbool_t is_closing)
 }
 
 /* Let files that are opened with these properties be written by this driver, and give its number to HDF5; a negative one where
-   that fails. Each call makes a driver of its own to HDF5, which therefore treats a file opened with another driver as another file. */
+   that fails. Each call makes a separate driver, so that HDF5 treats a file opened with another driver as another file. */
 int64_t tandem_driver_set(int64_t access)
 {
     static const H5FD_class_t driver = {

@@ -101,7 +101,7 @@ module tandem_io_study_cases
     !> A case: a scene, and how its result is judged.
     type, extends(scene_type) :: case_type
         character(len=case_name_length) :: group = ''
-        !> Whether there are runs with fixed steps and under error control, and the tolerance of these.
+        !> True if there are runs with fixed steps; true if there are runs under error control; tolerance of the latter.
         logical :: with_step = .true., with_rtol = .true.
         real(wp) :: rtol = 1.0e-6_wp
         !> The model of the reference; not allocated where it is the case's own.
@@ -109,11 +109,11 @@ module tandem_io_study_cases
         !> The steppers that make the reference, and their tolerances.
         character(len=16) :: judges(2) = [character(len=16) :: 'dop853', 'dopri5']
         real(wp) :: judges_rtol(2) = [1.0e-13_wp, 1.0e-12_wp]
-        !> Whether nothing may move.
+        !> True if nothing may move.
         logical :: is_at_rest = .false.
-        !> Whether the run is too long for a reference, and energy, constraints and memory are watched.
+        !> True if the run is too long for a reference; energy, constraints and memory are then checked.
         logical :: is_endless = .false.
-        !> Units of each coordinate in that of the same case in metres (n); not allocated where they are the same.
+        !> Unit of each coordinate relative to the same case in metres (n); not allocated if they are equal.
         real(wp), allocatable :: units(:)
         !> Seconds that a run may take.
         real(wp) :: most_seconds = 5.0_wp
@@ -126,7 +126,7 @@ contains
         character(len=*), intent(in) :: name
         type(case_type), intent(out) :: subject
         type(error_type), allocatable, intent(out) :: error
-        !> Whether a case in other units is wanted in metres.
+        !> True to build a case of other units in metres.
         logical, intent(in), optional :: in_metres
         real(wp) :: unit
         integer :: i, stat
@@ -146,13 +146,13 @@ contains
         if (stat /= 0) call set_error(error, status_invalid_model, 'the case "'//name//'" has no start')
     end subroutine build_case
 
-    !> What the case is: its description, scene and run.
+    !> Fill in the description, scene and run of a case.
     subroutine fill_case(name, x, unit, subject, stat)
         character(len=*), intent(in) :: name
         !> How extreme it is, and the unit of length.
         real(wp), intent(in) :: x, unit
         type(case_type), intent(inout) :: subject
-        !> Not 0 where there is no start.
+        !> Not 0 if there is no start.
         integer, intent(out) :: stat
 
         stat = 0
@@ -240,7 +240,7 @@ contains
         end select
     end subroutine fill_case
 
-    !> Whether a model tells of its breakpoints.
+    !> Remark on hidden breakpoints for a case's description; empty if they are declared.
     pure function told(name) result(text)
         character(len=*), intent(in) :: name
         character(len=merge(24, 0, index(name, 'hidden') == 1)) :: text

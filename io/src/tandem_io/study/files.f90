@@ -1,6 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What studies need of files and Fortran does not have: to make a folder, to put one file in the place of another, to read a
-!> whole file.
+!> File operations for studies that Fortran lacks: making a folder, replacing one file by another, reading a whole file.
 module tandem_io_study_files
     use tandem, only: error_type, set_error, status_output_failed
     use tandem_io_path, only: is_regular

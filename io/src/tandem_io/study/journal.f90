@@ -24,11 +24,11 @@ module tandem_io_study_journal
         type(table_type) :: table
         !> Rows that an earlier study has left.
         integer :: resumed = 0
-        !> Whether rows of other settings were dropped.
+        !> True if rows of other settings were dropped.
         logical :: started_anew = .false.
         !> The path of the files, without their endings.
         character(len=:), allocatable :: path
-        !> What the rows depend on, as TOML: the settings and the program.
+        !> Data on which the rows depend, as TOML: the settings and the program.
         character(len=:), allocatable, private :: settings
         integer, private :: unit = 0
         logical, private :: is_open = .false.
@@ -45,9 +45,9 @@ contains
         character(len=*), intent(in) :: folder, name
         !> The columns of the table.
         type(column_type), intent(in) :: columns(:)
-        !> What the rows depend on, besides the program, as TOML.
+        !> Settings on which the rows depend besides the program, as TOML.
         character(len=*), intent(in) :: settings
-        !> Whether to start anew in any case, and on top of files that are no study's.
+        !> True to start anew in any case, and to overwrite files that do not belong to a study.
         logical, intent(in) :: force
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: found, text
@@ -90,7 +90,7 @@ contains
         if (stat /= 0) call set_error(error, status_output_failed, 'cannot append to '//self%path//'.csv')
     end subroutine open
 
-    !> What is to be said of the rows that were there, if anything.
+    !> Remark on existing rows; empty if there is none.
     function beginning(self) result(text)
         class(journal_type), intent(in) :: self
         character(len=:), allocatable :: text

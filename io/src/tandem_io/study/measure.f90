@@ -36,11 +36,11 @@ module tandem_io_study_measure
         procedure, private :: take, watch
     end type sampler_type
 
-    !> What a run was.
+    !> Outcome of a run.
     type :: outcome_type
         !> `complete`, the name of the status of its failure, or `over_budget`.
         character(len=24) :: status = 'complete'
-        !> What went wrong, in words.
+        !> Description of the failure.
         character(len=:), allocatable :: message
         !> Largest differences of q and qd from the reference over its times, in units of the coordinate scales; NaN if it failed.
         real(wp) :: error_q = 0.0_wp, error_qd = 0.0_wp
@@ -56,7 +56,7 @@ module tandem_io_study_measure
 
 contains
 
-    !> Whether the run reached its end.
+    !> True if the run reached its end.
     pure logical function is_complete(self)
         class(outcome_type), intent(in) :: self
 
@@ -155,7 +155,7 @@ contains
     end subroutine time_run
 
     !> Make a reference at `samples` times, evenly spread: the mean of some solutions of dop853 at its tightest tolerances, accepted
-    !> only if a second stepper agrees with it. Where one of the two cannot do it in time, as on stiff scenes, SDIRK54 stands in.
+    !> only if a second stepper agrees with it. If one of the two is too slow, as on stiff scenes, SDIRK54 replaces it.
     !>
     !> At such tolerances rounding decides how wrong a solution is, and a motion that multiplies disturbances multiplies rounding:
     !> two solutions may lie close together far from the truth. Ten that take other steps show how far rounding goes, and their mean

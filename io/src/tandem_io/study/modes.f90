@@ -6,8 +6,8 @@
 !> there and become a pair on the axis: their square is smooth in the value, and they are not, so the product is followed. A pair
 !> that has passed the axis is matched with the nearest at the other end; if it jumps on the way, the match was wrong. Two pairs on
 !> the axis may meet and leave it to either side (of systems without damping: Krein, 1950); the square of half their difference is
-!> smooth and changes its sign. Where the number of growing eigenvalues changes in another way, the interval is halved. What crosses
-!> and comes back between two samples is not seen.
+!> smooth and changes its sign. If the number of growing eigenvalues changes in another way, the interval is halved. Two crossings
+!> in opposite directions between two samples are not seen.
 module tandem_io_study_modes
     use tandem, only: bracket_type, error_type, linearisation_type, of_motion, set_error, simulation_type, wp
     use tandem_io_scene, only: read_scene, scene_type
@@ -18,14 +18,14 @@ module tandem_io_study_modes
 
     public :: modes_type, locus_point_type, critical_type, at_zero, at_pair, at_meeting, crossing_name
 
-    !> What crosses the axis: a real eigenvalue at zero, or a pair (Hopf); or two pairs on it that meet (Krein).
+    !> Crossings of the axis: a real eigenvalue at zero, or a pair (Hopf); or two pairs on it that meet (Krein).
     integer, parameter :: at_zero = 1, at_pair = 2, at_meeting = 3
     character(len=5), parameter :: crossing_name(3) = [character(len=5) :: 'zero', 'hopf', 'krein']
     !> How often an interval is halved at most, and how many points a critical value may take.
     integer, parameter :: deepest = 8, most_points = 80
     !> A critical value is known where its bracket is this part of it, or of the interval.
     real(wp), parameter :: finest = 1.0e-13_wp
-    !> What is followed changes by less than this part of its values over such a bracket, unless it jumps.
+    !> A followed function changes by less than this part of its values over such a bracket, unless it jumps.
     real(wp), parameter :: smooth = 1.0e-4_wp
 
     !> The eigenvalues at one value.
@@ -45,9 +45,9 @@ module tandem_io_study_modes
         !> `at_zero`, `at_pair` or `at_meeting`; the eigenvalue there.
         integer :: crossing = 0
         complex(wp) :: eigenvalue = (0.0_wp, 0.0_wp)
-        !> Whether it grows beyond the value, else before it.
+        !> True if the eigenvalue grows beyond the value, otherwise before it.
         logical :: grows_beyond = .false.
-        !> Half the width of what is left of the bracket, and what errors of eigenvalues make of it.
+        !> Half the width of the remaining bracket, plus the effect of errors of eigenvalues.
         real(wp) :: uncertainty = 0.0_wp
     end type critical_type
 
@@ -188,7 +188,7 @@ contains
         value = product_sign(point)*exp(min(max(value, -largest), largest))
     end function product_of
 
-    !> Where a real eigenvalue passes zero.
+    !> Find values at which a real eigenvalue passes zero.
     subroutine find_zero(self, a, b, found, n, change, error)
         class(modes_type), intent(in) :: self
         type(locus_point_type), intent(in) :: a, b
@@ -258,7 +258,7 @@ contains
         !> A value at which it does.
         real(wp), intent(in) :: x
         type(bracket_type), intent(in) :: bracket
-        !> What products are divided by that of.
+        !> Point whose product divides the others.
         type(locus_point_type), intent(in) :: other
         type(critical_type), intent(inout) :: found
         type(error_type), allocatable, intent(out) :: error
@@ -309,7 +309,7 @@ contains
             real(point%values, wp) > 0.0_wp)
     end function real_growing
 
-    !> Where pairs pass the imaginary axis.
+    !> Find values at which pairs pass the imaginary axis.
     subroutine find_pairs(self, a, b, found, n, change, error)
         class(modes_type), intent(in) :: self
         type(locus_point_type), intent(in) :: a, b
@@ -381,7 +381,7 @@ contains
         found%grows_beyond = bracket%value_b > 0.0_wp
     end subroutine refine_pair
 
-    !> Where two pairs on the imaginary axis meet and leave it, or come back to it: two pairs that neither grow nor decay at one
+    !> Find values at which two pairs on the imaginary axis meet and leave it or return: two pairs that do not grow or decay at one
     !> end, and at the other one that grows and one that decays as fast, with the same frequency.
     subroutine find_collision(self, a, b, found, n, change, error)
         class(modes_type), intent(in) :: self
@@ -474,7 +474,7 @@ contains
         centre = (two(1) + two(2))/2
     end subroutine look_at_two
 
-    !> Whether a bracket is as narrow as can be.
+    !> True if a bracket is as narrow as possible.
     pure logical function is_fine(bracket, a, b)
         type(bracket_type), intent(in) :: bracket
         type(locus_point_type), intent(in) :: a, b

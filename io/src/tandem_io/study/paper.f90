@@ -31,7 +31,7 @@ module tandem_io_study_paper
         column_type('ours', 'ours', real_column, '', 'what this program finds; energies as a part of that at the start'), &
         column_type('difference', '', text_column, '', 'what to say about the difference')]
 
-    !> What the paper says of a run. Where it says nothing, text is empty.
+    !> Statements of the paper about a run. Missing texts are empty.
     type :: run_type
         character(len=20) :: scene
         character(len=12) :: stepper
@@ -39,7 +39,7 @@ module tandem_io_study_paper
         real(wp) :: step, tolerance, intol
         !> Exponents of ten of the three constraint errors, 0 where nothing is printed.
         integer :: exponents(3)
-        !> Charts; significant figures of the energy; whether the lane change is asked for.
+        !> Charts; significant figures of the energy; flag for the lane change.
         integer :: charts, figures
         logical :: has_lane
     end type run_type
@@ -192,7 +192,7 @@ contains
     subroutine put(self, run, quantity, printed, ours, difference, error)
         class(paper_type), intent(inout) :: self
         type(run_type), intent(in) :: run
-        !> What it is, what the paper prints, what is found here, and what to say about the difference.
+        !> Quantity, its value in the paper, its value here, and a remark on the difference.
         character(len=*), intent(in) :: quantity, printed, ours, difference
         type(error_type), allocatable, intent(out) :: error
         character(len=cell_length) :: cells(size(paper_columns))
@@ -213,7 +213,7 @@ contains
         call self%journal%append(cells, error)
     end subroutine put
 
-    !> Whether a row is there.
+    !> True if a row exists.
     logical function is_there(self, run, quantity)
         class(paper_type), intent(in) :: self
         type(run_type), intent(in) :: run
@@ -231,7 +231,7 @@ contains
         is_there = .false.
     end function is_there
 
-    !> What to say about a constraint error.
+    !> Remark on a constraint error.
     function about_error(run, level, ours, on_scale) result(text)
         type(run_type), intent(in) :: run
         !> 1 position, 2 velocity, 3 acceleration.
@@ -254,7 +254,7 @@ contains
         end if
     end function about_error
 
-    !> What to say about the number of charts.
+    !> Remark on the number of charts.
     function about_charts(ours, printed) result(text)
         integer, intent(in) :: ours, printed
         character(len=:), allocatable :: text
@@ -264,7 +264,7 @@ contains
         if (printed /= 0 .and. ours /= printed) text = 'another number: |v| passes its limit after other steps'
     end function about_charts
 
-    !> What to say about the energy.
+    !> Remark on the energy.
     function about_energy(run, ours) result(text)
         type(run_type), intent(in) :: run
         real(wp), intent(in) :: ours

@@ -2,8 +2,8 @@
 !> The study of error against run time: every stepper over step sizes and tolerances, from the coarsest that is of use to the one
 !> that the budget ends, each run a row.
 !>
-!> A series is a stepper with fixed steps h = H 2**k, H the scene's step, or with tolerances rtol = 10**k. What comes next
-!> in a series follows from its rows alone, so that a study that was interrupted continues where it was.
+!> A series is a stepper with fixed steps h = H 2**k, H the scene's step, or with tolerances rtol = 10**k. The next run
+!> of a series follows from its rows alone, so that an interrupted study continues where it was.
 module tandem_io_study_precision
     use tandem, only: change_stepper, default_step, error_type, long, n_derivatives, new_stepper, options_type, properties_type, &
         statistics_type, stepper_choices, wp
@@ -19,7 +19,7 @@ module tandem_io_study_precision
 
     public :: precision_type, precision_columns, by_step, by_rtol
 
-    !> What a series varies.
+    !> Parameter that a series varies.
     character(len=4), parameter :: by_step = 'step', by_rtol = 'rtol'
     !> Loosest and tightest tolerance, powers of ten, and the finest step, a power of two times the scene's.
     integer, parameter :: loosest = -2, tightest = -14, finest = -24
@@ -70,7 +70,7 @@ module tandem_io_study_precision
     end type series_type
 
     type :: precision_type
-        !> What the runs are measured against.
+        !> Reference for the errors of the runs.
         type(reference_type) :: reference
         !> The rows.
         type(journal_type) :: journal
@@ -162,7 +162,7 @@ contains
         end associate
     end function cheapest
 
-    !> What comes next in a series: its level, or that it has ended.
+    !> Next level of a series, unless it has ended.
     subroutine plan(self, series, level, ended)
         class(precision_type), intent(inout) :: self
         type(series_type), intent(in) :: series

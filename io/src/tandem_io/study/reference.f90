@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What errors are measured against: a motion at some times, from a file or from `tandem_io_study_measure`.
+!> Reference for errors: a motion at some times, from a file or from `tandem_io_study_measure`.
 module tandem_io_study_reference
     use tandem, only: error_type, set_error, to_text, wp
     use tandem_io_output_hdf5, only: hdf5_type
@@ -23,7 +23,7 @@ module tandem_io_study_reference
         !> How far the solutions behind it are from it in q and in qd, max-norms over all times; errors below are not known.
         !> Negative where nobody has said so.
         real(wp) :: agreement_q = -1.0_wp, agreement_qd = -1.0_wp
-        !> Where it comes from, in words.
+        !> Description of its origin.
         character(len=:), allocatable :: origin
     end type reference_type
 
@@ -78,7 +78,7 @@ contains
     !> Keep some of the times.
     subroutine keep(reference, which)
         type(reference_type), intent(inout) :: reference
-        !> Whether each time is kept (k).
+        !> True for each time to keep (k).
         logical, intent(in) :: which(:)
         integer, allocatable :: kept(:)
         integer :: i

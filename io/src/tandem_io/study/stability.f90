@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> The study of stability: every case with every stepper, with fixed steps and under error control, each run a row with its verdict.
 !>
-!> What is not there yet is done next, so that a study that was interrupted continues where it was.
+!> Missing rows are computed next, so that an interrupted study continues where it was.
 module tandem_io_study_stability
     use tandem, only: change_stepper, error_type, long, new_stepper, options_type, properties_type, stepper_choices, to_text, wp
     use tandem_io_study_cases, only: build_case, case_groups, case_name_length, case_names, case_type
@@ -56,7 +56,7 @@ module tandem_io_study_stability
     type :: stability_type
         !> The rows.
         type(journal_type) :: journal
-        !> Names of the cases that are asked for.
+        !> Names of the requested cases.
         character(len=case_name_length), allocatable :: cases(:)
         type(case_type), private :: subject
         type(truth_type), private :: truth
@@ -69,7 +69,7 @@ module tandem_io_study_stability
 
 contains
 
-    !> The cases that names stand for: of cases, of groups, none for all. Not allocated where a name is unknown; `unknown` tells it.
+    !> The cases given by names of cases or groups, all without a name. Not allocated if a name is unknown; `unknown` returns it.
     subroutine select_cases(names, cases, unknown)
         character(len=*), intent(in) :: names(:)
         character(len=case_name_length), allocatable, intent(out) :: cases(:)
@@ -88,7 +88,7 @@ contains
         cases = pack(case_names, wanted)
     end subroutine select_cases
 
-    !> Whether a case has a run of a stepper with a control.
+    !> True if a case has a run of a stepper with a control.
     logical function has_run(subject, name, control)
         type(case_type), intent(in) :: subject
         character(len=*), intent(in) :: name, control
@@ -162,7 +162,7 @@ contains
         end associate
     end function row_of
 
-    !> How many of the rows of the cases asked for have a verdict.
+    !> Number of rows of the requested cases with a given verdict.
     pure integer function count_of(self, verdict)
         class(stability_type), intent(in) :: self
         character(len=*), intent(in) :: verdict

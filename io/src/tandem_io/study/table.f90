@@ -14,7 +14,7 @@ module tandem_io_study_table
 
     !> Longest text of a cell.
     integer, parameter :: cell_length = 256
-    !> What a column holds.
+    !> Contents of a column.
     integer, parameter :: text_column = 1, count_column = 2, real_column = 3
 
     !> Numbers of so many letters are shown as they are.
@@ -28,7 +28,7 @@ module tandem_io_study_table
         integer :: kind
         !> Its unit, `1` for pure numbers.
         character(len=8) :: unit
-        !> What it is.
+        !> Description of the column.
         character(len=120) :: meaning
     end type column_type
 
@@ -221,7 +221,7 @@ contains
         if (kind /= text_column) cell = adjustr(cell)
     end function aligned
 
-    !> A number with two significant digits, without an exponent where that is as short; infinite ones and NaN by name.
+    !> A number with two significant digits, without an exponent if that is as short; infinities and NaN as words.
     pure function brief(value) result(text)
         real(wp), intent(in) :: value
         character(len=:), allocatable :: text

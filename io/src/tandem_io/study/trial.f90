@@ -35,7 +35,7 @@ module tandem_io_study_trial
         real(wp), allocatable :: t(:), q(:, :), qd(:, :)
         !> How far two solutions differ, on the scale of the errors; 0 where it is exact.
         real(wp) :: agreement = 0.0_wp
-        !> Where it comes from.
+        !> Origin of the motion.
         character(len=:), allocatable :: origin
     end type truth_type
 
@@ -189,7 +189,7 @@ contains
         end if
         if (.not. subject%is_endless) return
         if (trial%growth <= 1.0_wp .and. trial%pages <= 0.0_wp) return
-        ! No warning tells of these.
+        ! No warning reports these.
         trial%verdict = wrong
         trial%remark = 'constraint errors grow '//to_text(trial%growth)//' times, memory by '//to_text(nint(trial%pages))//' pages'
     end subroutine run_trial
