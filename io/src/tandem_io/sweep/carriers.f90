@@ -53,7 +53,7 @@ contains
     !> A value as TOML.
     function atom_to_toml(atom, as_integer) result(text)
         type(atom_type), intent(in) :: atom
-        !> Whether a whole number is written without a point.
+        !> True to write a whole number without a point.
         logical, intent(in) :: as_integer
         character(len=:), allocatable :: text
 
@@ -70,7 +70,7 @@ contains
         end select
     end function atom_to_toml
 
-    !> Whether a setting gives an integer.
+    !> True if a setting gives an integer.
     pure logical function is_integer(setting)
         character(len=*), intent(in) :: setting
 

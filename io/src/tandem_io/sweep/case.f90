@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Runs the cases of a sweep, one after the other. The scene is read from its file once; for each case its values change in what
-!> was read, and the model, the start and the options are made from that anew: so all checks of a scene hold for each case, and no
-!> case knows of those before it.
+!> Runs the cases of a sweep, one after the other. The scene is read from its file once. For each case the values in the parsed
+!> scene change, and the model, the start and the options are built anew: so all checks of a scene apply to each case, and no case
+!> depends on earlier ones.
 module tandem_io_sweep_case
     use tandem, only: error_type, global_error_type, long, simulation_type, wp
     use tandem_io_output_observers, only: observer_list_type
@@ -61,7 +61,7 @@ contains
         class(case_runner_type), intent(inout) :: self
         !> Its number, from 1.
         integer(long), intent(in) :: case
-        !> What came of it.
+        !> Result of the case.
         type(record_type), intent(inout) :: record
         type(scene_type), target :: scene
         type(error_type), allocatable :: error
@@ -124,7 +124,7 @@ contains
         type(case_runner_type), intent(inout), target :: self
         integer(long), intent(in) :: case
         type(scene_type), intent(inout), target :: scene
-        !> What is to be said of a case that did not fail; empty where nothing is.
+        !> Remark on a case that did not fail; empty if there is none.
         character(len=:), allocatable, intent(out) :: remark
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
@@ -149,7 +149,7 @@ contains
         call observers%add(self%recorder)
         if (self%recorder%needs_estimate) then
             if (allocated(scene%assembly)) then
-                ! What was assembled is where the second run starts.
+                ! The second run starts from the assembled state.
                 scene%q = simulation%state%q
                 scene%qd = simulation%state%qd
             end if

@@ -23,7 +23,7 @@ contains
         type(atom_type), allocatable, intent(out) :: atoms(:, :)
         !> A checksum of the file.
         character(len=16), intent(out) :: sum
-        !> What is wrong with it, after `csv`; empty where nothing is.
+        !> Fault of the file, as continuation of `csv`; empty if there is none.
         character(len=:), allocatable, intent(out) :: problem
         character(len=:), allocatable :: text, line
         character(len=256), allocatable :: cells(:)
@@ -41,7 +41,7 @@ contains
         write (sum, '(z16.16)') checksum(transfer(text//repeat(' ', word), [0_long], len(text)/word + 1))
         from = 1
         line = next_line(text, from)
-        ! What spreadsheets put in front of UTF-8.
+        ! Mark that spreadsheets put before UTF-8.
         if (index(line, byte_order_mark) == 1) line = line(len(byte_order_mark) + 1:)
         n = 1
         do i = 1, len(line)

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Sync what is open; 0 on success, also where a file system knows of no such thing. */
+/* Sync an open file; 0 on success, and on file systems without this operation. */
 int tandem_disk_sync_open(int file)
 {
     while (fsync(file) != 0) {
@@ -18,7 +18,7 @@ int tandem_disk_sync_open(int file)
     return 0;
 }
 
-/* Sync a file, or a folder with the names in it; 0 on success. A folder that cannot be opened has no names of ours. */
+/* Sync a file, or a folder with the names in it; 0 on success. A folder that fails to open contains no names written here. */
 int tandem_disk_sync(const char *path)
 {
     int file = open(path, O_RDONLY | O_CLOEXEC), status;

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Reads the file of a sweep. Every error shows the line, and what may stand there. What varies is read in `inputs.f90`, what is
-!> kept in `keeping.f90`.
+!> Reads the file of a sweep. Every error shows the line and the values allowed there. Inputs are read in `inputs.f90`, kept
+!> quantities in `keeping.f90`.
 module tandem_io_sweep_file
     use tandem, only: error_type, is_text, to_text, value_type, wp
     use tandem_io_path, only: is_regular
@@ -147,7 +147,7 @@ contains
         end if
     end subroutine read_base
 
-    !> Whether the sweep is one that can be done.
+    !> Refuse a sweep that is inconsistent or too large.
     subroutine check_size(reader, plan)
         type(reader_type), intent(inout) :: reader
         type(plan_type), intent(inout) :: plan
@@ -189,7 +189,7 @@ contains
             to_text(plan%n_outputs())//' numbers of each case; there may be '//to_text(most_outputs))
     end subroutine check_size
 
-    !> What the records of a sweep depend on: its file, the scene with every default, the file of cases, and the program.
+    !> Data on which the records of a sweep depend: its file, the scene with every default, the file of cases, and the program.
     function settings_of(plan) result(settings)
         type(plan_type), intent(in) :: plan
         character(len=:), allocatable :: settings

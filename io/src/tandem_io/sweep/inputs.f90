@@ -217,7 +217,7 @@ contains
         if (any(input%kind == [is_normal, is_log_normal])) call read_limits(reader, input)
     end subroutine read_distribution
 
-    !> Where a distribution is cut off, if it is.
+    !> Read the limits of a truncated distribution.
     subroutine read_limits(reader, input)
         type(reader_type), intent(inout) :: reader
         type(input_type), intent(inout) :: input
@@ -341,7 +341,7 @@ contains
         allocate (plan%carriers, source=carriers)
     end subroutine put_carrier
 
-    !> Whether the scene takes the inputs: typical values of all, and each text of a list.
+    !> Check that the scene accepts the inputs: typical values of all, and each text of a list.
     subroutine check_inputs(reader, models, plan)
         type(reader_type), intent(inout) :: reader
         type(scene_model_type), intent(in) :: models(:)
@@ -359,7 +359,7 @@ contains
         call read_scene(plan%scene_path, settings, scene, error, models=models)
         if (allocated(error)) then
             last = error%message
-            ! Which of them is to blame: the first that cannot be with those before it.
+            ! Find the faulty input: the first that is refused together with those before it.
             do i = 1, size(plan%carriers)
                 call read_scene(plan%scene_path, settings(:size(plan%settings) + i), scene, error, models=models)
                 if (allocated(error) .or. i == size(plan%carriers)) exit

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> The journal of a sweep: the records of the cases that are done, appended as they come, each with a checksum. Whatever ends the
-!> program leaves one from which the sweep goes on; a record that was cut is done again. What is in it is brought to the disk every
-!> some seconds, so that a loss of power costs what came since, and when it is closed. Where each case's record stands is kept in
-!> memory, 8 bytes a case; nothing else grows with their number.
+!> The journal of a sweep: the records of the finished cases, appended as they arrive, each with a checksum. After any end of the
+!> program the sweep can be resumed from it; a case with a truncated record is run again. It is synchronised to the disk every few
+!> seconds, so that a loss of power costs the records since then, and when it is closed. The position of each case's record is
+!> stored in memory, 8 bytes per case; nothing else grows with the number of cases.
 module tandem_io_sweep_journal
     use tandem, only: error_type, long, set_error, status_output_failed, to_text
     use tandem_fletcher, only: fletcher_type
@@ -16,7 +16,7 @@ module tandem_io_sweep_journal
 
     public :: sweep_journal_type
 
-    !> What it begins with, and the version of what follows.
+    !> Signature at the beginning of the file, and version of the format.
     character(len=8), parameter :: signature = 'tandem!S'
     integer(long), parameter :: version = 1
     integer, parameter :: bytes_a_word = 8
@@ -28,7 +28,7 @@ module tandem_io_sweep_journal
     !> Cases whose places are kept together.
     integer(long), parameter :: block_length = 65536
 
-    !> Where the records of some cases in a row stand, in bytes; 0 where there is none. Not allocated before one of them is done.
+    !> Positions of the records of consecutive cases, in bytes; 0 if there is none. Not allocated before one of the cases is done.
     type :: block_type
         integer(long), allocatable :: places(:)
     end type block_type
@@ -37,9 +37,9 @@ module tandem_io_sweep_journal
         character(len=:), allocatable :: path
         !> The cases that belong to it; how many are done, how many of these failed, and how many of them were done before.
         integer(long) :: first = 1, last = 0, done = 0, failed = 0, resumed = 0
-        !> Where the records stand, from the first case on: memory grows with what is done, not with what is asked for.
+        !> Positions of the records from the first case on. Memory grows with the finished cases, not with the requested ones.
         type(block_type), allocatable, private :: blocks(:)
-        !> Where the next one goes, after `n` words that are not yet written.
+        !> Position of the next record, after `n` words that are not yet written.
         integer(long), private :: end = 0
         integer, private :: n = 0
         integer(c_int64_t), allocatable, private :: waiting(:)
@@ -104,13 +104,13 @@ contains
     subroutine open_journal(self, path, settings, outputs, first, last, force, error)
         class(sweep_journal_type), intent(inout) :: self
         character(len=*), intent(in) :: path
-        !> What the records depend on: those of other settings are refused.
+        !> Data on which the records depend; records of other settings are refused.
         character(len=*), intent(in) :: settings
         !> Numbers of a record.
         integer, intent(in) :: outputs
         !> The cases that belong to it.
         integer(long), intent(in) :: first, last
-        !> Whether to begin anew in any case.
+        !> True to begin anew in any case.
         logical, intent(in) :: force
         type(error_type), allocatable, intent(out) :: error
         logical :: is_something, is_ours
@@ -154,7 +154,7 @@ contains
         allocate (self%words(words_of_record(outputs) + 2))
     end subroutine prepare
 
-    !> Whether a case is done.
+    !> True if a case is done.
     pure logical function has(self, case)
         class(sweep_journal_type), intent(in) :: self
         integer(long), intent(in) :: case
@@ -162,7 +162,7 @@ contains
         has = self%place_of(case) > 0
     end function has
 
-    !> Where the record of a case stands, 0 where there is none.
+    !> Position of the record of a case, 0 if there is none.
     pure integer(long) function place_of(self, case) result(place)
         class(sweep_journal_type), intent(in) :: self
         integer(long), intent(in) :: case
@@ -193,7 +193,7 @@ contains
 
         allocate (head, source=head_of(settings, self%outputs))
         self%end = bytes_a_word*size(head, kind=long)
-        ! What was there before is lost.
+        ! Earlier contents are lost.
         if (c_size(self%file, 0_c_int64_t) /= 0) then
             call self%say_problem('write', error)
         else if (c_write(self%file, head, size(head, kind=c_int64_t), 0_c_int64_t) /= 0) then
@@ -220,7 +220,7 @@ contains
         head(n + 5) = sum%value()
     end function head_of
 
-    !> Whether the file begins as one of ours of the same settings.
+    !> Check that the file begins as a journal of the same settings.
     subroutine check_head(self, settings, is_ours, is_something)
         class(sweep_journal_type), intent(inout) :: self
         character(len=*), intent(in) :: settings
@@ -353,7 +353,7 @@ contains
     subroutine take_from(self, path, settings, is_ours, error)
         class(sweep_journal_type), intent(inout) :: self
         character(len=*), intent(in) :: path, settings
-        !> Whether it belongs to the same sweep; else nothing is taken.
+        !> True if the other journal belongs to the same sweep; otherwise nothing is taken.
         logical, intent(out) :: is_ours
         type(error_type), allocatable, intent(out) :: error
         type(sweep_journal_type) :: other
@@ -380,7 +380,7 @@ contains
         if (.not. allocated(error)) call self%flush(error)
     end subroutine take_from
 
-    !> Close it, and remove it where it is no longer needed.
+    !> Close the journal, and remove it if it is no longer needed.
     subroutine close_journal(self, removes)
         class(sweep_journal_type), intent(inout) :: self
         logical, intent(in) :: removes

@@ -104,7 +104,7 @@ contains
         end associate
     end function clash_of
 
-    !> Whether a name is one that the times of a quantity need: the dataset of the times, or a column of the values.
+    !> True if the times of a quantity need a name: that of the dataset of the times, or of a column of the values.
     pure logical function is_of_times(kept, name)
         type(kept_type), intent(in) :: kept
         character(len=*), intent(in) :: name

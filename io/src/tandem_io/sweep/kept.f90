@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What is kept of a case: a quantity of the motion, and what is taken of it.
+!> Kept result of a case: a quantity of the motion, and the value taken of it.
 module tandem_io_sweep_kept
     use tandem, only: figure_reader_type, label_length, long, model_type, statistics_type, tell_figures, to_text, wp
     use tandem_io_scene, only: scene_type
@@ -14,14 +14,14 @@ module tandem_io_sweep_kept
     public :: of_q, of_qd, of_qdd, of_lambda, of_kinetic, of_potential, of_energy, of_error, of_step, of_sensor, of_event, of_figure
     public :: of_estimate
 
-    !> What is taken of a quantity, in the order of their names.
+    !> Values taken of a quantity, in the order of their names.
     integer, parameter :: take_default = 0, take_end = 1, take_start = 2, take_min = 3, take_max = 4, take_time_of_min = 5, &
         take_time_of_max = 6, take_mean = 7, take_first = 8, take_last = 9, take_count = 10, take_times = 11
     !> The names.
     character(len=12), parameter :: take_names(11) = [character(len=12) :: 'end', 'start', 'min', 'max', 'time_of_min', &
         'time_of_max', 'mean', 'first', 'last', 'count', 'times']
 
-    !> What a quantity is.
+    !> Kinds of quantities.
     integer, parameter :: of_q = 1, of_qd = 2, of_qdd = 3, of_lambda = 4, of_kinetic = 5, of_potential = 6, of_energy = 7, &
         of_error = 8, of_step = 9, of_sensor = 10, of_event = 11, of_figure = 12, of_estimate = 13
 
@@ -32,8 +32,8 @@ module tandem_io_sweep_kept
     integer, parameter :: word_index(7) = [1, 1, 1, 1, 2, 3, 1]
     character(len=4), parameter :: word_unit(7) = [character(len=4) :: 'J', 'J', 'J', '1', '1', '1', 's']
 
-    !> What the second run of a case tells: the error at the end and the largest one at all times compared, both on the scale of
-    !> each coordinate; and that of q and of qd at the end, max-norms.
+    !> Estimates from the second run of a case: the error at the end and the largest one at all times compared, both on the scale
+    !> of each coordinate; the errors of q and of qd at the end, max-norms.
     character(len=7), parameter :: estimate_names(4) = [character(len=7) :: 'end', 'largest', 'q', 'qd']
 
     !> One entry of `[[keep]]`.
@@ -159,7 +159,7 @@ contains
         n = model%n
         if (kind == of_lambda) n = model%n_constraints()
         self%kind = kind
-        ! Where it was in the model of another case, it mostly is in this one.
+        ! Its index in the model of another case is mostly valid here too.
         is_found = self%index >= 1 .and. self%index <= n
         if (is_found) is_found = label_of(self%index) == wanted
         if (.not. is_found) then

@@ -19,16 +19,16 @@ module tandem_io_sweep_plan
 
     !> Length of the names of inputs.
     integer, parameter :: name_length = 160
-    !> What is said of a name that has one.
+    !> Message about a name that contains a slash.
     character(len=*), parameter :: no_slash = 'must have no slash, since it names a dataset'
     !> Columns that every table has.
     character(len=7), parameter :: own_names(4) = [character(len=7) :: 'case', 'status', 'seconds', 'message']
-    !> Where the values of an input come from.
+    !> Sources of the values of an input.
     integer, parameter :: is_listed = 1, is_from_file = 2, is_uniform = 3, is_log_uniform = 4, is_normal = 5, &
         is_log_normal = 6, is_triangular = 7, is_choice = 8
-    !> How draws fill their space, by name.
+    !> Names of the methods by which draws fill their space.
     character(len=6), parameter :: points_names(3) = [character(len=6) :: 'random', 'latin', 'sobol']
-    !> The places of these names.
+    !> Indices of these names.
     integer, parameter :: random_points = 1, latin_points = 2, sobol_points = 3
 
     !> Something that differs from case to case.
@@ -45,12 +45,12 @@ module tandem_io_sweep_plan
         type(atom_type), allocatable :: values(:)
         !> Ends of an interval, or mean and standard deviation, of the logarithm for `is_log_normal`; where a triangle is highest.
         real(wp) :: a = 0.0_wp, b = 1.0_wp, mode = 0.5_wp
-        !> Where a normal distribution is cut off, if it is.
+        !> True if a normal distribution is truncated; its limits.
         logical :: is_limited = .false.
         real(wp) :: low = 0.0_wp, high = 0.0_wp
         !> Its number among those that are drawn, and of the setting that gives it to the scene.
         integer :: column = 0, setting = 0
-        !> Whether its values are no numbers; their places in the list stand for them then.
+        !> True if the values are texts; their indices in the list then represent them.
         logical :: holds_texts = .false.
     contains
         procedure :: is_drawn, drawn, held
@@ -63,7 +63,7 @@ module tandem_io_sweep_plan
         character(len=:), allocatable :: path, text, scene_path
         !> Path of the file of cases; empty where there is none.
         character(len=:), allocatable :: cases_path
-        !> What the scene is given besides, as on the command line.
+        !> Further settings of the scene, as on the command line.
         character(len=:), allocatable :: settings(:)
         !> The settings that carry inputs, at the start with typical values; they follow on `settings`.
         character(len=:), allocatable :: carriers(:)
@@ -73,9 +73,9 @@ module tandem_io_sweep_plan
         type(kept_type), allocatable :: kept(:)
         !> Draws at each place of the grid, how they fill their space, and the seed.
         integer :: draws = 1, points = random_points, seed = 1
-        !> Whether Sobol' points are shifted at random, and whether lists run side by side.
+        !> True if Sobol' points are shifted at random; true if lists run side by side.
         logical :: is_shifted = .true., is_side_by_side = .false.
-        !> Whether draws are arranged for Sobol' indices: blocks of two points A and B, and of A with one coordinate of B each.
+        !> True if draws are arranged for Sobol' indices: blocks of two points A and B, and of A with one coordinate of B each.
         logical :: is_for_indices = .false.
         !> Most seconds of a case, 0 for no limit.
         real(wp) :: max_seconds = 0.0_wp
@@ -94,7 +94,7 @@ module tandem_io_sweep_plan
 
 contains
 
-    !> Whether an input is drawn at random.
+    !> True if an input is drawn at random.
     pure logical function is_drawn(self)
         class(input_type), intent(in) :: self
 
@@ -274,7 +274,7 @@ contains
         end if
     end function atom_of
 
-    !> Where a draw lies between 0 and 1 in a column.
+    !> Position of a draw between 0 and 1 in a column.
     pure real(wp) function place_between(self, draw, column) result(u)
         class(plan_type), intent(in) :: self
         !> From 0 on.

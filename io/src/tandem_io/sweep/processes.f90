@@ -17,7 +17,7 @@ module tandem_io_sweep_processes
     !> One of them.
     type :: process_type
         integer(c_int) :: number = -1
-        !> What has come of records: bytes, and words of which the first `taken` are done with.
+        !> Received parts of records: bytes, and words, of which the first `taken` have been processed.
         integer(long), allocatable :: words(:)
         integer(c_int64_t) :: bytes = 0
         integer :: taken = 0
@@ -159,7 +159,7 @@ contains
         end associate
     end subroutine start
 
-    !> What a worker does: cases, until nobody asks for more.
+    !> Loop of a worker: run cases until no more are requested.
     subroutine work(runner, end)
         type(case_runner_type), intent(inout) :: runner
         integer(c_int), intent(in) :: end
@@ -216,7 +216,7 @@ contains
         end do
     end subroutine next
 
-    !> What a worker has told.
+    !> Look for a record that a worker has sent.
     subroutine look_at(self, worker, event)
         class(processes_type), intent(inout) :: self
         integer, intent(in) :: worker
@@ -239,7 +239,7 @@ contains
                     end if
                 end if
                 if (attempt == 2) return
-                ! What is left of the last look goes to the beginning.
+                ! Unprocessed words of the last look move to the beginning.
                 if (process%taken > 0) then
                     n = int((process%bytes + 7)/8)
                     process%words(:n - process%taken) = process%words(process%taken + 1:n)

@@ -12,7 +12,7 @@ module tandem_io_sweep_random
 
     public :: philox, random_words, random_number_at, permuted, stream_draw, stream_order, stream_stratum, stream_shift
 
-    !> What numbers are for; the same place gives other numbers in another stream.
+    !> Streams, one for each use of the numbers; equal indices give different numbers in different streams.
     integer, parameter :: stream_draw = 1, stream_order = 2, stream_stratum = 3, stream_shift = 4
 
     integer(long), parameter :: mask = 2_long**32 - 1, half = 2_long**16 - 1
@@ -74,8 +74,8 @@ contains
         number = (real(ior(ishft(words(1), 20), ishft(words(2), -12)), wp) + 0.5_wp)*2.0_wp**(-52)
     end function random_number_at
 
-    !> Where a permutation of 0 ... n - 1 takes `i`: a Feistel network of six rounds on the next power of four, again until the
-    !> result is below n, which takes less than four tries on average. Nothing has to be stored, and each place is known alone.
+    !> Image of `i` under a permutation of 0 ... n - 1: a Feistel network of six rounds on the next power of four, repeated until
+    !> the result is below n, less than four times on average. Nothing is stored, and each image is computed independently.
     pure integer(long) function permuted(seed, i, n, column) result(place)
         integer, intent(in) :: seed
         integer(long), intent(in) :: i, n

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What came of a case, and the words of 64 bits as which it travels and stands in the journal.
+!> The record of a case, and its form of 64-bit words for messages and the journal.
 module tandem_io_sweep_record
     use tandem, only: long, status_name, wp
     implicit none (type, external)
@@ -21,9 +21,9 @@ module tandem_io_sweep_record
         integer :: status = 0
         !> Wall time of the case.
         real(wp) :: seconds = 0.0_wp
-        !> What is kept, NaN where there is nothing.
+        !> Kept values, NaN if missing.
         real(wp), allocatable :: values(:)
-        !> What went wrong, on one line.
+        !> Description of the failure, on one line.
         character(len=message_length) :: message = ''
     contains
         procedure :: to_words, from_words

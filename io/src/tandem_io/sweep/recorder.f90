@@ -15,19 +15,19 @@ module tandem_io_sweep_recorder
     public :: recorder_type
 
     type, extends(observer_type) :: recorder_type
-        !> What is kept, and the numbers that were taken, one after the other; NaN where there are none.
+        !> Kept quantities, and their numbers, one after the other; NaN if missing.
         type(kept_type), allocatable :: kept(:)
         real(wp), allocatable :: values(:)
-        !> Where the numbers of each begin, how many times of it have passed, and its value at the last look.
+        !> Of each quantity: index of its first number, count of its passed times, and its value at the last evaluation.
         integer, allocatable, private :: first(:), passed(:)
         real(wp), allocatable, private :: last(:), extreme(:)
         real(wp), private :: t_start = 0.0_wp, t_last = 0.0_wp
-        !> Whether steps are looked at, and times between them.
+        !> True if quantities are evaluated at steps; true if at times between them.
         logical, private :: looks_at_steps = .false., looks_between = .false.
-        !> What the sensors and the multipliers are at the current look.
+        !> Sensors and multipliers at the current evaluation.
         real(wp), allocatable, private :: sensors(:), lambda(:)
         logical, private :: needs_sensors = .false., needs_lambda = .false.
-        !> Whether the error of the run is asked for, which takes a second one.
+        !> True if the error of the run is requested, which takes a second run.
         logical :: needs_estimate = .false.
     contains
         procedure :: initialize, resolve, observe, take_estimate
@@ -68,7 +68,7 @@ contains
         integer :: i
 
         do i = 1, size(self%kept)
-            ! What every run has.
+            ! Quantities of every run.
             if (any(self%kept(i)%kind == [of_figure, of_error, of_estimate])) cycle
             call self%kept(i)%resolve(scene, problem)
             if (problem == '') cycle
@@ -216,7 +216,7 @@ contains
     subroutine take_between(self, simulation, is_before_event, error)
         class(recorder_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
-        !> Whether the end of the step is left for later, when an event has changed it.
+        !> True to leave the end of the step for later, after the changes of an event.
         logical, intent(in) :: is_before_event
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: end_of_step, t
@@ -273,7 +273,7 @@ contains
         call refuse(stat, simulation, error)
     end subroutine finish
 
-    !> What a second run has told, after the end.
+    !> Store the estimates of a second run, after the end.
     subroutine take_estimate(self, global_error)
         class(recorder_type), intent(inout) :: self
         type(global_error_type), intent(in) :: global_error

@@ -41,7 +41,7 @@ module tandem_io_sweep_schedule
             real(wp), intent(in) :: busy
         end subroutine tell_interface
 
-        !> Whether the sweep shall end now.
+        !> True to end the sweep now.
         logical function stops_interface(self)
             import :: watcher_type
             implicit none (type, external)
@@ -49,7 +49,7 @@ module tandem_io_sweep_schedule
         end function stops_interface
     end interface
 
-    !> What a worker has to do.
+    !> Work assigned to a worker.
     type :: duty_type
         logical :: is_there = .false.
         !> The ranges that it has, the first `n` of two, of which the first begins with the case that is next.
@@ -143,7 +143,7 @@ contains
                     call next_range(schedule, journal, range)
                     if (range(1) > range(2)) return
                     if (.not. duty%is_there) then
-                        ! What is in the journal's buffer must not be there twice.
+                        ! Records in the journal's buffer must not be written twice.
                         call journal%flush(error)
                         if (.not. allocated(error)) call team%start(i, error)
                         if (allocated(error)) return
@@ -189,7 +189,7 @@ contains
         schedule%next = range(2) + 1
     end subroutine next_range
 
-    !> What a worker has told.
+    !> Process an event of a worker.
     subroutine take_event(schedule, journal, event, record, error)
         type(schedule_type), intent(inout) :: schedule
         type(sweep_journal_type), intent(inout) :: journal
@@ -224,7 +224,7 @@ contains
         end associate
     end subroutine take_event
 
-    !> What a signal is called.
+    !> Name of a signal.
     pure function signal_words(signal) result(words)
         integer(long), intent(in) :: signal
         character(len=40) :: words

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> What a table of cases says as a whole: means, extremes and histograms of columns, and Sobol' indices. Columns are read one at a
+!> Summary of a table of cases: means, extremes and histograms of columns, and Sobol' indices. Columns are read one at a
 !> time, so that the memory holds one of them.
 module tandem_io_sweep_summary
     use tandem, only: error_type, long, set_error, status_output_failed, wp

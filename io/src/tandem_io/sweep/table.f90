@@ -35,7 +35,7 @@ module tandem_io_sweep_table
 
 contains
 
-    !> Where a table's comma-separated values go.
+    !> Path of a table's comma-separated values.
     pure function csv_path(path) result(csv)
         character(len=*), intent(in) :: path
         character(len=:), allocatable :: csv
@@ -108,7 +108,7 @@ contains
         end if
     end subroutine write_table
 
-    !> What the whole is.
+    !> Write the attributes, texts and groups of the table.
     subroutine describe(file, plan, journal)
         type(hdf5_type), intent(inout) :: file
         type(plan_type), intent(in) :: plan

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The team that runs the cases of a sweep: workers that take ranges of cases and hand back their records in order. What they are,
-!> processes of this machine or ranks of MPI, is the business of the types that extend this.
+!> The team that runs the cases of a sweep: workers that take ranges of cases and return their records in order. Extensions of
+!> this type implement them as processes of this machine or as ranks of MPI.
 module tandem_io_sweep_team
     use tandem, only: error_type, long, wp
     implicit none (type, external)
@@ -8,10 +8,10 @@ module tandem_io_sweep_team
 
     public :: team_type, event_type, nothing, a_record, a_loss
 
-    !> What a worker tells.
+    !> Kinds of events of a worker.
     integer, parameter :: nothing = 0, a_record = 1, a_loss = 2
 
-    !> Something that a worker has told.
+    !> An event of a worker.
     type :: event_type
         !> One of the above.
         integer :: kind = nothing
@@ -68,7 +68,7 @@ module tandem_io_sweep_team
             type(event_type), intent(inout) :: event
         end subroutine next_interface
 
-        !> End a worker that does not return. What it has told before is lost or not.
+        !> End a worker that does not return. Its earlier records may be lost.
         subroutine end_interface(self, worker)
             import :: team_type
             implicit none (type, external)
