@@ -51,7 +51,7 @@ def put(name: str, view: np.ndarray, result: Any) -> None:
     if array.dtype.kind not in "fiub":
         raise TypeError(f"{name} returned {array.dtype} numbers: it must return real ones")
     if array.shape != view.shape:
-        # What has one entry may be a number, and what has one row a vector.
+        # An array of one entry may be given as a number, and one of one row as a vector.
         if array.size != view.size or max(array.ndim, view.ndim) > 1 and max(1, *array.shape, *view.shape) != view.size:
             raise ValueError(f"{name} returned an array of the shape {array.shape}: it must have the shape {view.shape}")
         array = array.reshape(view.shape)
@@ -75,12 +75,12 @@ class Guard:
     def __init__(self, n: int):
         self.n = n
         self.raised: list[BaseException] = []
-        #: What the library holds addresses of must live as long as the problem.
+        #: Objects to which the library holds pointers; they must live as long as the problem.
         self.alive: list[Any] = []
         #: Signals that have arrived in a frame of these codes, where no exception could pass: the next function raises it.
         self.signals: list[int] = []
         self.codes: set[Any] = set()
-        #: Whether a function of Python may be called: only those can be interrupted by a signal.
+        #: True if a function of Python may be called: only such functions can be interrupted by a signal.
         self.has_python = False
 
     def address(self, name: str, function: Callable, shape: tuple[int, ...], motion: bool, timeless: bool, x: int = 0) -> int:
@@ -134,7 +134,7 @@ class Guard:
         return MOTION(call)
 
     def evaluate(self, function: Callable, n_holonomic: int, n_nonholonomic: int, provides: int) -> int:
-        """The address of a function of all terms at once, which returns them by name."""
+        """The address of a function of all terms at once, which returns a dictionary of them."""
         compiled = address_of(function)
         if compiled is not None:
             self.alive.append(function)

@@ -28,7 +28,7 @@ class TandemError(RuntimeError):
 
 
 class InvalidInput(TandemError, ValueError):
-    """Options, a model, a start or a checkpoint that cannot be."""
+    """Invalid options, model, start or checkpoint."""
 
 
 class RunFailed(TandemError):

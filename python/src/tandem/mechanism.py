@@ -117,7 +117,7 @@ class Mechanism:
 
     def solve(self, t_span: tuple[float, float] | None = None, *, settings: Mapping[str, Any] | None = None, q: Any = None, qd: Any = None,
               events: Any = None, **options: Any) -> Solution:
-        """A whole run in this process, its rows in memory: see `tandem.solve`. What sensors and `[results]` show, `run` tells."""
+        """A whole run in this process, its rows in memory: see `tandem.solve`. Only `run` returns sensors and `[results]`."""
         model = self.model(settings, t_span)
         return solve(model, model.times, q, qd, events=[*scene_events(model.scene), *listed(events)],
                      **solver_options(model.scene, options))
@@ -131,7 +131,7 @@ class Mechanism:
         return self._with_file(lambda file: run_program("show", file, *settings_words(settings)))
 
     def equilibrium(self, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Where it rests; see `tandem.equilibrium`."""
+        """The equilibrium; see `tandem.equilibrium`."""
         return self._with_file(lambda file: equilibrium(file, settings))
 
     def linearise(self, settings: Mapping[str, Any] | None = None, *words: Any) -> dict[str, Any]:

@@ -39,7 +39,7 @@ DEEPEST = 10
 #: Flags, any of which disables a part of the model, and the name of that part.
 OFF = ((("spring", "passive"), "springs of joints"), (("damper", "passive"), "dampers of joints"), (("constraint", "equality"), "equalities"),
        (("constraint", "limit"), "limits of joints"), (("actuation",), "actuators"))
-#: What would change a model and is not taken.
+#: Elements that would change a model and are not supported.
 REFUSED = ("composite", "flexcomp", "replicate", "attach", "flex")
 #: Content of a body besides geoms, sites, frames and bodies.
 INSIDE = ("joint", "freejoint", "inertial", "camera", "light", "plugin")
@@ -65,20 +65,20 @@ class Joint:
 
 @dataclass
 class Model:
-    """What a file says: bodies that move, each with its joints and what carries it; which body and frame each name of the file is."""
+    """Contents of a file: moving bodies, each with its joints and its parent; body and frame of each name in the file."""
 
     name: str
     gravity: np.ndarray
     bodies: list = field(default_factory=list)
-    #: Of each body but the ground: (its joints, what carries it, its frame in that one's where joints are at their references).
+    #: For each body but the ground: (its joints, its parent, its frame in the parent's with joints at their references).
     joints: dict = field(default_factory=dict)
     places: dict = field(default_factory=dict)
     sites: dict = field(default_factory=dict)
     equalities: list = field(default_factory=list)
     motors: list = field(default_factory=list)
-    #: Texts in the order in which they came up, each once.
+    #: Texts in the order of their occurrence, each once.
     notes: dict = field(default_factory=dict)
-    #: Where each joint with one coordinate is drawn.
+    #: Coordinate of each joint with one coordinate in the reference configuration.
     at: dict = field(default_factory=dict)
 
     def note(self, text: str) -> None:
@@ -457,7 +457,7 @@ class Reader:
         return Pose(ends.mean(axis=0), upright(ends[0] - ends[1], where)), size
 
     def bound(self, body):
-        """What the compiler asks of masses and inertias."""
+        """Apply the compiler's bounds on masses and inertias."""
         body.mass = max(body.mass, self.least[0])
         if self.least[1] or self.balances:
             values, axes = np.linalg.eigh(body.inertia)
@@ -523,8 +523,8 @@ def inverse(pose: Pose) -> Pose:
 
 
 def read(path, at=None, state=None) -> Model:
-    """The model of a file, drawn with joints at their references, or as `at` says by name; `state` gives any joint its coordinates and
-    their rates as MuJoCo has them."""
+    """The model of a file, defined with joints at their references, or at the values that `at` gives for their names; `state` gives
+    coordinates of any joint and their rates in MuJoCo's convention."""
     return Reader(path, at, state).read()
 
 

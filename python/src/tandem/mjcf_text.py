@@ -17,8 +17,8 @@ RIGHT = 1e-9
 
 
 def joined(name, joints, body, parent, rest):
-    """What the joints of a body make: the type of the joint and its keys, None for none. `rest` is the body's frame in its parent's where
-    the joints are at their references."""
+    """The joint that replaces the joints of a body: its type and its keys, None for none. `rest` is the body's frame in its parent's
+    with the joints at their references."""
     slides = [joint for joint in joints if joint.type == "slide"]
     turns = [joint for joint in joints if joint.type in ("hinge", "ball")]
     free = 6 if any(joint.type == "free" for joint in joints) else 0

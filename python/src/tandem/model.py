@@ -32,7 +32,7 @@ TERMS: dict[str, tuple[str, str]] = {
     "mass_derivative": ("q x", "n n"),
 }
 
-#: What `evaluate` may give, for `provides` and `need`.
+#: Terms that `evaluate` may return, for `provides` and `need`.
 PHI, JACOBIAN, NU, GAMMA, MASS, FORCE = 1, 2, 4, 8, 16, 32
 
 NUMBERS = ("n", "n_holonomic", "n_nonholonomic")
@@ -57,10 +57,10 @@ class Model:
             mass_matrix = np.eye(2)
             def applied_force(self, t, q, qd): return [0, -9.81]
 
-    Or functions are given by name: `Model(n=2, n_holonomic=1, holonomic=..., ...)`. A function returns a number, a sequence or an
-    array of the right shape and of any kind of real numbers; an array in its stead is a term that never changes. A function may also be
-    compiled: what numba's `cfunc` makes with `numba_signature`, or an address as a `ctypes.c_void_p`, is called directly, and has the argument list of
-    include/tandem.h.
+    Alternatively, functions are given as keywords: `Model(n=2, n_holonomic=1, holonomic=..., ...)`. A function returns a number,
+    a sequence or an array of the right shape and of any kind of real numbers; an array instead of a function is a constant term.
+    A function may also be compiled: the result of numba's `cfunc` with `numba_signature`, or an address as a `ctypes.c_void_p`, is
+    called directly, and has the argument list of include/tandem.h.
 
     Others that may be set: `evaluate(need, t, q, qd)`, which returns several terms at once in a dictionary (phi, jacobian, nu,
     gamma, mass, force), with `provides`, the sum of `PHI`, `JACOBIAN`, ... that it gives; `coordinates` and `units` (n texts),
@@ -107,7 +107,7 @@ class Model:
         return tuple(int(sizes[word]) for word in words.split())
 
     def terms(self) -> dict[str, Any]:
-        """The functions and constant arrays that the model has, by name."""
+        """Dictionary of the functions and constant arrays of the model."""
         found = {name: getattr(self, name, None) for name in TERMS}
         return {name: value for name, value in found.items() if value is not None}
 
@@ -130,7 +130,7 @@ class DrawnModel(Model):
         #: Dotted keys with their values as texts.
         self.keys = keys
         self.planar, self.is_open, self.times = planar, is_open, times
-        #: What says where a run starts, and the whole scene, for pictures.
+        #: Settings of the start, and the whole scene, for pictures.
         self.initial, self.scene = initial, scene
 
 

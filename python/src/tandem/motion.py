@@ -2,8 +2,8 @@
 """A motion between the rows of a result: at equal times for frames, and near enough to each other for lines.
 
 Between two rows coordinates follow the polynomial that has their values, velocities and, where the file has them, accelerations at
-both: of degree 5, else 3. Where an event has changed the motion, the polynomial ends at the state before it, which the file holds.
-Where rows are as far apart as the steps of an accurate run, the error of that is far below a pixel.
+both: of degree 5, otherwise 3. If an event has changed the motion, the polynomial ends at the state before it, which the file holds.
+For rows as far apart as the steps of an accurate run, the error of the polynomial is far below a pixel.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def knots(result: Result):
 
 
 def resampled(result: Result, times: np.ndarray) -> dict[str, np.ndarray]:
-    """The coordinates of a result by name at the times."""
+    """Dictionary of the coordinates of a result at the times."""
     values = interpolated(*knots(result)[:4], times)
     return {name: values[:, j] for j, name in enumerate(result.names)}
 

@@ -26,7 +26,7 @@ LISTS = {"rtol_q", "rtol_qd", "atol_q", "atol_qd", "fixed_q", "fixed_qd", "weigh
 #: The keys of [initial] that say how a start is assembled, as options.
 ASSEMBLY = {"fixed": "fixed_q", "fixed_velocities": "fixed_qd", "weights": "weight_q", "velocity_weights": "weight_qd",
             "velocity_metric": "velocity_metric", "largest_move": "largest_move_q", "largest_velocity_move": "largest_move_qd"}
-#: What users of `solve_ivp` may look for.
+#: Options of `solve_ivp` that users may look for.
 OF_SCIPY = {"dense_output": "`solution.simulation.at(t)` tells the state within the last step, and t_eval at any times",
             "method": "name a stepper", "args": "let the functions of the model know them", "jac": "see `force_q` and its like",
             "vectorized": "functions are called for one time"}
@@ -36,11 +36,11 @@ SETTERS = {"t q": "set_position_function", "q": "set_position_function", "t q qd
 
 @dataclass
 class Event:
-    """What a run watches: where a function of (t, q, qd), or an entry of "q", "qd" or "lambda", by its number or name, passes through a
+    """An event of a run: a function of (t, q, qd), or an entry of "q", "qd" or "lambda", given by its number or name, passes through a
     value.
 
-    `direction`: 1 where it rises, -1 where it falls, 0 for both. `stops`: the run ends there; else it is recorded. A plain
-    function with the attributes `terminal` and `direction`, as SciPy has them, will do too."""
+    `direction`: 1 for rising values, -1 for falling ones, 0 for both. `stops`: the run ends at the event, otherwise the event is
+    recorded. A plain function with SciPy's attributes `terminal` and `direction` is accepted too."""
 
     function: Callable | None = None
     name: str = ""
@@ -102,7 +102,7 @@ class Problem:
             self._draw()
         self.n = self._guard.n = int(model.n)
         self.rows = int(model.n_holonomic + model.n_nonholonomic)
-        # A size that cannot be is told now, not at the start.
+        # Report an invalid size now, not at the start.
         message = self.message
         if not message.startswith("ok"):
             raise InvalidInput(message, -2)
@@ -119,7 +119,7 @@ class Problem:
 
     @property
     def message(self) -> str:
-        """What the last call had to say."""
+        """The message of the last call."""
         return self._library.tandem_message(self._handle).decode(errors="replace")
 
     def call(self, name: str, *arguments: Any) -> None:
@@ -194,7 +194,7 @@ class Problem:
         model.constraints = names("row", model.n_holonomic + model.n_nonholonomic)
 
     def own_start(self, t: float) -> tuple[np.ndarray, np.ndarray]:
-        """Where a mechanism starts: as it is drawn, and as its `initial` asks for."""
+        """The start of a mechanism: its reference configuration, changed as its `initial` requests."""
         if not isinstance(self.model, DrawnModel):
             raise TypeError("a model of functions has no start of its own: give q and qd")
         initial = self.model.initial

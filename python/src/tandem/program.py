@@ -95,7 +95,7 @@ def run_scene(scene: str | Path, settings: Mapping[str, Any] | None = None, outp
 
 
 def as_arrays(told: dict[str, Any]) -> dict[str, Any]:
-    """What the program prints as an object, lists of numbers as arrays and eigenvalues as complex ones."""
+    """The object printed by the program, with lists of numbers as arrays and eigenvalues as complex arrays."""
     import numpy as np
 
     found = dict(told)
@@ -111,7 +111,7 @@ def as_arrays(told: dict[str, Any]) -> dict[str, Any]:
 
 
 def equilibrium(scene: str | Path, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Where a scene rests, as `tandem equilibrium` tells: `q`, `stability`, complex `eigenvalues`, ..."""
+    """The equilibrium of a scene, as `tandem equilibrium` returns it: `q`, `stability`, complex `eigenvalues`, ..."""
     return as_arrays(json.loads(run_program("equilibrium", scene, *settings_words(settings), "--json")))
 
 

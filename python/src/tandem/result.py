@@ -39,9 +39,10 @@ def text(value: Any) -> str:
 class Result:
     """A run of the program `tandem`.
 
-    `time` (nt), `q`, `qd`, `qdd` (nt, n) and `multipliers`, as far as the scene asked for them; `names` and `units` of the
-    coordinates; `result["rod.x"]` is a series by name. `sensors["tip"]["position"]`, `diagnostics["step"]`, `groups["joints"]["pin"]["force"]`
-    (what is below /bodies, /joints, /wheels, /constraints, /forces and /balance) are `Series`; `events`, `report`, `scene` and `scene_text`, `status`, `message`; `path` where it was read.
+    `time` (nt), `q`, `qd`, `qdd` (nt, n) and `multipliers`, as far as the scene requested them; `names` and `units` of the
+    coordinates; `result["rod.x"]` is the series of that name. `sensors["tip"]["position"]`, `diagnostics["step"]` and
+    `groups["joints"]["pin"]["force"]` (the content of /bodies, /joints, /wheels, /constraints, /forces and /balance) are `Series`;
+    `events`, `report`, `scene` and `scene_text`, `status`, `message`; `path` of its file.
     """
 
     time: np.ndarray
@@ -69,7 +70,7 @@ class Result:
 
     @property
     def name(self) -> str:
-        """What the scene is called."""
+        """Name of the scene."""
         return self.scene.get("scene", {}).get("name") or Path(self.path or "result").stem
 
     @property
@@ -180,7 +181,7 @@ def read_groups(path: str | Path, file, every: int = 1) -> Result:
     if "q" not in trajectory:
         raise ValueError(f"{path} holds no coordinates: the scene's [output] fields must have \"q\"")
     attributes = trajectory["q"].attrs
-    # What is written together may be cut at different rows in the file of a run that was killed.
+    # Series written together may end at different rows in the file of a run that was killed.
     beside = [file[kind] for kind in ("diagnostics", "balance") if kind in file]
     beside += [one for kind in (*KINDS, "sensors") for one in file.get(kind, {}).values()]
     nt = min(len(data) for one in (trajectory, *beside) for data in one.values() if is_series(data))
@@ -217,7 +218,7 @@ def read_groups(path: str | Path, file, every: int = 1) -> Result:
 
 
 def is_series(data) -> bool:
-    """Whether a dataset has a row for each time."""
+    """True if a dataset has a row for each time."""
     return hasattr(data, "shape") and data.dtype.kind in "fi" and data.ndim > 0
 
 

@@ -74,7 +74,7 @@ class Simulation:
         run.t, run.q, run.qd
 
     Steps follow an error estimate with the tolerance `rtol` (1e-6), or have the fixed size `step`; the default stepper is auto. Other
-    options are those of doc/options.md by name. `events`: functions of (t, q, qd) or `tandem.Event`s. A run that fails raises; its
+    options have the names given in doc/options.md. `events`: functions of (t, q, qd) or `tandem.Event`s. A run that fails raises; its
     state is then that of the last accepted step, and the run can be asked and taken further.
     """
 
@@ -115,8 +115,8 @@ class Simulation:
         return self.state
 
     def rows(self, t_end: float, times: Any = None, capacity: int = CHUNK):
-        """Run to t_end and yield what is passed, as arrays (t, q, qd, qdd) of some rows at a time: at `times`, which ascend, or at
-        the end of each step. What came before a failure is yielded before it is raised."""
+        """Run to t_end and yield the motion, as arrays (t, q, qd, qdd) of some rows at a time: at `times`, which ascend, or at the
+        end of each step. Rows before a failure are yielded before it is raised."""
         problem, n = self.problem, self.problem.n
         at_steps = times is None
         wanted = None if at_steps else np.array(times, dtype=np.float64).reshape(-1)
@@ -233,7 +233,7 @@ class Simulation:
 
     @property
     def warnings(self) -> list[str]:
-        """What the run warns of: large errors, redundant rows, ..."""
+        """Warnings of the run: large errors, redundant rows, ..."""
         texts, room = [], 1000
         for i in range(self.problem.number("count_warnings")):
             text = ctypes.create_string_buffer(room)
@@ -267,8 +267,8 @@ class Simulation:
         return words
 
     def restore(self, words: Any) -> None:
-        """Go on from what `save` gave, bitwise as if nothing had been, in a run of the same model with the same options. Where it is
-        refused, the run stays where it is."""
+        """Continue from the words returned by `save`, bitwise as without interruption, in a run of the same model with the same
+        options. If they are refused, the run stays unchanged."""
         words = np.ascontiguousarray(words, dtype=np.int64)
         before, state = self.save(), self.state
         try:

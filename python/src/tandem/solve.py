@@ -17,7 +17,7 @@ from .simulation import Occurrence, RunError, Simulation
 
 @dataclass
 class Solution:
-    """What `solve` gives: rows of the motion, events, figures.
+    """Result of `solve`: rows of the motion, events, figures.
 
     `t` (nt), `q`, `qd`, `qdd` (nt, n); `status` and `message`; `events`, `stopped_by`; `statistics`, `warnings`; `error`, where it was
     asked for; `simulation`, the run, which can be taken further."""
@@ -96,8 +96,8 @@ def solve(model: Model, t_span: tuple[float, float], q: Any = None, qd: Any = No
     rtol      tolerance of a step, for all or per coordinate (1e-6); or `step`, the size of fixed steps in s
     t_eval    times of the rows, by dense output; None: a row for the start and for each step
     events    functions of (t, q, qd), which may have the attributes `terminal` and `direction`; or `tandem.Event`s
-    error     whether to estimate the error at the end by a second run
-    options   all others of doc/options.md by name
+    error     true to estimate the error at the end by a second run
+    options   all others of doc/options.md, under their names
 
     Raises `InvalidInput` where something cannot be, `RunFailed` where the run could not go on (what was reached is its
     `solution`), and the exception of a function of the model as it is.

@@ -27,7 +27,7 @@ class Column:
 
     @property
     def data(self) -> np.ndarray:
-        """What was given: texts where the values stand for texts, else the values."""
+        """The given values: texts if numbers represent texts, otherwise numbers."""
         if not self.labels:
             return self.values
         return np.array(self.labels, dtype=object)[self.values.astype(int) - 1]
@@ -96,7 +96,7 @@ class Table:
 
     @property
     def done(self) -> np.ndarray:
-        """Whether a case is done: `table["rz_min"][table.done]` has no rows of cases that failed."""
+        """True for each finished case: `table["rz_min"][table.done]` has no rows of cases that failed."""
         return self.status == 0
 
     def to_xarray(self):
@@ -127,7 +127,7 @@ class Table:
 
 
 def is_table(path: str | Path) -> bool:
-    """Whether a file is the table of a sweep."""
+    """True if a file is the table of a sweep."""
     with opened(path) as file:
         return "inputs" in file and "outputs" in file and "status" in file
 

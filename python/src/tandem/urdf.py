@@ -78,7 +78,7 @@ class Joint:
 
 @dataclass
 class Robot:
-    """What a file says."""
+    """Contents of a file."""
 
     name: str
     links: dict
@@ -294,7 +294,7 @@ def assemble(robot: Robot, floating=False, at=None, rates=None, base=None):
 
 
 def follow(robot: Robot, joint: Joint, at: dict, rates: dict) -> None:
-    """Where a mimicking joint is and how fast it moves, once that is known of what it follows."""
+    """Set the coordinate and rate of a mimicking joint, after those of the joint that it follows."""
     chain = {}
     while joint.mimic and joint.type in SCALAR and joint.name not in at:
         if joint.name in chain:
@@ -433,7 +433,7 @@ def body_lines(body: Body, name: str, looks: bool) -> list:
     note = printable(f"  # {body.name}") if name != body.name else ""
     held = printable(f"  # with {', '.join(body.links[1:])}") if len(body.links) > 1 else ""
     inertia = body.inertia
-    # What rounding leaves of a zero is none.
+    # Values within rounding of zero are set to zero.
     rounding = 4*np.finfo(float).eps*np.max(np.abs(inertia))
     entries = [inertia[i, j] if abs(inertia[i, j]) > rounding else 0.0 for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     lines = [f"[body.{name}]{note}{held}", f"mass = {text_of(body.mass)}",
@@ -462,14 +462,14 @@ def joint_lines(joint: Joint, name: str, frame: Pose, body_of, body_name) -> lis
 
 
 def coupling_lines(robot: Robot, moving, joint_name, names, at) -> list:
-    """q = multiplier q' + offset. The joints are drawn so: counted from the drawing the offset is gone."""
+    """q = multiplier q' + offset. The reference configuration satisfies this, so that relative to it the offset vanishes."""
     lines = []
     for name in moving:
         mimic = robot.joints[name].mimic
         if mimic is None or robot.joints[name].type == "planar":
             continue
         joints, factors = [joint_name[name]], [1]
-        # What follows by nothing, or a joint without a coordinate, stays where it is.
+        # A joint that follows with factor 0, or follows a joint without a coordinate, is fixed.
         if mimic[1] != 0 and robot.joints[mimic[0]].type in SCALAR:
             joints.append(joint_name[mimic[0]])
             factors.append(-mimic[1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What pictures are of: results of the program, files of them, and solutions of `tandem.solve`."""
+"""Data of pictures: results of the program, files of them, and solutions of `tandem.solve`."""
 
 from __future__ import annotations
 
@@ -113,8 +113,7 @@ def rate_unit(unit: str) -> str:
 
 
 def chosen(result: Result, most: int = 4) -> list[str]:
-    """What is worth a look where nobody says: sensors that show a number, else the coordinates that move most, and no Euler
-    parameters."""
+    """Default series: sensors that show a number, otherwise the coordinates that move most, without Euler parameters."""
     if sensors := list(scalars(result)):
         return sensors[:most]
     names = [name for name in result.names if not EULER.search(name)] or result.names

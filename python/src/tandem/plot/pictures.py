@@ -163,7 +163,7 @@ def entries_of(names: Sequence[str], files: Sequence[str]) -> list[tuple[Line2D,
 
 
 def flat(axes) -> None:
-    """What stays within rounding of a value is drawn as a line, and not its rounding errors as a motion."""
+    """Draw a series that is constant within rounding as a line, instead of its rounding errors as a motion."""
     values = np.concatenate([line.get_ydata() for line in axes.lines]) if axes.lines else np.zeros(1)
     values = values[np.isfinite(values)]
     if values.size and np.ptp(values) < 1e-9 * max(1e-9, np.abs(values).max()):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What all pictures share: colours that colour-blind eyes tell apart (Okabe, Ito 2008), sizes, axes, labels with units."""
+"""Style of all pictures: colours that colour-blind eyes can distinguish (Okabe, Ito 2008), sizes, axes, labels with units."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def legend(axes, entries, more: int = 0) -> None:
         return
     figure, place = axes.get_figure(), axes.get_subplotspec()
     columns = place.get_gridspec().ncols if place else 1
-    # What is beside the axes: the numbers and the label of the ordinate.
+    # Room beside the axes: the numbers and the label of the ordinate.
     room = figure.get_figwidth()/columns - 0.85
     line, gap = 0.26, 0.12
     texts = [shortened(text, room - line) for _, text in entries] + ([f"and {more} more"] if more else [])

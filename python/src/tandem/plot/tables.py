@@ -47,7 +47,7 @@ def histogram(given, names: Sequence[str] | None = None, *, title: str | None = 
 
 @in_style
 def scatter(given, names: Sequence[str] | None = None, *, title: str | None = None):
-    """What was kept over what was varied; inputs of cases that failed are red marks at the lower edge."""
+    """Kept values over varied inputs; inputs of cases that failed are red marks at the lower edge."""
     table = read_table(given)
     rows, columns = chosen(table, table.outputs, names, 4), chosen(table, table.inputs, names, 4)
     rows, columns = rows or chosen(table, table.outputs, None, 4), columns or chosen(table, table.inputs, None, 4)
@@ -75,7 +75,7 @@ def scatter(given, names: Sequence[str] | None = None, *, title: str | None = No
 
 @in_style
 def surface(given, names: Sequence[str] | None = None, *, title: str | None = None):
-    """What was kept as colour over two inputs: `names` are these and an output."""
+    """A kept value as colour over two inputs: `names` are the inputs and an output."""
     table = read_table(given)
     inputs, outputs = chosen(table, table.inputs, names, 2), chosen(table, table.outputs, names, 1)
     if len(inputs) != 2 or len(outputs) != 1:
@@ -99,7 +99,7 @@ def surface(given, names: Sequence[str] | None = None, *, title: str | None = No
 
 @in_style
 def bands(given, names: Sequence[str] | None = None, *, title: str | None = None):
-    """What was kept at several times: the median over them, and the bands that hold half and nine tenths of the cases."""
+    """Values kept at several times: the median over time, and the bands that hold half and nine tenths of the cases."""
     table = read_table(given)
     wanted = [name for name in listed(names) or table.outputs if table.column(name).times is not None][:4]
     figure, axes = new_figure(1, max(1, len(wanted)))
@@ -132,5 +132,5 @@ def overview(given, names: Sequence[str] | None = None, *, title: str | None = N
     return draw(table, names, title=title)
 
 
-#: The pictures of tables by name.
+#: Names and functions of the pictures of tables.
 TABLE_KINDS = {"overview": overview, "scatter": scatter, "histogram": histogram, "surface": surface, "bands": bands}

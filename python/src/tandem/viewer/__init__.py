@@ -36,11 +36,12 @@ class Page:
 
 def view(given: Any, path: str | Path | None = None, *, glb: str | Path | None = None, per_second: float = 60.0,
          names: list[str] | None = None, look: Callable | None = None, meshes: dict[str, Any] | None = None) -> Page:
-    """A page that plays a motion: a result, its file, or a solution; or the modes in a file of `tandem linearise`; written to `path`, and the motion as glTF to `glb`.
+    """A page that plays a motion: a result, its file, or a solution; or the modes in a file of `tandem linearise`; written to `path`,
+    and the motion as glTF to `glb`.
 
-    `names` are series that can be plotted beside it. `look(result, times, values)` makes a `Drawing` of a model of your own, of the
-    coordinates by name at the times of the frames. `meshes` are files of bodies, STL or OBJ, {"rod": "rod.stl"}, in metres, or with a scale,
-    {"rod": ("rod.stl", 0.001)}.
+    `names` are series that can be plotted beside it. `look(result, times, values)` makes a `Drawing` of a model of your own, from a
+    dictionary of the coordinates at the times of the frames. `meshes` are files of bodies, STL or OBJ,
+    {"rod": "rod.stl"}, in metres, or with a scale, {"rod": ("rod.stl", 0.001)}.
     """
     from .gltf import write_glb
     from .html import page

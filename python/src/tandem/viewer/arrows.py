@@ -14,7 +14,7 @@ from .rotations import turned
 if TYPE_CHECKING:
     from .mechanisms import Mechanism
 
-#: What is below this part of the largest force, or as a torque of that over the size of all, is nothing but rounding.
+#: Forces below this part of the largest one, and torques below it times the size of the model, are rounding errors.
 LEAST = 1e-9
 
 

@@ -43,7 +43,7 @@ def looks(result, times: np.ndarray, values: dict[str, np.ndarray], look: Callab
         try:
             return draw_mechanism(result, times, values), ""
         except (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-            # What this package does not know of a scene leaves its bodies as they can be drawn without it, and is said.
+            # Parts of a scene unknown to this package are reported; bodies are then drawn without them.
             unknown = f"drawn without the scene's shapes and joints, which were not understood ({type(error).__name__}: {error})"
     drawing = draw_by_names(result, times, values)
     if drawing is None:
@@ -60,7 +60,7 @@ def about(result) -> str:
 
 
 def curves(result, times: np.ndarray, names: list[str] | None) -> list[Curve]:
-    """What can be plotted beside the motion: what is named, else sensors and what moves most."""
+    """Series that can be plotted beside the motion: the named ones, otherwise sensors and the coordinates that move most."""
     wanted = listed(names) or [*list(scalars(result))[:12], *vectors(result)[:12], *[name for name in chosen_coordinates(result)]]
     found = []
     for name in dict.fromkeys(wanted):

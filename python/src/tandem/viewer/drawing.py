@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What is shown of a motion: bodies with their pieces, points, springs, tracks, arrows, the ground."""
+"""The picture of a motion: bodies with their pieces, points, springs, tracks, arrows, the ground."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Body:
     pieces: list[Piece] = field(default_factory=list)
 
     def point(self, local) -> np.ndarray:
-        """Where a point of the body is at the frames (nf, 3)."""
+        """Positions of a point of the body at the frames (nf, 3)."""
         return self.place + turned(self.turn, np.broadcast_to(np.asarray(local, dtype=float), self.place.shape))
 
 
@@ -85,7 +85,7 @@ class Arrow:
 
     @property
     def turns(self) -> bool:
-        """Whether it is a torque, which is drawn as an arc about it."""
+        """True for a torque, which is drawn as an arc about its axis."""
         return self.unit == "N m"
 
     @property
@@ -114,16 +114,16 @@ class Drawing:
     tracks: list[Track] = field(default_factory=list)
     arrows: list[Arrow] = field(default_factory=list)
     curves: list[Curve] = field(default_factory=list)
-    #: Several motions of the same bodies, by name, of which one is seen at a time: modes.
+    #: Named motions of the same bodies, of which one is shown at a time: modes.
     takes: list[tuple[str, list[Body]]] = field(default_factory=list)
-    #: Meshes of files by name: triangles (nt, 3, 3).
+    #: Named meshes of files: triangles (nt, 3, 3).
     meshes: dict[str, np.ndarray] = field(default_factory=dict)
-    #: Which way is up, and where the ground is: a point on it; None for no ground.
+    #: Upward direction, and a point on the ground; None for no ground.
     up: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     ground: np.ndarray | None = None
-    #: Whether everything moves in the plane x, y.
+    #: True if everything moves in the plane x, y.
     planar: bool = False
-    #: The size of what is drawn with the ground to which it is joined; 0 where that is the size of the bodies.
+    #: The size of the drawing together with the ground to which it is joined; 0 if that is the size of the bodies.
     extent: float = 0.0
     #: Words about the run, below its name.
     about: str = ""

@@ -54,7 +54,7 @@ def evaluate(text: str, known: Mapping[str, float]) -> float:
 
 
 class Numbers:
-    """What a scene knows: its parameters."""
+    """The parameters of a scene."""
 
     def __init__(self, parameters: Mapping[str, Any]):
         self.known: dict[str, float] = {}

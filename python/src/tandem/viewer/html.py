@@ -29,7 +29,7 @@ def rounded(values, digits: int = 7) -> list[float]:
 
 
 def filled(places: np.ndarray) -> np.ndarray:
-    """Places with the last one that there was in the stead of those that there are not."""
+    """Positions, with missing ones replaced by the last known one."""
     good = np.isfinite(places).all(axis=1)
     if good.all() or not good.any():
         return np.nan_to_num(places)

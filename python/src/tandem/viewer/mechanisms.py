@@ -25,7 +25,7 @@ class Mechanism:
         self.planar = bool(scene.get("scene", {}).get("planar", False))
         self.ground_points = scene.get("ground", {}).get("points", {})
         self.gravity = self.vector(scene.get("gravity", {}).get("vector", [0, 0, 0]))
-        # Where bodies are in the drawing, on which `at` and `axis` are given.
+        # Poses of the bodies in the reference configuration, in which `at` and `axis` are given.
         self.drawn: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         for name, keys in self.elements["body"].items():
             self.drawn[name] = self.vector(keys.get("position", [0, 0, 0])), self.drawn_turn(keys)
@@ -82,18 +82,18 @@ class Mechanism:
         return text, np.zeros(3)
 
     def in_world(self, text: str) -> np.ndarray:
-        """Where a point is in the drawing."""
+        """Position of a point in the reference configuration."""
         return self.from_body(*self.point(text))
 
     def from_body(self, name: str, place: np.ndarray) -> np.ndarray:
-        """A place in the axes of a body where it is in the drawing."""
+        """Position, in the reference configuration, of a point given in the axes of a body."""
         if name not in self.drawn:
             return place
         at, turn = self.drawn[name]
         return at + turned(turn, place)
 
     def track(self, text: str) -> np.ndarray:
-        """Where a point is at the frames."""
+        """Positions of a point at the frames."""
         name, place = self.point(text)
         return self.bodies[name].point(place) if name in self.bodies else np.tile(place, (len(self.times), 1))
 
@@ -102,7 +102,7 @@ class Mechanism:
             self.attached[name].append(place)
 
     def joint_place(self, keys: dict) -> np.ndarray | None:
-        """Where a joint is in the drawing."""
+        """Position of a joint in the reference configuration."""
         at = keys.get("at")
         if isinstance(at, str):
             return self.in_world(at)
@@ -219,7 +219,7 @@ def give_looks(found: Mechanism, body: Body, keys: dict, colour: str, size: floa
     ends = found.attached[body.name]
     reach = max((float(np.linalg.norm(place)) for place in ends), default=0.0)
     if reach > 0.01*size:
-        # What it is attached to, by bars from one point to the next where they lie in a row, else from the centre.
+        # Bars to the points of attachment, from one point to the next if they lie in a row, otherwise from the centre.
         radius = 0.012*size
         outer = [place for place in ends if np.linalg.norm(place) > 1e-9*size]
         body.pieces += [bar(np.zeros(3), place, radius, colour) for place in outer]
@@ -367,7 +367,7 @@ def add_plane(found: Mechanism, drawing: Drawing, name: str, keys: dict, normal:
 
 
 def disk_contact(body: Body, centre, axis, radius: float, normal: np.ndarray, crown: float = 0.0) -> np.ndarray:
-    """Where a disk touches its plane: r - R (n - (a.n) a)/|n - (a.n) a| - c n."""
+    """Contact point of a disk with its plane: r - R (n - (a.n) a)/|n - (a.n) a| - c n."""
     axis = np.asarray(axis, dtype=float)/np.linalg.norm(axis)
     a = turned(body.turn, np.broadcast_to(axis, body.place.shape))
     down = normal - (a @ normal)[:, None]*a
@@ -376,7 +376,7 @@ def disk_contact(body: Body, centre, axis, radius: float, normal: np.ndarray, cr
 
 
 def ellipsoid_contact(body: Body, centre, axes: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Where an ellipsoid touches its plane: D^2 m/|D m| from its centre, m downwards in the axes of the body."""
+    """Contact point of an ellipsoid with its plane: D^2 m/|D m| from its centre, m downwards in the axes of the body."""
     m = turned(conjugate(body.turn), np.broadcast_to(-normal, body.place.shape))
     size = np.linalg.norm(axes*m, axis=1, keepdims=True)
     return body.point(centre) + turned(body.turn, axes**2*m/size)

@@ -35,7 +35,7 @@ def read_mesh(path: str | Path) -> np.ndarray:
         triangles = obj(data) if path.suffix.lower() == ".obj" else stl(data)
     except (UnicodeDecodeError, ValueError, IndexError) as error:
         raise ValueError(f"{path} cannot be read as a mesh (STL, OBJ): {error}") from error
-    # What has no area cannot be seen, and has no normal.
+    # Triangles without area are invisible and have no normal.
     areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
     triangles = triangles[~(areas <= 0)]
     if len(triangles) == 0 or not np.isfinite(triangles).all():

@@ -35,8 +35,8 @@ def swing() -> np.ndarray:
 
 @dataclass
 class Modes:
-    """What is in the file of a linearised system: coordinates with their names, and of each mode its eigenvalue (1/s), what explains
-    it, its frequency (Hz), its damping ratio, and its shape, complex (n_modes, n). Of mechanisms the bodies too, with their motions in
+    """Contents of the file of a linearised system: coordinates with their names, and for each mode its eigenvalue (1/s), the cause of
+    it, its frequency (Hz), its damping ratio, and its shape, complex (n_modes, n). For mechanisms also the bodies, with their motions in
     each mode, complex (n_modes, n_bodies, 6): of the centre of mass (m), and the vector by which the body turns (rad)."""
 
     names: list[str]
@@ -58,7 +58,7 @@ class Modes:
         return sorted(found, key=lambda i: -self.eigenvalues[i].real)[:MOST_MODES]
 
     def label(self, i: int) -> str:
-        """What a mode is called: its frequency with its damping, or its rate where it does not swing."""
+        """Label of a mode: its frequency with its damping, or its rate if it does not oscillate."""
         value = self.eigenvalues[i]
         # Real parts within the rounding of the matrix neither damp nor grow.
         real = value.real if abs(value.real) > ROUNDING*np.abs(self.eigenvalues).max() else 0.0
@@ -68,7 +68,7 @@ class Modes:
         return f"does not swing, {value.real:.4g} 1/s{grows}"
 
     def swings(self, i: int, size: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Of each body how far its centre of mass is from its place, and the vector by which it is turned, at the frames (nf, 3)."""
+        """For each body, the displacement of its centre of mass and its rotation vector at the frames (nf, 3)."""
         shape = self.motions[i]/np.repeat([FAR*size, TURN], 3)
         most = shape.flat[np.argmax(np.abs(shape))] or 1.0
         # Turned so that what moves most is farthest at the first frame, and as far as it shall be.
@@ -89,7 +89,7 @@ class Modes:
 
 
 def is_modes(path: str | Path) -> bool:
-    """Whether a file is a linearised system."""
+    """True if a file is a linearised system."""
     with opened(path) as file:
         return "linearisation" in file
 

@@ -27,7 +27,7 @@ def packed(channels: np.ndarray, steps: np.ndarray) -> str:
 
 
 def unpacked(text: str, steps: np.ndarray, nf: int) -> np.ndarray:
-    """What `packed` has made, as the page does."""
+    """Invert `packed`, as the page does."""
     planes = np.frombuffer(gzip.decompress(base64.b64decode(text)), dtype=np.uint8).reshape(4, -1)
     zigzag = np.ascontiguousarray(planes.T).view(np.uint32).reshape(len(steps), nf).astype(np.int64)
     third = (zigzag >> 1) ^ -(zigzag & 1)

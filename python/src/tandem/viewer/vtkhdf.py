@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A drawing as VTKHDF, for ParaView and what else reads VTK's files: polygons of all bodies, lines of all springs, arrows and tracks, whose
-corners have a place at each frame. What is connected to what is there once. Cells have the number of their body and a colour.
+"""A drawing as VTKHDF, for ParaView and other readers of VTK: polygons of all bodies, lines of all springs, arrows and tracks, whose corners
+have a position at each frame. Connections are stored once. Cells have the number of their body and a colour.
 
 The format is that of VTK's documentation (VTKHDF 2.0, PolyData with Steps). A mode follows the other where there are several."""
 
@@ -53,7 +53,7 @@ def corners_of(drawing: Drawing) -> tuple[list[np.ndarray], np.ndarray, np.ndarr
 class Strand:
     """Corners that lines join: a spring, an arrow, a track. `places` gives them at frames of a take (nf, np, 3)."""
 
-    #: What the cells have as their body.
+    #: Number of the body to which the cells belong.
     number: int
     colour: str
     #: Which of its corners its lines join (nl, 2).

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Plays a motion: bodies by four unit shapes, springs, tracks that grow, arrows, a plot with a cursor.
 //
-// Where there is no graphics card, every vertex and every pixel costs. Then all pieces are one mesh, which this program itself moves and
+// Without a graphics card, every vertex and every pixel costs. Then all pieces are one mesh, which this program itself moves and
 // lights; shapes have fewer faces, colours are those of the screen, so that no pixel has to be converted, and the words beside the motion
 // follow ten times a second.
 import * as THREE from "three";
@@ -389,7 +389,7 @@ function makePlot(canvas, times, curves, channels, seek) {
     return { draw, choose: i => { chosen = i; } };
 }
 
-/** Whether there is no graphics card; `#fine` behind the address draws as if there were one. */
+/** True if there is no graphics card; `#fine` behind the address draws as if there were one. */
 function drawnBySoftware() {
     if (location.hash.includes("fine")) return false;
     const context = document.createElement("canvas").getContext("webgl2");
@@ -547,7 +547,7 @@ export async function show(drawing, buffer) {
     function tick(now) {
         asked = 0;
         if (!state.playing) return;
-        // Where frames take a graphics card long, there are fewer pixels. Drawn by software they cost little: it is corners that do.
+        // If frames take a graphics card long, there are fewer pixels. In software rendering pixels cost little; corners do.
         slow = now - then > 45 ? slow + 1 : Math.max(0, slow - 1);
         if (!isSoft && slow > 12 && renderer.getPixelRatio() > 0.5) { slow = 0; renderer.setPixelRatio(Math.max(0.5, 0.75 * renderer.getPixelRatio())); }
         const ahead = Math.min(0.25, Math.max(0, now - then) / 1000) * state.speed / times.step;
