@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the tests of the package share: a pendulum whose motion is known, a skate on an incline, the compiled library."""
+"""Shared parts of the package's tests: a pendulum whose motion is known, a skate on an incline, the compiled library."""
 
 import ctypes
 import math

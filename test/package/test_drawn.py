@@ -120,7 +120,7 @@ class Drawn(unittest.TestCase):
             one.solve()
 
     def test_every_option_of_a_scene(self):
-        """What the program takes in [solver], the library does: with all of its defaults, and tolerances of the velocities of their own."""
+        """The library accepts all options of [solver]: with all defaults, and with separate tolerances of the velocities."""
         import tomllib
 
         one = tandem.Mechanism(PENDULUM)
@@ -176,7 +176,7 @@ class Drawn(unittest.TestCase):
             tandem.Mechanism(PENDULUM).solve((0, 1), q=[0, 0, 0])
 
     def test_values_as_texts(self):
-        """What the library reads, and what it does not take for a value; a problem that is no mechanism, or not complete."""
+        """Valid and invalid texts of values; problems that are not mechanisms, or incomplete."""
         called = library()
         problem = called.tandem_new_mechanism(None)
         try:

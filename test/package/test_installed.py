@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What is installed: the library, the program, three.js with its licence, and no place of the machine on which it was built."""
+"""Installed files: the library, the program, three.js with its licence, and no place of the machine on which it was built."""
 
 import ctypes
 import os

@@ -138,7 +138,7 @@ class Arrows(unittest.TestCase):
             np.testing.assert_allclose(arrow.vectors[frame], vector, atol=1e-9)
 
     def test_a_cantilever(self):
-        """What holds a beam in a wall, by statics: weight at its middle, a force and a torque at its tip."""
+        """Reactions of a beam clamped in a wall, from statics: weight at its middle, a force and a torque at its tip."""
         beam = {"scene.model": "mechanism", "gravity.vector": [0, 0, -10], "body.beam.mass": 2.0, "body.beam.inertia": [0.1, 0.2, 0.2],
                 "body.beam.position": [0.5, 0, 0], "body.beam.points": {"tip": [0.5, 0, 0]}, "joint.wall.type": "fixed",
                 "joint.wall.bodies": ["ground", "beam"], "joint.wall.at": [0, 0, 0], "force.hand.type": "load", "force.hand.on": "beam.tip",

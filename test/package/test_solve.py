@@ -253,7 +253,7 @@ def with_force(function):
 
 
 class Callbacks(unittest.TestCase):
-    """What a function may return, and what becomes of it where it may not."""
+    """Return values of functions, valid and invalid."""
 
     def test_kinds_and_orders(self):
         exact = tandem.solve(Pendulum(), (0, 1), *START).q[-1]
