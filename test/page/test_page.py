@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Pages in a real browser without a window, and glTF files in other readers.
 
-Needs Chromium (apt-get install chromium) and npm, besides requirements.txt. What was seen is left in build/verify/page."""
+Needs Chromium (apt-get install chromium) and npm, besides requirements.txt. The pages and pictures stay in build/verify/page."""
 
 import base64
 import json
@@ -210,7 +210,7 @@ class Pages(Browser):
         self.quiet()
 
     def test_pictures_of_the_documentation(self):
-        """What doc/figures/SCENE_page.png shows: the paper's motions as their pages play them."""
+        """Pictures doc/figures/SCENE_page.png: the paper's motions as their pages play them."""
         for scene, part in (("rolling_disk", 0.62), ("articulated_vehicle", 0.6), ("motorcycle", 0.5), ("motorcycle_chopper", 0.5)):
             with self.subTest(scene):
                 tab, drawing = self.open(tandem.run_scene(scene, error=False), f"{scene}_page", size=(820, 470))
@@ -219,7 +219,7 @@ class Pages(Browser):
                 self.quiet()
 
     def test_pictures_of_the_gallery(self):
-        """What doc/figures/gallery_SCENE.png shows: every shipped mechanism, without the page's controls."""
+        """Pictures doc/figures/gallery_SCENE.png: every shipped mechanism, without the page's controls."""
         for scene, end, part in GALLERY:
             with self.subTest(scene):
                 self.assertTrue((ROOT / "doc" / "figures" / f"gallery_{scene}.png").exists())
@@ -308,8 +308,8 @@ class Pages(Browser):
         self.quiet()
 
     def test_frames_a_second(self):
-        """Ten bodies for a minute, in software rendering; a chain of a thousand. What the machine gives depends on what else it does: so the
-        time of a frame's JavaScript and the processors' time of a frame, of all of the browser, are stated too."""
+        """Ten bodies for a minute, in software rendering; a chain of a thousand. The speed depends on the load of the machine: so the
+        time of a frame's JavaScript and the processors' time of a frame, of the whole browser, are stated too."""
         for name, given in (("ten", tandem.run_scene("trailers", {"parameters.n": 9, "time.end": 60}, error=False)), ("thousand", chain(1000))):
             tab, drawing = self.open(given, name, size=(1000, 640))
             self.not_blank(tab, name)
@@ -330,9 +330,9 @@ class Pages(Browser):
                   f"of processors a frame; {script:.1f} ms of JavaScript and {alone:.0f} ms of processors for a frame's drawing alone; {calls} draw calls, {corners} corners; {(SEEN / f'{name}.html').stat().st_size/1e6:.2f} MB", file=sys.stderr)
             self.quiet()
             self.assertGreater(frames, 0)
-            # What two threads of a slow core can do thirty times a second.
+            # The work of two threads of a slow core at thirty frames per second.
             self.assertLess(alone, 50)
-            # One for all bodies, one for each track, one for the ground; and as few faces as look round.
+            # One for all bodies, one for each track, one for the ground; and the fewest faces that look round.
             self.assertLessEqual(calls, 2 + len(drawing.tracks))
             self.assertLess(corners, 1200*len(drawing.bodies))
 
@@ -360,7 +360,7 @@ def drawing_size(tab):
 
 
 def processor_seconds():
-    """What the processes of the browser, which this one has started, have worked so far."""
+    """Processor time used so far by the processes of the browser that this process has started."""
     parents, times = {}, {}
     for folder in Path("/proc").glob("[0-9]*"):
         try:

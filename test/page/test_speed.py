@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""What a model in Python costs: of numba beside C, of NumPy beside SciPy's solve_ivp on the same right-hand side. Stated; judged where
-a ratio within one run can be."""
+"""Cost of a model in Python: numba beside C, NumPy beside SciPy's solve_ivp on the same right-hand side. Times are stated; only
+ratios within one run are asserted."""
 
 import sys
 import time
