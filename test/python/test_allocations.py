@@ -163,7 +163,7 @@ class Reading(Counted):
         for scene in ("trailers", "repeated.toml"):
             with self.subTest(scene=scene):
                 few, many = (self.run_counted("show", scene, "--set", f"parameters.n={n}")[1] for n in (500, 2000))
-                # Where lists double, it depends on their sizes how much of the room is used: a tenth more or less.
+                # Lists double, so that the used part of their room depends on their sizes: a tenth more or less.
                 self.assertLess(many, 4.5*few)
 
 

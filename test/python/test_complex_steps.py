@@ -291,7 +291,7 @@ class ComplexSteps(Case):
         with h5py.File(self.folder / "it.h5") as file:
             group = file["linearisation"]
             a, v, g, w, q, qd, scale = (group[name][:] for name in ("a", "v", "g", "w", "q", "qd", "scale"))
-            # What goes along with a steady motion is not taken off here.
+            # The part that moves with a steady motion is not subtracted here.
             self.assertEqual(group.attrs["kind"], "instant")
         self.assertEqual(len(q), it.n)
         nv, nw = v.shape[1], w.shape[1]

@@ -28,7 +28,7 @@ LONG = [*REPORTED, "--quiet"]
 MOMENTS = 20
 # How often the room for a file ends, of each kind of run and in either way.
 ROOMS = int(os.environ.get("TANDEM_MOMENTS", "2"))
-# What is written how.
+# Settings of the steps and the output.
 KINDS = {
     "fixed steps": ["--set", "output.every=1"],
     "error control": ["--set", "solver.stepper=dop853", "--set", "solver.rtol=1e-6", "--set", "output.every=1"],
@@ -263,7 +263,7 @@ class Disk(Running):
             self.check_rescue(err, temporary)
         finally:
             subprocess.run(["umount", small], check=True)
-        # Where there is room, the run goes on.
+        # With enough room, the run continues.
         with h5py.File(self.folder / "b.h5") as file:
             left = file["trajectory/time"][-1]
         self.tandem("resume", "b.h5", "--set", f"time.end={left + 1}", "--no-error")
@@ -325,7 +325,7 @@ class Disk(Running):
                     if folder is None:
                         self.check_rescue(err)
                     self.assertIn("File too large" if folder is None else "No space left on device", err)
-                    # What is there is as it was written, and the run goes on with it where there is room.
+                    # Existing contents are undamaged, and the run continues from them once there is room.
                     self.tandem("verify", "b.h5")
                     with h5py.File(self.folder / "b.h5") as file:
                         self.assertIn(file.attrs["status"], ("failed", "running"))
@@ -400,7 +400,7 @@ class InUse(Running):
         self.tandem("run", "rolling_disk", "--set", "time.end=0.1", "--output", "a.h5", "--force")
 
     def is_complete(self, name):
-        """Whether the run has closed the file, which it still cuts to its length after the status can be read."""
+        """True if the run has closed the file, which it still cuts to its length after the status can be read."""
         path = self.folder / name
 
         def answer():

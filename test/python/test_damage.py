@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Result files that were damaged: `tandem verify` tells, `tandem resume` refuses; neither hangs, crashes or takes them for whole.
 
-Runs build/tandem, or what the environment variable TANDEM names. TANDEM_MUTATIONS is how many random mutations each of the two
-gets (default 24), and TANDEM_SEED chooses them. What issue 31 asks for is
+Runs build/tandem, or the program given by the environment variable TANDEM. TANDEM_MUTATIONS is the number of random mutations for each of
+the two (default 24), and TANDEM_SEED chooses them. The full check is
 TANDEM_MUTATIONS=540 python3 test/python/test_damage.py Mutations
 """
 
@@ -42,7 +42,7 @@ def rows_of(path, most=None):
 
 
 def holds(path, rows, most=None):
-    """Whether a file holds these rows to another program: one of its own, which a damaged file may bring down."""
+    """True if another process reads these rows from a file. The process is separate because a damaged file may crash it."""
     child = os.fork()
     if child == 0:
         signal.alarm(LONGEST)
@@ -153,7 +153,7 @@ class Mutations(Damaged):
             shutil.copy(self.folder / name, self.folder / "whole.h5")
             self.tandem("verify", "whole.h5")
             self.tandem("resume", "whole.h5", *on, code=1 if name == "events.h5" else 0)
-            # Where the run was killed, rows may come after those that have checksums.
+            # After a kill, rows may follow those that have checksums.
             with h5py.File(self.folder / name) as file:
                 sure = max(place[:2].tolist() for place in file["checksums"].values())[1]
             bases.append((name, on, sure, rows_of(self.folder / name, sure), rows_of(self.folder / "whole.h5")))

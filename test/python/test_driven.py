@@ -51,7 +51,7 @@ def turn(axis, angle):
 def bricard(theta, motion):
     """Six links of length 1/2, twisted by 60 degrees to either side in turn; angles of the joints alternate."""
     def chain(other):
-        """Where the joints are, with their axes, and that of the end."""
+        """Positions and axes of the joints, and the pose of the end."""
         place, way = np.zeros(3), np.eye(3)
         joints = [(place, way[:, 2])]
         for k in range(6):
@@ -161,7 +161,7 @@ class Driven(Mechanism):
 
 
 class Names(Mechanism):
-    """Freedoms by name, and matrices by rows."""
+    """Freedoms given by names, and matrices by rows."""
 
     def test_a_motion_in_space_by_name(self):
         """A primitive that holds all, one freedom of it driven: the second body follows along the axis, or turns about it."""

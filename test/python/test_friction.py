@@ -110,7 +110,7 @@ class Closed(Mechanism):
             self.near(file["forces/rub/force"][:], -0.4*2*G, 1e-9)
 
     def test_jams(self):
-        """Where mu h/arm > 1, a friction makes more normal force than it takes: no motion, or several."""
+        """For mu h/arm > 1, friction causes more normal force than it needs: no motion, or several."""
         scene = self.scene(tilting("dynamic = 0.6\nspeed = 0.01\narm = 0.1\n"))
         self.refused("run", scene, "--output", "jam.h5", says=["friction (jammed)"])
 
@@ -132,8 +132,8 @@ class Sticks(Mechanism):
     MORE = f"dynamic = 0.3\nspeed = {SPEED}\nradius = 0.2\n"
 
     def creep(self, angle):
-        """Where friction carries the weight: radius mu tanh(4 w/v) = l sin(angle). The inertia that this leaves out is J w' in m g l, below
-        2e-4 of the torque here."""
+        """Creep under friction that carries the weight: radius mu tanh(4 w/v) = l sin(angle). The neglected inertia is J w' in m g l,
+        below 2e-4 of the torque here."""
         return -self.SPEED/4*np.arctanh(0.5*np.sin(angle)/(0.2*0.3))
 
     def test_it_stays(self):

@@ -24,7 +24,7 @@ REVOLUTE = 'type = "revolute"'
 
 
 class Start(Mechanism):
-    """Where a mechanism with an imposed coordinate starts. The bounds are those of the assembly."""
+    """Start of a mechanism with an imposed coordinate. The bounds are those of the assembly."""
 
     BOUND = 1e-11
 

@@ -371,7 +371,7 @@ class Linearisation(Case):
                              "--set", 'initial.steady=["any"]')
             self.assertEqual(said["kind"], "steady motion")
             velocity, before = said["qd"][7:9], qd[7:9]
-            # What the push has left of swerving is not in it: a part of the velocity, measured as 1e-3 and 4e-3 m/s.
+            # The swerving left by the push is not in it: a part of the velocity, measured as 1e-3 and 4e-3 m/s.
             self.assertLess(np.hypot(*np.subtract(velocity, before)), far)
             self.assertNotIn("world.turn_z", said["steady"])
 

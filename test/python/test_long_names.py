@@ -111,7 +111,7 @@ class LongNames(Mechanism):
         self.assertEqual(len(set(LONG.values())), len(NAMES))
 
     def both(self, *command, **kwargs):
-        """What a command prints with short names, lengthened, and with long ones."""
+        """Output of a command with short names, lengthened, and with long names."""
         short, long = self.scene(SHORT, "mechanism_s.toml"), self.scene(lengthened(SHORT), "mechanism_l.toml")
         texts = [self.tandem(command[0], scene, *command[1:], **kwargs).stdout for scene in (short, long)]
         return lengthened(texts[0].replace("mechanism_s", "mechanism_l")), texts[1]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Events of mechanisms: on sensors and reactions, and what they lock, free and change, against closed forms.
 
-Where a bound is 1e-9, it is a hundred times the tolerance of a step."""
+A bound of 1e-9 is a hundred times the tolerance of a step."""
 
 import unittest
 
@@ -117,7 +117,7 @@ class Changing(Mechanism):
             self.near(file["constraints/latch/torque"][:][after], 2*G*np.cos(np.pi/4)/2, 1e-10)
 
     def test_a_latch_in_space_catches_once(self):
-        """What a latch holds at the value of its event stays there up to rounding, which is no further event."""
+        """A coordinate latched at the value of its event stays there up to rounding, which causes no further event."""
         text = SPACE + '[body.rod]\nmass = 2\ninertia = [0.1, 0.4, 0.3]\nposition = [0.5, 0, 0]\n\n' \
             '[body.bob]\nmass = 1\ninertia = [0.1, 0.2, 0.1]\nposition = [1, 0, -0.5]\n\n' \
             '[joint.pivot]\ntype = "revolute"\nbodies = ["ground", "rod"]\nat = [0, 0, 0]\naxis = [0, 1, 0]\n\n' \

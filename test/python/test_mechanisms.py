@@ -26,7 +26,7 @@ class Mechanism(Case):
         return h5py.File(self.folder / output)
 
     def sensed(self, scene, *settings):
-        """What the sensors show at the end: {"name/what": value}."""
+        """Sensors at the end: {"name/what": value}."""
         with self.went(scene, *settings) as file:
             return {f"{name}/{what}": data[-1] for name, group in file["sensors"].items() for what, data in group.items()}
 
@@ -130,7 +130,7 @@ class References(Mechanism):
                 self.assertNotEqual(listed[name]["group"], "scenes")
                 checked = json.loads(self.tandem("check", name, "--json").stdout)
                 self.assertTrue(all(procedure["passed"] for procedure in checked["procedures"]))
-                # What differences leave where a step suits how the model bends: 4e-10 of the stone's ellipsoid.
+                # Error of differences with steps adapted to the model's curvature: 4e-10 for the stone's ellipsoid.
                 self.assertLessEqual(max(procedure["error"] for procedure in checked["procedures"]), 1e-9)
                 shown = self.tandem("show", name).stdout
                 again = self.tandem("show", self.scene(shown, "again.toml")).stdout
@@ -199,7 +199,7 @@ class Tutorial(Mechanism):
 
 
     def test_every_key_is_in_the_document(self):
-        """What shipped scenes and the document's own files show, key by key."""
+        """Every key of the shipped scenes and of the document's own files."""
         text = (ROOT / "doc" / "mechanism.md").read_text()
         known = set(re.findall(r"`(\w+)(?: = [^`]*)?`", text[text.index("## Elements, key by key"):]))
         common = {"scene", "initial", "time", "solver", "output", "parameters", "event"}
@@ -252,7 +252,7 @@ class Sensors(Mechanism):
 
 
     def test_massless_wheel(self):
-        """What a strut slides is a coordinate; along it, the plane pushes as the suspension does, and nothing has a mass."""
+        """The displacement of a strut is a coordinate; along it, the plane's force balances the suspension's, without any mass."""
         asked = 'sensor.travel.joint="front"', 'results.wheels=["front"]', 'results.forces="all"', "time.end=1", "output.every=50"
         with self.went("mechanism_motorcycle", *asked, 'force.push={ type = "load", on = "chassis", force = ["20*front.speed", 0, 0] }') as file:
             names = list(file["trajectory/q"].attrs["names"])
@@ -462,7 +462,7 @@ axis = [1, 0, 0]
 [time]
 end = 1.0
 """
-# What is replaced by what; words that the message has; and the line of the message, by what stands there.
+# Replaced text and its replacement; words of the message; and the line of the message, given by its text.
 WRONG = [
     ("bodies = [\"ground\", \"rod\"]", 'bodies = ["ground", "rood"]', ["there is no body rood", "add it before, or correct the name"]),
     ("bodies = [\"ground\", \"rod\"]", 'bodies = ["rod", "rod"]', ["pivot is between a body and itself", "two different bodies"]),

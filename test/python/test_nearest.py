@@ -171,7 +171,7 @@ class Nearest(Case):
         self.assertLess(self.peak("linearise", self.scene(CHAIN), "--set", "parameters.n=1000", "--near", "0"), 400_000)
 
     def test_a_large_chain_in_the_wind(self):
-        """Where it rests is found by the sparse form, and the modes are those of a stronger gravity."""
+        """The sparse form finds the equilibrium, and the modes are those of a stronger gravity."""
         scene = self.scene(CHAIN)
         wind = ["--set", "parameters.n=400", "--set", "gravity.vector=[3, -9.81]"]
         rest = json.loads(self.tandem("equilibrium", scene, *wind, "--json").stdout)

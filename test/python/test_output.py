@@ -72,7 +72,7 @@ class Case(unittest.TestCase):
 
 
 class Doubts(Case):
-    """What the report on the terminal warns of, the file warns of too."""
+    """Warnings of the report on the terminal are in the file too."""
 
     def test_no_row_is_missing(self):
         """Steps in which a disk turns by more than a right angle: fixed ones, and those of a loose tolerance."""
@@ -899,7 +899,7 @@ class Target(Case):
 
 
 class SceneErrors(Case):
-    """What a scene file can get wrong: file, line, the line itself with a marker, and what may stand there."""
+    """Errors of a scene file: file, line, the line itself with a marker, and the allowed values."""
 
     def refused_file(self, says, line, **tables):
         done = self.refused("run", self.disk(**tables), says=says)
@@ -1030,7 +1030,7 @@ class SceneErrors(Case):
         self.refused("show", str(self.folder), says="Is a directory")
 
     def test_texts_that_the_parser_must_not_meet(self):
-        # What test/fuzz has found: hangs, numbers that wrapped around, reads beyond the text, what no reader of the result takes.
+        # Faults found by test/fuzz: hangs, numbers that wrapped around, reads beyond the text, text that readers of results refuse.
         head = b'[scene]\nmodel = "rolling_disk"\n'
         for more, says in {
             b"description = '\xc3('": "line 3 holds bytes that are no UTF-8", b"#\xed\xa0\x80": "no UTF-8", b"#\xf4\x90\x80\x80": "no UTF-8",
@@ -1193,7 +1193,7 @@ class CommandLine(Case):
         self.refused("help", "rnu", says='Did you mean "run"?')
 
     def commands(self):
-        """What the overview lists."""
+        """Commands listed in the overview."""
         return re.findall(r"^  tandem ((?:study )?[a-z]+)", self.tandem("help").stdout.split("Examples")[0], re.M)
 
     def test_help_lists_the_options_that_each_command_has(self):
@@ -1262,7 +1262,7 @@ class CommandLine(Case):
                 done = subprocess.run([TANDEM, *words], cwd=self.folder, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
                 self.assertEqual(done.returncode, 1, done.stderr)
                 self.assertIn("stdout could not all be written: No space left on device; ", done.stderr)
-                # What is wrong with the input is worse.
+                # Faulty input takes precedence.
                 self.assertEqual(subprocess.run([TANDEM, "show", "nothing"], stdout=full, stderr=subprocess.PIPE).returncode, 2)
         with h5py.File(self.folder / "a.h5") as file:
             self.assertEqual(file.attrs["status"], "complete")

@@ -60,7 +60,7 @@ class Profile(Case):
                 self.assertGreater(total, 0)
                 self.assertAlmostEqual(table["seconds"].sum() / total, 1, 9)
                 output = sum(s for s, group in zip(table["seconds"], table["group"]) if group == "output")
-                # What the model and the chart did for output is in the other one.
+                # The work of the model and the chart for output is in the other attribute.
                 self.assertGreaterEqual(attributes["output_seconds"] / output, 1 - 1e-9)
                 self.assertLess(attributes["output_seconds"] + attributes["bare_seconds"], total * (1 + 1e-9))
                 # Which of the two is larger, noise may decide where a run takes a millisecond.
@@ -120,7 +120,7 @@ class Profile(Case):
             self.assertNotIn("profile", file["report"])
 
     def test_nothing_is_forgotten(self):
-        """What a chart can be asked for is timed, or known to be of no account; so is every procedure of a model."""
+        """Every deferred procedure of a chart is timed or known to be negligible; so is every procedure of a model."""
         # The parts of `restore_motion` are timed one by one; `keep_tangent` is some products behind `restore_near`, which is timed;
         # `expect_pairs` is called once a run.
         untimed = {"restore_motion", "initialize", "remainder", "start_step", "retry_step", "forget", "forget_model", "hold", "release",
@@ -135,7 +135,7 @@ class Profile(Case):
         # Output alone asks for what sensors measure, and its time is that of the part; symmetries and rates of forces are asked for before a run, and a
         # change by an event takes the time of an assignment.
         pointers -= {"measure", "begin_measuring", "integrands", "list_motions", "force_rate", "change"}
-        # What rubs is a force that is applied, and its normal forces are some sums of multipliers; derivatives by bodies are derivatives.
+        # Friction is an applied force, and its normal forces are some sums of multipliers; derivatives by bodies are derivatives.
         booked_as = {"friction_directions": "applied_force", "evaluate_stiffness": "evaluate_derivatives"}
         pointers -= {"normal_forces"}
         self.assertGreater(len(pointers), 20)

@@ -32,7 +32,7 @@ def energies(file):
 
 
 class Statics(Mechanism):
-    """What does not move: rounding of numbers of about 100, a hundred times."""
+    """Mechanisms at rest: rounding of numbers of about 100, a hundred times."""
 
     BOUND = 1e-12
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """`tandem resume`: runs that are killed at random moments and taken up end bitwise as runs that are not; other files are refused.
 
-Runs build/tandem, or what the environment variable TANDEM names. TANDEM_KILLS is how often each run is killed (default 3), and
-TANDEM_SEED chooses the moments. What issue 8 asks for is TANDEM_KILLS=20 python3 test/python/test_resume.py Killed
+Runs build/tandem, or the program given by the environment variable TANDEM. TANDEM_KILLS is the number of kills of each run
+(default 3), and TANDEM_SEED chooses the moments. The full check is TANDEM_KILLS=20 python3 test/python/test_resume.py Killed
 """
 
 import os
@@ -72,7 +72,7 @@ int ftruncate(int file, off_t size) { count(file); return REAL(ftruncate)(file, 
 int ftruncate64(int file, off64_t size) { count(file); return REAL(ftruncate64)(file, size); }
 __attribute__((destructor)) static void report(void) { fprintf(stderr, "changes: %ld\n", changes); }
 """
-# What depends on the clock, and what says that a run was taken up.
+# Attributes that depend on the clock, and attributes that record a resumed run.
 CLOCK = {"wall_seconds", "cpu_seconds", "global_error_seconds"}
 HISTORY = {"created", "command", "resumed", "scene", "status_message"}
 
@@ -102,7 +102,7 @@ def contents(path):
 
 
 def has_checkpoint(path):
-    """Whether the run that was to write the file came as far as its first row."""
+    """True if the run that was to write the file reached its first row."""
     try:
         with h5py.File(path) as file:
             return any(len(place) for place in file["checkpoint"].values())
@@ -486,7 +486,7 @@ class Refused(Resume):
             file.attrs["status"] = "running"
         self.check("its end was to be 40.0", "run.h5", "--set", "time.end=3")
         self.tandem("resume", "run.h5", *settings(["time.end=6.5", "solver.max_steps=1000"]), "--no-error")
-        # What was killed between its end and its report is at its own end, and goes on to the report.
+        # A run killed between its end and its report is at its own end, and continues with the report.
         with h5py.File(self.folder / "run.h5", "r+") as file:
             file.attrs["status"] = "running"
         self.check("is at t = 6.5", "run.h5", "--set", "time.end=6")
@@ -516,7 +516,7 @@ class Refused(Resume):
                     place[:] = words
             if other != own:
                 self.check(f"cannot go on from run.h5: tandem {other} wrote it, and this is {own}")
-        # What is written back as it was is no other version.
+        # Writing the same version back changes nothing.
         self.tandem("resume", "run.h5", "--set", "solver.max_steps=100000", "--no-error")
 
     def test_one_damaged_place_is_no_harm(self):
@@ -545,7 +545,7 @@ class Refused(Resume):
 
 
 class Again(Resume):
-    """What a run goes on from: complete ones, ones that were killed before their first state, and one process at a time."""
+    """Runs that can be resumed: complete ones, ones killed before their first state, and by one process at a time."""
 
     SWITCHED = """[scene]
 model = "mechanism"

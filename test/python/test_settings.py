@@ -129,7 +129,7 @@ class Solver(Case):
         self.assertNotIn("[gravity]\nvector = [0.0, -9.81]", self.tandem("show", scene, "--unset", "gravity.vector").stdout)
         self.refused("show", scene, "--unset", "force.dampr", says='did you mean "damper"?')
         self.refused("show", scene, "--unset", "joint.pin.type", says="type is missing")
-        # What is left must be a mechanism.
+        # The remaining scene must be a mechanism.
         self.refused("show", scene, "--unset", "joint.pin", says="pin")
         self.tandem("equilibrium", scene, "--set", "body.rod.position=[0.0, -0.5]", "--unset", "force.damper")
         self.tandem("linearise", scene, "--unset", "force.damper")

@@ -233,7 +233,7 @@ class Tables(Case):
             np.testing.assert_allclose(abs(file["outputs/y"][:]), [0.5, 1.0, 2.0], rtol=1e-8)
 
     def test_models_of_another_shape(self):
-        # Where a coordinate, a row and a sensor stand in the model depends on how many bodies there are.
+        # Indices of a coordinate, a row and a sensor in the model depend on the number of bodies.
         self.write('[sweep]\nscene = "a02_four_bars"\nset = ["time.end=0.1"]\n[[vary]]\nkey = "parameters.n"\n'
                    'values = [2, 3, 1, 4, 2]\n[[keep]]\nquantity = "coupler1.x"\n[[keep]]\nquantity = "coupler2.x"\n'
                    '[[keep]]\nquantity = "lambda:LAST"\n'.replace("LAST", self.last_row()))
@@ -320,7 +320,7 @@ class Tables(Case):
         self.assertEqual(process.returncode, 130)
 
     def test_a_pipe(self):
-        """What comes through a pipe is read once; another sweep does not take over its journal."""
+        """Input from a pipe is read once; another sweep does not take over its journal."""
         def piped(text, *arguments):
             return subprocess.run([TANDEM, "sweep", "/dev/stdin", *(arguments if "--output" in arguments else
                                    ("--output", "piped.h5", *arguments)), "--quiet"], cwd=self.folder,
@@ -348,7 +348,7 @@ class Tables(Case):
         self.write(DISKS.replace('points = "latin"', 'points = "sobol"\nindices = true').replace("draws = 60", "draws = 64"))
         summary = json.loads(self.sweep("--json").stdout)
         steps = next(output for output in summary["outputs"] if output["name"] == "steps")
-        # What never changes has no indices.
+        # Constant outputs have no indices.
         self.assertEqual(steps["first_order"], [None] * 3)
         rz = next(output for output in summary["outputs"] if output["name"] == "rz_end")
         self.assertGreater(rz["total"][2], 0.9)
@@ -564,7 +564,7 @@ class Disks(Case):
             resource.setrlimit(resource.RLIMIT_FSIZE, (journal, journal))
 
         self.sweep("--quiet", "--jobs", "1", code=1, says="no case is lost", preexec_fn=limit)
-        # What could not be finished is not left.
+        # Unfinished files are removed.
         self.assertEqual(list(self.folder.glob("*.new")), [])
         self.sweep("--quiet", "--jobs", "1")
         self.assertEqual(table(self.folder / "sweep.h5"), expected)
@@ -608,7 +608,7 @@ int unlink(const char *path)
 
 
 class Power(Case):
-    """What a loss of power leaves: only what was brought to the disk is there for sure, and what was not, in any part."""
+    """Loss of power: only synchronised data are certain to survive; any part of the others may."""
 
     def test_what_is_on_the_disk_when(self):
         if shutil.which("gcc") is None:
@@ -828,7 +828,7 @@ class Summary(Case):
 
 
 class Pictures(Case):
-    """What `tandem plot` draws of tables, where matplotlib is installed."""
+    """Pictures of tables by `tandem plot`, if matplotlib is installed."""
 
     def setUp(self):
         super().setUp()

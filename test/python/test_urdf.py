@@ -118,7 +118,7 @@ class Robots(Mechanism):
             self.near(scene["body"][name]["euler_parameters"], [np.cos(angle/2), 0, np.sin(angle/2), 0], 1e-15)
 
     def test_mimics_of_what_rests(self):
-        """What follows a joint by nothing, or one that is fixed, stays at its offset."""
+        """A joint that follows with factor 0, or follows a fixed joint, stays at its offset."""
         for other, factor in (("hinge", 0), ("bolted", 2)):
             with self.subTest(other):
                 text = ROBOT.replace("</robot>", self.WHEEL.format("a", other, factor) + "</robot>")
@@ -136,7 +136,7 @@ class Robots(Mechanism):
         self.assertNotIn("x", scene)
 
     def test_a_closed_loop(self):
-        """What URDF cannot say is added to the scene: the tip on a rod to the ground, and the balance of energies closes."""
+        """A loop, which URDF cannot express, is added to the scene: the tip on a rod to the ground; the energy balance closes."""
         text = self.imported(ROBOT)
         with open(self.folder / "robot.toml", "w") as file:
             file.write(text.replace("[time]", '[constraint.stay]\ntype = "distance"\nbetween = ["rod:[0.3, 0, 0]", "ground:[1.5, 0.2, 2.5]"]\n\n[time]'))
