@@ -12,7 +12,7 @@ module tandem_io_output_access
 
     !> Pieces of metadata begin at multiples of this (bytes).
     integer(hsize_t), parameter :: slot = 1024
-    !> From so many datasets on a file is treated as one of many.
+    !> Number of datasets from which a file is treated as one of many datasets.
     integer, parameter :: many_datasets = 250
 
     interface
@@ -95,11 +95,11 @@ contains
     !>
     !> The system may end a program for good between two pages of a write. Pieces of metadata, most of them smaller than `slot`,
     !> begin at multiples of it, so that none of them spans two pages: the header of a dataset, which changes with every flush,
-    !> is on the disk as it was or as it is.
+    !> is on the disk in its old or its new state.
     subroutine make_access(access, grows, driver, datasets)
         integer(hid_t), intent(out) :: access
         logical, intent(in) :: grows
-        !> The file's driver, which the caller gives back after closing the file; negative where there is none of ours.
+        !> The file's driver, which the caller gives back after closing the file; negative if it is not this library's own.
         integer(c_int64_t), intent(out) :: driver
         !> How many datasets grow in the file, or will.
         integer, intent(in) :: datasets

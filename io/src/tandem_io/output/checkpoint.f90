@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> The group /checkpoint of a result file: from where a run that was interrupted goes on.
+!> The group /checkpoint of a result file: states from which an interrupted run is resumed.
 !>
 !> Two places are written in turn, each with a running number and a checksum, and only after the rows that they count are on the
-!> disk: whatever ends the program leaves at least one of them whole, and the rows of it.
+!> disk: after any end of the program at least one of them is whole, with its rows.
 module tandem_io_output_checkpoint
     use hdf5, only: hid_t
     use tandem, only: error_type, long, pack_type, set_error, to_text, wp
@@ -32,10 +32,10 @@ module tandem_io_output_checkpoint
         real(wp) :: first_time = 0.0_wp, last_time = 0.0_wp
         !> Energy at the start and its largest deviation.
         real(wp) :: energy(2) = 0.0_wp
-        !> The status in the file, blank where it cannot be read, and whether it says that the run has reached its end.
+        !> Status in the file, blank if unreadable; true if the run has reached its end.
         character(len=:), allocatable :: status
         logical :: is_complete = .false.
-        !> The run was killed before its first state was saved: all that is known is its scene.
+        !> True if the run was killed before its first state was saved; only its scene is known.
         logical :: is_before_start = .false.
         !> How often the run was taken up before.
         integer :: times_resumed = 0
@@ -115,7 +115,7 @@ contains
         end do
     end subroutine close
 
-    !> Read the last whole snapshot of a result file, or say why there is none.
+    !> Read the last whole snapshot of a result file, or return the reason why there is none.
     subroutine read_snapshot(path, snapshot, error)
         character(len=*), intent(in) :: path
         type(snapshot_type), intent(out) :: snapshot
@@ -177,10 +177,10 @@ contains
         end subroutine refuse
     end subroutine read_snapshot
 
-    !> Tell which place is not as it was written; one that was never written is.
+    !> Report a place that differs from what was written; places never written are valid.
     subroutine check_places(file, problem)
         type(hdf5_type), intent(inout) :: file
-        !> Empty where both are.
+        !> Empty if both are valid.
         character(len=:), allocatable, intent(out) :: problem
         integer(long), allocatable :: words(:)
         integer :: i
@@ -198,7 +198,7 @@ contains
     subroutine pack_snapshot(self, pack, problem)
         class(snapshot_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
-        !> Why it cannot be read; blank where it can.
+        !> Reason why it is unreadable; blank if it is readable.
         character(len=*), intent(out) :: problem
         character(len=:), allocatable :: version
 

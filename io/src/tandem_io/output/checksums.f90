@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> The group /checksums of a result file: what its rows were when they were written.
+!> The group /checksums of a result file: checksums of its rows as written.
 !>
-!> HDF5's own checksums of data belong to chunks. A chunk that is not full yet is written again with every flush, and where the
-!> program is killed meanwhile, rows could not be read any more that were there before. So one sum a dataset grows with its rows;
+!> HDF5's own checksums of data belong to chunks. A chunk that is not full yet is written again with every flush, and if the
+!> program is killed meanwhile, earlier rows would become unreadable. So one sum per dataset grows with its rows;
 !> the sums are written in two places in turn, each with a running number and a checksum of its own, after the rows and before the
-!> state that counts them: whatever ends the program leaves at least one of them whole, and all rows that the state needs.
+!> state that counts them: after any end of the program at least one of them is whole, with all rows that the state needs.
 module tandem_io_output_checksums
     use hdf5, only: hid_t
     use tandem, only: long
@@ -137,7 +137,7 @@ contains
         end do
     end subroutine close
 
-    !> Read all of an open file, and tell whether its rows are those that were written.
+    !> Read all of an open file, and compare its rows with their checksums.
     subroutine examine(file, finding, rows, events)
         type(hdf5_type), intent(inout) :: file
         type(finding_type), intent(out) :: finding

@@ -25,7 +25,7 @@ static void add(struct contents *found, const char *text)
     while (*text++);
 }
 
-/* The run says at its end what became of it. */
+/* True for texts that a run changes at its end. */
 static int changes(const struct contents *found, const char *attribute)
 {
     return found->in_report ||
@@ -76,7 +76,7 @@ static herr_t read_attribute(hid_t object, const char *name, const H5A_info_t *i
     return stat < 0 ? -1 : 0;
 }
 
-/* 0 where all of an object and of what is in it could be read. */
+/* 0 if an object and all its contents were read. */
 static int read_object(hid_t place, const char *name, int depth, struct contents *found)
 {
     hid_t object = depth > deepest ? -1 : H5Oopen(place, name, H5P_DEFAULT);

@@ -141,7 +141,7 @@ static herr_t read_piece(H5FD_t *known, H5FD_mem_t type, hid_t transfer, haddr_t
     return check_heap(file->inner, type, transfer, at, size, to);
 }
 
-/* Let the file be so long at least. */
+/* Extend the file to at least this length. */
 static herr_t extend(H5FD_t *inner, uint64_t size)
 {
     void *descriptor;
@@ -203,7 +203,7 @@ int64_t tandem_driver_set(int64_t access)
     static const H5FD_class_t driver = {
 #if H5_VERSION_GE(1, 14, 0)
         .version = H5FD_CLASS_VERSION,
-        /* One of those that nobody has registered. */
+        /* An unregistered number. */
         .value = 512,
 #endif
         .name = "tandem",
@@ -232,8 +232,8 @@ int64_t tandem_driver_set(int64_t access)
     return (int64_t)id;
 }
 
-/* Give a driver back after its file was closed, not before: HDF5 still reads from what it knows of a driver after it has let go of
-   it for the file. One that is never given back lasts until HDF5 ends. */
+/* Release a driver after its file was closed, not before: HDF5 still reads data of a driver after releasing it for the file. A
+   driver that is not released lasts until HDF5 ends. */
 void tandem_driver_release(int64_t driver)
 {
     if (driver >= 0)

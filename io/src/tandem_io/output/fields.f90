@@ -64,7 +64,7 @@ module tandem_io_output_fields
     type :: output_type
         !> Path of the result file.
         character(len=:), allocatable :: file
-        !> A row every so many steps of the grid.
+        !> Number of steps of the grid between rows.
         integer :: every = 1
         !> Time between rows, which dense output gives between the steps; 0 means rows at steps, as `every` says.
         real(wp) :: interval = 0.0_wp

@@ -11,8 +11,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* A descriptor of the file with a shared lock: readers may come, no other writer may. -1 where it cannot be opened. A file system
-   without locks has none. */
+/* A descriptor of the file with a shared lock: readers may come, no other writer may. -1 if it cannot be opened. No lock on
+   file systems without locks. */
 int tandem_guard_take(const char *path)
 {
     int file = open(path, O_RDWR | O_CLOEXEC | O_NONBLOCK);
@@ -64,7 +64,7 @@ int tandem_guard_is_there(int file, const char *path)
     return fstat(file, &ours) == 0 && stat(path, &theirs) == 0 && ours.st_dev == theirs.st_dev && ours.st_ino == theirs.st_ino;
 }
 
-/* Read the superblock, where the file ends by it, and the size that the file has. 0 if it is none as we know it. */
+/* Read the superblock, the end of the file stated there, and the size of the file. 0 if the superblock is unknown. */
 static int read_superblock(int file, unsigned char *bytes, uint64_t *last, uint64_t *size)
 {
     struct stat about;
@@ -107,7 +107,7 @@ void tandem_guard_mend(int file, int64_t end)
         return;
 }
 
-/* Cut off what lies behind the end that the superblock states: room that was taken for rows and not used. */
+/* Cut the file at the end stated in the superblock: beyond it lies unused room for rows. */
 void tandem_guard_trim(int file)
 {
     unsigned char bytes[superblock_size];
@@ -115,7 +115,7 @@ void tandem_guard_trim(int file)
 
     if (!read_superblock(file, bytes, &last, &size) || last >= size)
         return;
-    /* A failure leaves room that nobody looks at. */
+    /* A failure leaves unused room. */
     if (ftruncate(file, (off_t)last) != 0)
         return;
 }

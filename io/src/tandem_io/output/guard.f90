@@ -151,7 +151,7 @@ contains
         if (self%file >= 0) call c_mend(self%file, end)
     end subroutine mend
 
-    !> Let a file that is closed end where it says.
+    !> Cut a closed file at the end stated in its superblock.
     subroutine trim_file(self)
         class(guard_type), intent(in) :: self
 
@@ -198,7 +198,7 @@ contains
         is_taken = c_is_taken(path//c_null_char) /= 0
     end function is_taken
 
-    !> Why the system has just refused to write, in its words, where it has; else blank.
+    !> The system's reason for its last refusal to write; blank if there was none.
     function system_reason() result(text)
         character(len=80) :: text
         character(kind=c_char) :: letters(len(text))

@@ -34,7 +34,7 @@ module tandem_io_output_hdf5
         !> The first failure; not allocated while all is well.
         character(len=:), allocatable :: problem
         integer(hid_t), private :: file = -1_hid_t
-        !> Its driver, where it has one of ours.
+        !> Driver of the file, if it is this library's own.
         integer(c_int64_t), private :: driver = -1
         !> How many datasets grow in it.
         integer, private :: datasets = 0
@@ -55,7 +55,7 @@ module tandem_io_output_hdf5
         procedure :: add_column, fill_column, name_columns, list_users
         procedure, private :: make_scale, scale_rows
         procedure :: link, open_to_read, get
-        ! Runs that go on.
+        ! Resumed runs.
         procedure :: open_to_append, open_dataset, rows_of, cut, remove, add_words, write_words, get_words
         ! Contents of the file and their integrity.
         procedure :: has, sum_rows, read_all
@@ -115,7 +115,7 @@ module tandem_io_output_hdf5
             logical, intent(in) :: counts
             !> The dataset.
             integer(hid_t), intent(out) :: dataset
-            !> The dataset whose values belong to the rows, to be told by `list_users`; itself where absent.
+            !> The dataset whose values belong to the rows, to be named by `list_users`; itself if absent.
             integer(hid_t), intent(in), optional :: scale
             !> Length of the texts that are stored; none where absent.
             integer, intent(in), optional :: texts
@@ -175,7 +175,7 @@ module tandem_io_output_hdf5
             integer(long) :: rows
         end function rows_of
 
-        !> Make a series of whole numbers that are no rows of the result, empty, and leave it open.
+        !> Make an empty series of integers that are not rows of the result, and leave it open.
         module subroutine add_words(self, path, chunk, dataset)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -185,7 +185,7 @@ module tandem_io_output_hdf5
             integer(hid_t), intent(out) :: dataset
         end subroutine add_words
 
-        !> Write over the beginning of such a series, which grows where it is too short.
+        !> Overwrite the beginning of such a series, which grows if it is too short.
         module subroutine write_words(self, dataset, path, words)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -306,7 +306,7 @@ module tandem_io_output_hdf5
             character(len=*), intent(in) :: path
         end subroutine detach_all
 
-        !> Read an attribute that is a whole number; 0 where there is none.
+        !> Read an integer attribute; 0 if there is none.
         module subroutine get_attribute(self, path, name, value, is_there)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -316,7 +316,7 @@ module tandem_io_output_hdf5
             logical, intent(out) :: is_there
         end subroutine get_attribute
 
-        !> Read an attribute that is a text; blank where there is none that can be read.
+        !> Read a text attribute; blank if it is missing or unreadable.
         module subroutine get_text(self, path, name, value)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -350,7 +350,7 @@ module tandem_io_output_hdf5
             real(wp), intent(in) :: values(:)
         end subroutine put_reals
 
-        !> Make a dataset of a matrix, which readers of rows first see as it is.
+        !> Make a dataset of a matrix in row-major order.
         module subroutine put_matrix(self, path, values)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -399,7 +399,7 @@ module tandem_io_output_hdf5
             real(wp), intent(in), contiguous, target :: values(:, :)
         end subroutine fill_column
 
-        !> Name the columns of a dataset by the texts of another one, a dimension scale, which is made where it is not there.
+        !> Name the columns of a dataset by the texts of another one, a dimension scale, which is made if it is missing.
         module subroutine name_columns(self, dataset, path, scale, names)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -421,7 +421,7 @@ module tandem_io_output_hdf5
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
-            !> Not allocated where it could not be read.
+            !> Not allocated if it is unreadable.
             real(wp), allocatable, target, intent(out) :: values(:, :)
         end subroutine get
     end interface
@@ -593,7 +593,7 @@ contains
         if (reason /= '') self%problem = self%problem//' ('//reason//')'
     end subroutine note
 
-    !> Start the library, as often as one likes, and keep it from printing: failures are told in words here.
+    !> Start the library (repeated calls are allowed) and keep it from printing: failures are reported here.
     subroutine start_library(stat)
         integer, intent(out) :: stat
 

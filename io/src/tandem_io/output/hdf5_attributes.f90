@@ -117,7 +117,7 @@ contains
     end subroutine make_attribute
 
     !> Give an object its meaning, and room for attributes that come after `start_appending`, in one piece, which is written at
-    !> once: HDF5 leaves the place of an attribute that was taken away to others, as long as one stands behind it.
+    !> once: HDF5 reuses the room of a deleted attribute as long as another attribute follows it.
     module procedure reserve
         character(len=*), parameter :: name = 'room'
         integer(hid_t) :: object, attribute
@@ -135,9 +135,9 @@ contains
         call h5oclose_f(object, stat)
     end procedure reserve
 
-    !> Leave room for a text of some hundred letters where texts stand, so that it needs no space where the disk is full. They stand
-    !> in collections of 4 kB, or of what one has grown to; old texts stay there. Of five texts of a quarter of one, the last begins
-    !> a collection or finds much room, unless the room that was left before was just enough for all.
+    !> Reserve room among the texts for one of some hundred letters, so that it needs no space on a full disk. Texts are stored in
+    !> collections of 4 kB, or larger after growth; old texts stay there. Of five texts of a quarter of a collection, the last
+    !> begins a collection or finds much room, unless the room left before was just enough for all.
     module procedure reserve_text
         integer, parameter :: times = 5, length = 1024
         integer :: i

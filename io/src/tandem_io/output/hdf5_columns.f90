@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Datasets whose size is known and whose rows come block by block: tables too large for the memory.
+!> Datasets of known size whose rows are written block by block: tables too large for the memory.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_columns
     implicit none (type, external)
 

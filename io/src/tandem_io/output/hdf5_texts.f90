@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Texts as HDF5 has them: the types of variable and of fixed length, and letters as C keeps them.
+!> Texts in HDF5: types of variable and of fixed length, and letters in C's representation.
 module tandem_io_output_hdf5_texts
     use hdf5, only: h5aget_space_f, h5aread_f, h5dvlen_reclaim_f, h5p_default_f, h5sclose_f, h5t_cset_utf8_f, h5t_fortran_s1, &
         h5t_string, h5tclose_f, h5tcopy_f, h5tset_cset_f, h5tset_size_f, hid_t, size_t
@@ -40,7 +40,7 @@ contains
         call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
     end subroutine make_fixed_type
 
-    !> Texts as C has them: letters that end in a null, and where they start.
+    !> Texts in C's representation: letters that end in a null, and their starts.
     subroutine set_letters(values, letters, starts)
         character(len=*), intent(in) :: values(:)
         character(kind=c_char), allocatable, target, intent(out) :: letters(:)

@@ -19,7 +19,7 @@ uint64_t tandem_heap_length(const unsigned char *bytes, size_t size)
 {
     static const unsigned char signature[8] = {'G', 'C', 'O', 'L', 1, 0, 0, 0};
 
-    /* Rows that begin with these bytes are no numbers that a run could have: 2.6e-314. */
+    /* As a number these bytes are 2.6e-314, which does not occur in rows of a run. */
     return size < least || memcmp(bytes, signature, sizeof signature) != 0 ? 0 : number_at(bytes + length_at, 8);
 }
 

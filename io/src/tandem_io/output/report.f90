@@ -40,7 +40,7 @@ contains
         if (size(warnings) > 0) call file%attach(place, 'warnings', texts_of(warnings))
     end subroutine write_report
 
-    !> Write the error of the run, which is known, and a warning where it is large.
+    !> Write the error of the run, and a warning if it is large.
     subroutine write_global_error(file, simulation, global_error)
         type(hdf5_type), intent(inout) :: file
         class(simulation_type), intent(in) :: simulation

@@ -31,7 +31,7 @@ module tandem_io_output_series
 
 contains
 
-    !> Make the dataset, or open it where the run goes on, and the buffer.
+    !> Make the dataset, or open it for a resumed run, and make the buffer.
     subroutine make(self, file, field, model, capacity, chunk, goes_on, time)
         class(series_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file
@@ -122,7 +122,7 @@ contains
         call self%sum%add(numbers(:size(self%rows, 1)*gathered))
     end subroutine append
 
-    !> Names and units of a field's columns; no units where the model does not tell them.
+    !> Names and units of a field's columns; no units if the model has none.
     subroutine label_columns(model, field, names, units)
         class(model_type), intent(in) :: model
         type(field_type), intent(in) :: field

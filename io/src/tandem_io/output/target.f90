@@ -65,7 +65,7 @@ contains
         end if
         if (exists) call check_existing(path, force, error)
         if (allocated(error)) return
-        ! The system says in its own words what stands in the way.
+        ! The system's message explains the failure.
         message = ''
         if (exists) then
             open (newunit=unit, file=path, status='old', action='readwrite', access='stream', iostat=stat, iomsg=message)

@@ -26,21 +26,21 @@ module tandem_io_output_trajectory
 
     public :: trajectory_type, energy_type
 
-    !> Most numbers in the buffer of rows, and most rows; and so many in any case: a dataset is written for each quantity, and that
-    !> costs far more than the numbers of a row.
+    !> Most numbers in the buffer of rows, most rows, and least rows: a dataset is written for each quantity, which costs far more
+    !> than the numbers of a row.
     integer, parameter :: largest_buffer = 2**22, most_rows = 4096, least_rows = 16
-    !> Rows in a chunk of the file, there as a whole for a single row: most, about so many numbers in those of all datasets,
-    !> and least where `spacing` makes some hundred rows of any run.
+    !> Rows in a chunk of the file, which is stored as a whole even for a single row: most rows, approximate numbers in the chunks
+    !> of all datasets, and least rows if `spacing` makes some hundred rows of any run.
     integer, parameter :: longest_chunk = 512, numbers_in_chunks = 2**17, least_chunk = 128
-    !> Bytes for the attributes of the report: twice what they take without the warnings of the start, for those of the run are few;
-    !> for each of the former; and most.
+    !> Bytes for the attributes of the report: twice their size without warnings of the start, since those of the run are few;
+    !> bytes for each warning of the start; and most bytes.
     integer, parameter :: room = 8192, room_for_warning = 16, most_room = 60000
     !> Most warnings that come with the report.
     integer, parameter :: most_later = 8
-    !> Most steps between two looks at the clock: such that take less than a millisecond, or it would cost more than the rows.
+    !> Most steps between two readings of the clock, for steps shorter than a millisecond; reading it costs more than the rows.
     integer, parameter :: most_unwatched = 16
 
-    !> How an energy, where it was written, has changed since the start.
+    !> Change of a written energy since the start.
     type :: energy_type
         !> True if the kinetic part was written; true if the potential part was.
         logical :: has_kinetic = .false., has_potential = .false.
@@ -159,8 +159,8 @@ module tandem_io_output_trajectory
             character(len=*), intent(in), optional :: scene, command
         end subroutine attach_head
 
-        !> Take back what a run that goes on has said of its end; the report will be made anew. The message is written even where it
-        !> is as it should be: a text that was on its way when the program was killed may not be readable to others.
+        !> Reset the final status in the file of a resumed run; the report will be made anew. The message is written even if it is
+        !> correct already: a text in transit when the program was killed may be unreadable to others.
         module subroutine take_back(file, scene)
             implicit none (type, external)
             type(hdf5_type), intent(inout) :: file
@@ -246,11 +246,11 @@ contains
         end if
     end subroutine open
 
-    !> Go on in the file of a run that was interrupted, for a simulation that was restored from the same snapshot. Rows that came
-    !> after it are cut off.
+    !> Continue the file of an interrupted run, for a simulation restored from the same snapshot. Rows after the snapshot are cut
+    !> off.
     subroutine go_on(self, output, simulation, snapshot, scene, error, watcher)
         class(trajectory_type), intent(inout) :: self
-        !> As when the file was made, with its path as it is now.
+        !> Output settings with which the file was made, and its present path.
         type(output_type), intent(in) :: output
         class(simulation_type), intent(in) :: simulation
         type(snapshot_type), intent(in) :: snapshot
@@ -352,7 +352,7 @@ contains
         if (allocated(simulation%events)) paths(n + 2:) = event_paths
     end function summed_paths
 
-    !> Their sums; those of events come last, and count for nothing where there are none.
+    !> Checksums of the datasets; those of events come last, and are empty without events.
     pure function sums_of(self) result(sums)
         class(trajectory_type), intent(in) :: self
         type(fletcher_type) :: sums(size(self%series) + merge(size(self%events%sums), 0, self%events%is_open))
@@ -460,7 +460,7 @@ contains
             is_due = .not. self%goes_on
             self%goes_on = .false.
         case (at_end)
-            ! A row that is there only because the run ends is none of a run that goes on.
+            ! A row written only because the run ends is not part of a resumed run.
             call self%save(simulation)
             is_due = simulation%state%t > self%last_time
         case (at_event)

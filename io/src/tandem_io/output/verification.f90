@@ -14,7 +14,7 @@ module tandem_io_output_verification
 
 contains
 
-    !> Read all of a result file, which stays as it is.
+    !> Read all of a result file, which stays unchanged.
     subroutine verify_result(path, finding, status, error)
         character(len=*), intent(in) :: path
         !> Result of the check.
