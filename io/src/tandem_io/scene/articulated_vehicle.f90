@@ -8,7 +8,7 @@ module tandem_io_scene_articulated_vehicle
 
     public :: build_articulated_vehicle
 
-    !> Least steering frequency but none, rad/s: less would have a period that is no finite number.
+    !> Least nonzero steering frequency, rad/s: the period of a smaller one would overflow.
     real(wp), parameter :: slowest = 1.0e-300_wp
 
 contains

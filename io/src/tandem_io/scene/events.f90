@@ -16,7 +16,7 @@ module tandem_io_scene_events
 
 contains
 
-    !> The events of a scene, none where it has none.
+    !> The events of a scene.
     subroutine read_events(reader, model, events)
         class(reader_type), intent(inout) :: reader
         !> The model, whose coordinates and constraint rows can be watched.

@@ -167,7 +167,7 @@ contains
         end select
     end subroutine convert_value
 
-    !> The length of the lists in a list, 0 where there are none.
+    !> The length of the lists in a list, 0 if there are none.
     subroutine find_row_length(list, length, problem)
         type(toml_array), intent(inout) :: list
         integer, intent(out) :: length

@@ -17,7 +17,7 @@ module tandem_io_scene_ledger
         !> Number of the table in an array of tables, 0 for a table of its own.
         integer :: element = 0
         character(len=:), allocatable :: value, comment
-        !> The unit, where it is known.
+        !> The unit, if known.
         character(len=key_length) :: unit = ''
         !> The source that gave it, negative for a default.
         integer :: source = -1
@@ -79,7 +79,7 @@ contains
         character(len=*), intent(in) :: table
         !> Whatever replaces them comes from this source.
         integer, intent(in) :: source
-        !> One of them that this source or a later one gives, empty where there is none.
+        !> One of them that this source or a later one gives, empty if there is none.
         character(len=key_length), intent(out) :: given
         integer :: i
 
@@ -120,7 +120,7 @@ contains
         end function belongs
     end function keys
 
-    !> The unit of a key, blank where it is not known.
+    !> The unit of a key, blank if unknown.
     pure function unit_of(self, table, key) result(unit)
         class(ledger_type), intent(in) :: self
         character(len=*), intent(in) :: table, key
@@ -133,7 +133,7 @@ contains
         end do
     end function unit_of
 
-    !> The value of a key as TOML, empty where there is none.
+    !> The value of a key as TOML, empty if there is none.
     pure function value_of(self, table, key) result(value)
         class(ledger_type), intent(in) :: self
         character(len=*), intent(in) :: table, key

@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> The lexer of toml-f without what no scene takes and toml-f 0.5 reads wrongly:
+!> The lexer of toml-f without constructs that scenes do not use and toml-f 0.5 reads wrongly:
 !>
 !> - dates: it reads behind the end of a time that is shorter than a date;
-!> - headings of tables within tables, `[a.b]`: where a is a value already, it goes on with a place that does not exist. Only
-!>   mechanisms have such tables; there, a heading that would go on below a value is refused here.
+!> - headings of tables within tables, `[a.b]`: if a is a value already, it continues at an invalid position. Only
+!>   mechanisms have such tables; there, a heading below a value is refused here.
 !>
-!> It also bounds what the work of the parser grows with faster than with the length of the text.
+!> It also bounds the constructs for which the parser's work grows faster than the length of the text.
 module tandem_io_scene_lexer
     use tandem, only: mechanism_kinds, mechanism_singles, to_text
     use tomlf, only: toml_datetime
@@ -21,8 +21,8 @@ module tandem_io_scene_lexer
     end type path_type
 
     type, extends(toml_lexer) :: scene_lexer_type
-        !> The first token that is refused, at which the parser has stopped; 0 where there is none. The dot of a heading may be
-        !> refused since what stands before it is a value.
+        !> The first token that is refused, at which the parser has stopped; 0 if there is none. The dot of a heading is
+        !> refused if the key before it is a value.
         integer :: refused = 0
         logical :: is_below_value = .false., is_doubled = .false.
         !> The limit that is exceeded there, for the message.
@@ -127,7 +127,7 @@ contains
         call lexer%refuse_beyond(token, lexer%n_values_here, most_values, 'values below one heading')
     end subroutine count_value
 
-    !> Refuse a token where there is more of something than there may be.
+    !> Refuse a token that exceeds a limit.
     subroutine refuse_beyond(lexer, token, n, most, things)
         class(scene_lexer_type), intent(inout) :: lexer
         type(toml_token), intent(inout) :: token

@@ -15,7 +15,7 @@ module tandem_io_scene_mechanism
 
 contains
 
-    !> The mechanism, and the start as it is drawn. The table [scene] is open.
+    !> The mechanism, and its start in the reference configuration. The table [scene] is open.
     subroutine build_mechanism_scene(reader, model, q, qd)
         class(reader_type), intent(inout) :: reader
         class(model_type), allocatable, intent(out) :: model

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Builds the motorcycle from a scene; the fork angle makes it a standard one or a chopper.
+!> Builds the motorcycle from a scene; the fork angle selects a standard motorcycle or a chopper.
 module tandem_io_scene_motorcycle
     use tandem, only: model_type, motorcycle_type, wp
     use tandem_io_scene_reader, only: not_negative, positive, reader_type
@@ -8,7 +8,7 @@ module tandem_io_scene_motorcycle
 
     public :: build_motorcycle
 
-    !> Least steering frequency but none, rad/s: less would have a period that is no finite number.
+    !> Least nonzero steering frequency, rad/s: the period of a smaller one would overflow.
     real(wp), parameter :: slowest = 1.0e-300_wp
 
 contains

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Reads the keys of a scene, one call a key, and remembers what it has read: the same calls give the values, the list of keys
-!> that exist (for messages), and the complete scene as text. Each key stands there once.
+!> Reads the keys of a scene, one call per key, and records them: the same calls give the values, the list of valid keys
+!> (for messages), and the complete scene as text, in which each key occurs once.
 !>
 !> The first error is kept and the calls after it do nothing, so a reader's user may make all of them and look once.
 module tandem_io_scene_reader
@@ -68,7 +68,7 @@ module tandem_io_scene_reader
             type(atom_type), intent(in) :: atom
         end subroutine change
 
-        !> The unit of a key that was read, blank where it is not known.
+        !> The unit of a key that was read, blank if unknown.
         pure module function unit_of(self, table, key) result(unit)
             implicit none (type, external)
             class(reader_type), intent(in) :: self
@@ -76,7 +76,7 @@ module tandem_io_scene_reader
             character(len=key_length) :: unit
         end function unit_of
 
-        !> The value of a key that was read, as TOML on one line; empty where there is none.
+        !> The value of a key that was read, as TOML on one line; empty if there is none.
         pure module function value_of(self, table, key) result(text)
             implicit none (type, external)
             class(reader_type), intent(in) :: self
@@ -179,7 +179,7 @@ module tandem_io_scene_reader
             character(len=*), intent(in) :: key
             !> How many there are.
             integer, intent(in) :: length
-            !> The list; not allocated where there is none.
+            !> The list; not allocated if there is none.
             real(wp), allocatable, intent(inout) :: values(:)
             !> The number for all, on entry the default. If absent, the key has no default, and a number fills the list.
             real(wp), intent(inout), optional :: value
@@ -234,7 +234,7 @@ contains
         end do
     end subroutine open_sources
 
-    !> Refuse what stands at the top level and is none of the tables. `count_tables` looks into those that may come several times.
+    !> Refuse entries of the top level that are not known tables. `count_tables` looks into those that may come several times.
     subroutine check_tables(self, tables, arrays, others, of)
         class(reader_type), intent(inout), target :: self
         !> The tables of a scene, those that may come several times, and those that some models bring.
@@ -370,13 +370,13 @@ contains
         end do
     end subroutine replace
 
-    !> The keys that the current table has by now take no part in the complete scene, since others replace them. One that is
-    !> given at the same time is an error.
+    !> Exclude the keys read so far in the current table from the complete scene, since others replace them. Giving such a key at
+    !> the same time is an error.
     subroutine hide(self, source, reason)
         class(reader_type), intent(inout) :: self
         !> The source of the others.
         integer, intent(in) :: source
-        !> Why both cannot be.
+        !> Reason why both are not allowed.
         character(len=*), intent(in) :: reason
         character(len=key_length) :: given
 
@@ -393,7 +393,7 @@ contains
         if (.not. self%is_brief) call self%ledger%add(self%table, '', '', words, -1, element=self%element)
     end subroutine remark
 
-    !> Let a key be known to messages although it has no value here.
+    !> Make a key known to messages although it has no value here.
     subroutine propose(self, key)
         class(reader_type), intent(inout) :: self
         character(len=*), intent(in) :: key
@@ -551,7 +551,7 @@ contains
             if (.not. associated(table)) cycle
             call table%get(key, found)
             if (associated(found)) return
-            ! A table of several stands where it is given first.
+            ! One of several tables is located in the source that gives it first.
             if (self%element > 0) place = source
         end do
         source = -1

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The models that a scene may name: the shipped ones, and those that a program of one's own adds.
+!> The models that a scene may name: the shipped ones, and those added by a user's program.
 module tandem_io_scene_registry
     use tandem, only: model_type, wp
     use tandem_io_scene_articulated_vehicle, only: build_articulated_vehicle
@@ -32,7 +32,7 @@ module tandem_io_scene_registry
     type :: scene_model_type
         character(len=key_length) :: name
         procedure(build_interface), pointer, nopass :: build
-        !> Tables that it brings beside those of every scene.
+        !> Tables of the model besides those of every scene.
         character(len=key_length), allocatable :: tables(:)
     end type scene_model_type
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Reads what [initial] says of where the start settles: at an equilibrium, or in a steady motion; and takes it there.
+!> Reads the request of [initial] for an equilibrium or a steady motion, and moves the start there.
 module tandem_io_scene_settling
     use tandem, only: affine_motion_type, any_motion, assemble, assembly_type, error_type, find_steady_from_words, list_motions, &
         model_type, motion_name_length, settling_type, wp
@@ -27,7 +27,7 @@ contains
         allocate (steady(0))
         if (reader%failed()) return
         call reader%get('equilibrium', rests, 'true: start at rest in the nearest equilibrium')
-        ! Of thousands of bodies the list takes longer than all else.
+        ! With thousands of bodies, the list takes longer than everything else.
         allocate (motions(0))
         if (reader%gives('steady')) call list_motions(model, motions)
         choices = [character(len=motion_name_length) :: any_motion, motions%name]

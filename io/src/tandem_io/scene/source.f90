@@ -21,7 +21,7 @@ module tandem_io_scene_source
     !> Largest scene file, in bytes: some thousand bodies, each written out with every default.
     integer, parameter :: largest = 4194304
     !> Most lines, and bytes and dots of a line: messages show whole lines, and the parser descends one level at each dot. The lexer
-    !> bounds what else the work of the parser grows with faster than the text.
+    !> bounds other constructs for which the parser's work grows faster than the text.
     integer, parameter :: most_lines = 100000, most_bytes = 32768, most_dots = 1000
 
     !> Mark that some editors put before UTF-8.

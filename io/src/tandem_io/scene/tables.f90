@@ -19,7 +19,7 @@ contains
     function table_of(source, name, element) result(table)
         type(source_type), intent(inout), target :: source
         character(len=*), intent(in) :: name
-        !> Its number among those of the name, 0 for a table of its own.
+        !> Its number among the tables of that name, 0 for a single table.
         integer, intent(in) :: element
         type(toml_table), pointer :: table
         class(toml_value), pointer :: found, member
@@ -44,7 +44,7 @@ contains
         end select
     end function table_of
 
-    !> The first source that has a say in tables of a name: the last one that gives all of them, else the file.
+    !> The first source that contributes to tables of a name: the last one that gives all of them, otherwise the file.
     integer function first_source(sources, name)
         type(source_type), intent(inout), target :: sources(0:)
         character(len=*), intent(in) :: name
@@ -112,7 +112,7 @@ contains
         end do
     end subroutine count_all
 
-    !> A table whose keys are the numbers of tables: those that there are, or the next one.
+    !> A table whose keys are the numbers of tables: existing ones, or the next one.
     subroutine count_numbered(source, name, table, n, error)
         type(source_type), intent(inout) :: source
         character(len=*), intent(in) :: name

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Values as TOML text that reads back to the same value, and the small services that messages about keys need.
+!> Values as TOML text that reads back to the same value, and small procedures for messages about keys.
 module tandem_io_scene_text
     use tandem, only: wp
     use tandem_names, only: nearest_name
@@ -82,7 +82,7 @@ contains
         call toml_escape_string(value, text)
     end function string_to_toml
 
-    !> An array of numbers, on several lines where it is long.
+    !> An array of numbers, on several lines if it is long.
     pure function reals_to_toml(values) result(text)
         real(wp), intent(in) :: values(:)
         character(len=:), allocatable :: text
@@ -106,7 +106,7 @@ contains
         text = text//']'
     end function reals_to_toml
 
-    !> An array of quoted texts on one line; trailing blanks are no part of them.
+    !> An array of quoted texts on one line; without trailing blanks.
     function strings_to_toml(values) result(text)
         character(len=*), intent(in) :: values(:)
         character(len=:), allocatable :: text
