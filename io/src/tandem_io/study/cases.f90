@@ -104,7 +104,7 @@ module tandem_io_study_cases
         !> True if there are runs with fixed steps; true if there are runs under error control; tolerance of the latter.
         logical :: with_step = .true., with_rtol = .true.
         real(wp) :: rtol = 1.0e-6_wp
-        !> The model of the reference; not allocated where it is the case's own.
+        !> The model of the reference; not allocated if it is the case's own.
         class(model_type), allocatable :: true_model
         !> The steppers that make the reference, and their tolerances.
         character(len=16) :: judges(2) = [character(len=16) :: 'dop853', 'dopri5']
@@ -355,7 +355,7 @@ contains
         subject%options%step = 1.0e-2_wp
     end subroutine build_motorcycle
 
-    !> The motorcycle in the equilibrium of its suspension, which then becomes so many times as stiff and as damped.
+    !> The motorcycle in the equilibrium of its suspension, whose stiffness and damping are then multiplied by a factor.
     subroutine build_stiff_motorcycle(subject, factor, stat)
         type(case_type), intent(inout) :: subject
         real(wp), intent(in) :: factor

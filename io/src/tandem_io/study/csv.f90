@@ -30,7 +30,7 @@ contains
         end do
     end function csv_line
 
-    !> The cells of a line. Not `whole` where there are fewer or more than asked for, or a quote is not closed.
+    !> The cells of a line. Not `whole` if there are fewer or more cells than requested, or a quote is not closed.
     subroutine split_csv_line(line, cells, whole)
         character(len=*), intent(in) :: line
         character(len=*), intent(out) :: cells(:)

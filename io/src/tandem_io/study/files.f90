@@ -19,7 +19,7 @@ module tandem_io_study_files
             integer(c_int) :: stat
         end function c_mkdir
 
-        !> Rename a file, in the place of another where there is one; 0 on success.
+        !> Rename a file, replacing an existing one; 0 on success.
         function c_rename(from, to) result(stat) bind(c, name='rename')
             import :: c_char, c_int
             implicit none (type, external)
@@ -38,7 +38,7 @@ module tandem_io_study_files
 
 contains
 
-    !> Make a folder if it is not there; the one that it is to stand in must be.
+    !> Make a folder if it is missing; its parent must exist.
     subroutine make_folder(path, error)
         character(len=*), intent(in) :: path
         type(error_type), allocatable, intent(out) :: error
@@ -58,7 +58,7 @@ contains
             'choose a folder whose own folder exists and that no file stands in the place of')
     end subroutine make_folder
 
-    !> The whole of a regular file; not allocated where it cannot be read.
+    !> The contents of a regular file; not allocated if it is unreadable.
     subroutine read_whole(path, text)
         character(len=*), intent(in) :: path
         character(len=:), allocatable, intent(out) :: text

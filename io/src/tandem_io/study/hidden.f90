@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A model whose kinks and jumps are hidden: it switches by the time that it is asked for and declares no breakpoint, which a
-!> model should never do and many do.
+!> A model whose kinks and jumps are hidden: it switches by its argument t and declares no breakpoint, which is wrong but
+!> common.
 module tandem_io_study_hidden
     use tandem, only: derivatives_type, model_type, terms_type, wp
     implicit none (type, external)

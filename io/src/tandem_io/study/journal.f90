@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> The rows of a study on disk: appended as they are done, so that a study may be interrupted at any time and goes on later.
+!> The rows of a study on disk: appended when complete, so that a study may be interrupted at any time and resumed later.
 !>
-!> NAME.csv holds the rows; NAME.toml the settings and the program that they belong to. A later study with the same ones continues
-!> with the rows that are there; with others it starts anew. NAME.h5 holds the same table with units and meanings, when all is done.
+!> NAME.csv holds the rows; NAME.toml their settings and program. A later study with equal settings and program continues
+!> from the existing rows, otherwise it starts anew. NAME.h5 holds the table with units and meanings, once it is complete.
 module tandem_io_study_journal
     use tandem, only: error_type, long, set_error, status_output_failed, to_text, wp
     use tandem_io_output_hdf5, only: hdf5_type
@@ -39,7 +39,7 @@ module tandem_io_study_journal
 
 contains
 
-    !> Open the journal NAME in a folder, which is made where it is not there, and take up the rows that are in it.
+    !> Open the journal NAME in a folder, which is made if it is missing, and read its rows.
     subroutine open(self, folder, name, columns, settings, force, error)
         class(journal_type), intent(inout) :: self
         character(len=*), intent(in) :: folder, name
@@ -77,7 +77,7 @@ contains
         end if
         self%resumed = self%table%rows()
         self%started_anew = exists .and. allocated(found) .and. self%resumed == 0
-        ! The old rows go before the new settings come: rows never stand beside settings that are not theirs.
+        ! Old rows are removed before new settings are written: rows never exist beside settings of other rows.
         text = heading(columns)//newline
         do row = 1, self%resumed
             text = text//csv_line(self%table%cells(:, row))//newline
@@ -193,7 +193,7 @@ contains
         line = line(2:)
     end function heading
 
-    !> Read the rows that stand in the file, up to the first that is not whole: the one that an interruption has cut.
+    !> Read the rows of the file, up to the first incomplete one, which an interruption has cut.
     subroutine read_rows(self)
         class(journal_type), intent(inout) :: self
         character(len=:), allocatable :: text

@@ -44,7 +44,7 @@ module tandem_io_study_measure
         character(len=:), allocatable :: message
         !> Largest differences of q and qd from the reference over its times, in units of the coordinate scales; NaN if it failed.
         real(wp) :: error_q = 0.0_wp, error_qd = 0.0_wp
-        !> Largest change of the total energy over these times, as a part of the energy at the start where that is not zero.
+        !> Largest change of the total energy over these times, relative to the energy at the start unless that is zero.
         real(wp) :: energy_change = 0.0_wp
         !> Medians of the seconds of the timed runs, and how many they were.
         real(wp) :: wall_seconds = 0.0_wp, cpu_seconds = 0.0_wp
@@ -86,7 +86,7 @@ contains
         deallocate (scene%assembly)
     end subroutine settle_scene
 
-    !> Run a scene once and compare it with a reference. The seconds are those of this run, its samples included.
+    !> Run a scene once and compare it with a reference. The seconds of the run include its samples.
     subroutine sample_run(scene, options, t_end, reference, most_seconds, outcome)
         type(scene_type), intent(inout), target :: scene
         !> In the place of the scene's own.
@@ -125,8 +125,7 @@ contains
         if (abs(sampler%energy(0)) > 0.0_wp) outcome%energy_change = outcome%energy_change/abs(sampler%energy(0))
     end subroutine sample_run
 
-    !> Time a run that is known to be complete, nobody watching: the medians of at least `repeats` runs; short runs are repeated
-    !> more often.
+    !> Time a run known to be complete, without observers: medians of at least `repeats` runs; short runs are repeated more often.
     subroutine time_run(scene, options, t_end, repeats, outcome)
         type(scene_type), intent(inout), target :: scene
         type(options_type), intent(in) :: options

@@ -23,7 +23,7 @@ module tandem_io_study_modes
     character(len=5), parameter :: crossing_name(3) = [character(len=5) :: 'zero', 'hopf', 'krein']
     !> How often an interval is halved at most, and how many points a critical value may take.
     integer, parameter :: deepest = 8, most_points = 80
-    !> A critical value is known where its bracket is this part of it, or of the interval.
+    !> Width of the final bracket of a critical value, relative to the value or to the interval.
     real(wp), parameter :: finest = 1.0e-13_wp
     !> A followed function changes by less than this part of its values over such a bracket, unless it jumps.
     real(wp), parameter :: smooth = 1.0e-4_wp
@@ -277,7 +277,7 @@ contains
             values(i) = product_of(point, other)
             rounding = max(rounding, error_of_product(point, other))
         end do
-        ! So near to an end of the interval that there is no room beside it.
+        ! Too close to an end of the interval for samples beyond the zero.
         if (any(abs(values) <= 0.0_wp) .or. values(2)*values(3) > 0.0_wp) return
         found%value = x + delta*lagrange(values, place)
         ! Errors of the values beside the zero weigh 4/3 together, and those further out a third.

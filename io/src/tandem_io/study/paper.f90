@@ -99,7 +99,7 @@ contains
         total = size(runs)
     end function total
 
-    !> Do the next run whose rows are not there yet, and append them; `finished` where there is none.
+    !> Do the next run whose rows are missing, and append them; `finished` if there is none.
     subroutine next_run(self, finished, what, error)
         class(paper_type), intent(inout) :: self
         logical, intent(out) :: finished

@@ -23,7 +23,7 @@ module tandem_io_study_precision
     character(len=4), parameter :: by_step = 'step', by_rtol = 'rtol'
     !> Loosest and tightest tolerance, powers of ten, and the finest step, a power of two times the scene's.
     integer, parameter :: loosest = -2, tightest = -14, finest = -24
-    !> A series ends where so many runs in a row have failed: one may fail where a finer one does not.
+    !> Number of consecutive failures that end a series: a run may fail although a finer one succeeds.
     integer, parameter :: most_failures = 4
     !> Errors are quoted down to this multiple of the agreement of a reference: they are then right to ten per cent.
     real(wp), parameter :: floor_factor = 10.0_wp
@@ -115,7 +115,7 @@ contains
         end do
     end subroutine start
 
-    !> Measure the next run and append its row; `finished` where there is none any more.
+    !> Measure the next run and append its row; `finished` if there is none.
     subroutine next_row(self, finished, error)
         class(precision_type), intent(inout) :: self
         logical, intent(out) :: finished
@@ -134,7 +134,7 @@ contains
         call self%measure(self%series(self%current), level, error)
     end subroutine next_row
 
-    !> Errors in q below this cannot be told from those of the reference; 0 where nothing is known of it.
+    !> Errors in q below this are indistinguishable from those of the reference; 0 if its errors are unknown.
     pure real(wp) function floor_q(self)
         class(precision_type), intent(in) :: self
 
@@ -142,7 +142,7 @@ contains
     end function floor_q
 
     !> The row of the shortest complete run whose error in q is at most `error_q`, by the processor's time, which other work on
-    !> the machine disturbs least; 0 where there is none.
+    !> the machine disturbs least; 0 if there is none.
     pure integer function cheapest(self, error_q)
         class(precision_type), intent(in) :: self
         real(wp), intent(in) :: error_q
@@ -297,7 +297,7 @@ contains
         end associate
     end subroutine put_statistics
 
-    !> The order that a run shows against the row before it; NaN where either failed, or errors are not known.
+    !> Observed order of a run relative to the row before it; NaN if either failed, or errors are unknown.
     real(wp) function observed_order(self, row, series, level, outcome)
         class(precision_type), intent(in) :: self
         integer, intent(in) :: row, level

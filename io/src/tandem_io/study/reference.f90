@@ -20,8 +20,8 @@ module tandem_io_study_reference
         real(wp), allocatable :: t(:)
         !> Coordinates and velocities (n, k).
         real(wp), allocatable :: q(:, :), qd(:, :)
-        !> How far the solutions behind it are from it in q and in qd, max-norms over all times; errors below are not known.
-        !> Negative where nobody has said so.
+        !> Distance in q and in qd of the solutions that were averaged, max-norms over all times; smaller errors are unknown.
+        !> Negative if not given.
         real(wp) :: agreement_q = -1.0_wp, agreement_qd = -1.0_wp
         !> Description of its origin.
         character(len=:), allocatable :: origin
@@ -33,7 +33,7 @@ contains
     !> after t_start and up to t_end, of a result file at most `most` of them, evenly spread.
     subroutine read_reference(path, t_start, t_end, q, qd, most, reference, error)
         character(len=*), intent(in) :: path
-        !> Start and end of the run, and the state at its start (n), which the reference must share where it has it.
+        !> Start and end of the run, and the state at its start (n), which the reference must match if it contains that time.
         real(wp), intent(in) :: t_start, t_end, q(:), qd(:)
         integer, intent(in) :: most
         type(reference_type), intent(out) :: reference
@@ -124,7 +124,7 @@ contains
     end subroutine read_result
 
     !> From a text table: comments, a line with the numbers of rows, coordinates and multipliers, then a row a time: t, q, qd and
-    !> what else follows. A comment `agreement: Q QD` says how far the values can be trusted.
+    !> further columns. A comment `agreement: Q QD` gives the accuracy of the values.
     subroutine read_table(path, reference, error)
         character(len=*), intent(in) :: path
         type(reference_type), intent(inout) :: reference

@@ -102,7 +102,7 @@ contains
         has_run = subject%with_rtol .and. properties%estimate_order > 0
     end function has_run
 
-    !> Do the next run that is not there yet, and append its row; `finished` where there is none.
+    !> Do the next missing run, and append its row; `finished` if there is none.
     subroutine next_row(self, finished, error)
         class(stability_type), intent(inout) :: self
         logical, intent(out) :: finished
@@ -149,7 +149,7 @@ contains
         end do
     end function total
 
-    !> The row of a run, 0 where it is not there.
+    !> The row of a run, 0 if it is missing.
     pure integer function row_of(self, subject, stepper, control)
         class(stability_type), intent(in) :: self
         character(len=*), intent(in) :: subject, stepper, control

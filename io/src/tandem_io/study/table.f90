@@ -17,7 +17,7 @@ module tandem_io_study_table
     !> Contents of a column.
     integer, parameter :: text_column = 1, count_column = 2, real_column = 3
 
-    !> Numbers of so many letters are shown as they are.
+    !> Numbers of at most so many letters are shown unchanged.
     integer, parameter :: short_enough = 6
 
     !> A column.
@@ -34,7 +34,7 @@ module tandem_io_study_table
 
     type :: table_type
         type(column_type), allocatable :: columns(:)
-        !> The cells (columns, rows); an empty one stands for a value that does not exist.
+        !> The cells (columns, rows); an empty cell represents a missing value.
         character(len=cell_length), allocatable :: cells(:, :)
     contains
         procedure :: initialize, rows, index_of, new_row, add
@@ -63,7 +63,7 @@ contains
         rows = size(self%cells, 2)
     end function rows
 
-    !> The index of a column, 0 where there is none of this name.
+    !> The index of a column, 0 if there is none of this name.
     pure integer function index_of(self, name)
         class(table_type), intent(in) :: self
         character(len=*), intent(in) :: name
@@ -136,7 +136,7 @@ contains
         text = trim(self%cells(self%index_of(name), row))
     end function text_at
 
-    !> The number of a cell, NaN where it is empty.
+    !> The number of a cell, NaN if it is empty.
     pure real(wp) function real_at(self, row, name)
         class(table_type), intent(in) :: self
         integer, intent(in) :: row
@@ -145,7 +145,7 @@ contains
         real_at = number(self%cells(self%index_of(name), row))
     end function real_at
 
-    !> The count of a cell, 0 where it is empty.
+    !> The count of a cell, 0 if it is empty.
     pure integer(long) function count_at(self, row, name)
         class(table_type), intent(in) :: self
         integer, intent(in) :: row
@@ -196,7 +196,7 @@ contains
         end do
     end function width
 
-    !> A cell as the terminal shows it: numbers with two digits, a dash where there is nothing.
+    !> A cell as the terminal shows it: numbers with two digits, a dash if it is empty.
     pure function shown(cell, kind) result(text)
         character(len=*), intent(in) :: cell
         integer, intent(in) :: kind
@@ -248,7 +248,7 @@ contains
         text = trim(adjustl(buffer))
     end function brief
 
-    !> The number that a cell holds, NaN where it holds none.
+    !> The number in a cell, NaN if it holds none.
     pure real(wp) function number(cell)
         character(len=*), intent(in) :: cell
         logical :: is_read

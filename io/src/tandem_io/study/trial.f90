@@ -19,21 +19,21 @@ module tandem_io_study_trial
     public :: trial_type, truth_type, run_trial, find_truth
     public :: held, degraded, refused, failed, wrong
 
-    !> The verdicts: right to what is allowed; not, but its user is warned; not begun; not ended; wrong, and nobody is warned.
+    !> Verdicts: error within its limit; larger, with a warning; not begun; not ended; larger, without a warning.
     character(len=8), parameter :: held = 'held', degraded = 'degraded', refused = 'refused', failed = 'failed', wrong = 'wrong'
     !> Times at which a run is compared.
     integer, parameter :: samples = 20
     !> Energy that an endless run may gain or lose, a part of that at the start.
     real(wp), parameter :: most_energy = 1.0e-3_wp
-    !> Constraint errors below this are no growth: the position iteration may leave a hundredth of the tolerance, 1e-14, on natural
-    !> scales that have moved a little until the error is measured.
+    !> Constraint errors below this do not count as growth: the position iteration may leave a hundredth of the tolerance, 1e-14, on
+    !> natural scales that have changed slightly by the time of the measurement.
     real(wp), parameter :: noise = 2.0e-14_wp
 
     !> The motion that is taken to be true.
     type :: truth_type
         !> Times (k), coordinates and velocities there (n, k).
         real(wp), allocatable :: t(:), q(:, :), qd(:, :)
-        !> How far two solutions differ, on the scale of the errors; 0 where it is exact.
+        !> Difference of two solutions, on the scale of the errors; 0 for an exact motion.
         real(wp) :: agreement = 0.0_wp
         !> Origin of the motion.
         character(len=:), allocatable :: origin
@@ -42,16 +42,16 @@ module tandem_io_study_trial
     !> A run and its verdict.
     type :: trial_type
         character(len=8) :: verdict = ''
-        !> `complete`, or the name of a status; what there is to say.
+        !> `complete`, or the name of a status; a remark.
         character(len=24) :: status = 'complete'
         character(len=:), allocatable :: remark
-        !> The error and what is allowed of it, the change of the energy; NaN where there is none.
+        !> The error, its limit, and the change of the energy; NaN if unknown.
         real(wp) :: error = 0.0_wp, allowed = 0.0_wp, energy_change = 0.0_wp
         !> Endless runs: growth of the constraint errors, and of memory in pages; NaN elsewhere.
         real(wp) :: growth = 0.0_wp, pages = 0.0_wp
-        !> The error that its user is told of, NaN where none was found.
+        !> The error reported to the user, NaN if there is none.
         real(wp) :: told = 0.0_wp
-        !> How many warnings its user sees.
+        !> Number of warnings to the user.
         integer :: warnings = 0
         type(statistics_type) :: statistics
         !> The motion at the sample times (n, k).
