@@ -15,7 +15,7 @@ module tandem_io_sweep_carriers
 
 contains
 
-    !> All settings of a case, those of the sweep's file first.
+    !> All settings of a case, beginning with the settings of the sweep's file.
     function settings_of_case(plan, case) result(settings)
         type(plan_type), intent(in) :: plan
         integer(long), intent(in) :: case

@@ -27,7 +27,7 @@ module tandem_io_sweep_case
         type(reader_type), private :: reader
         type(recorder_type), private :: recorder
         real(wp), allocatable, private :: numbers(:)
-        !> The numbers of the last case, of which only those that differ are told to the reader.
+        !> The numbers of the last case; only changed ones are passed to the reader.
         real(wp), allocatable, private :: last(:)
     contains
         procedure :: prepare, run
@@ -180,12 +180,12 @@ contains
         end subroutine integrate_into_file
     end subroutine integrate
 
-    !> The error of the run, by a second one with a model of its own, since a run may change its model. That there is none is no
-    !> failure of the case: its numbers are NaN, and the remark says why.
+    !> The error of the run, from a second run with a separate model, since a run may change its model. A missing estimate is not a
+    !> failure of the case: its numbers are NaN, and the remark gives the reason.
     subroutine estimate(self, case, scene, global_error, remark)
         type(case_runner_type), intent(inout) :: self
         integer(long), intent(in) :: case
-        !> The case, and what has watched it.
+        !> The case, and the error estimator that observed it.
         type(scene_type), intent(in) :: scene
         type(global_error_type), intent(inout) :: global_error
         character(len=:), allocatable, intent(inout) :: remark

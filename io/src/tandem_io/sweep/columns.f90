@@ -107,7 +107,7 @@ contains
         end do
     end function count_lines
 
-    !> A number where it is one, a truth value, else a text.
+    !> A number, a truth value, or otherwise a text.
     function atom_from(text) result(atom)
         character(len=*), intent(in) :: text
         type(atom_type) :: atom

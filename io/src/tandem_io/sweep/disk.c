@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Brings files to the disk: what the system holds of them would be lost with the machine's power. */
+/* Synchronises files with the disk: data buffered by the system would be lost with the machine's power. */
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>

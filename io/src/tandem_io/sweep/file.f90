@@ -198,7 +198,7 @@ contains
             new_line('a')//program_settings()
     end function settings_of
 
-    !> A path from the folder of another file, or, where that came through a pipe of the shell, from the working folder.
+    !> A path from the folder of another file, or from the working folder if that file came through a pipe of the shell.
     pure function beside(file, path) result(joined)
         character(len=*), intent(in) :: file, path
         character(len=:), allocatable :: joined

@@ -383,7 +383,7 @@ contains
         end do
     end subroutine check_inputs
 
-    !> An error about an input, shown where it was given.
+    !> An error about an input, shown with its line.
     subroutine refuse_input(reader, plan, i, problem)
         type(reader_type), intent(inout) :: reader
         type(plan_type), intent(in) :: plan

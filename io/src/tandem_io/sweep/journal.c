@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* A file of words of 64 bits that one process writes: each failure shows at once, and nothing is held back that a copy of the
-   process could write a second time. */
+/* A file of words of 64 bits that one process writes: each failure is reported at once, and nothing is buffered that a copy of
+   the process could write a second time. */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdint.h>
@@ -8,8 +8,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Open a file to read (0), or to write too (1), made where it is not there. -1 where it cannot be opened, -2 where another process
-   writes it. A file system without locks has none. */
+/* Open a file to read (0), or to write too (1), made if it is missing. -1 if it cannot be opened, -2 if another process
+   writes it. No lock on file systems without locks. */
 int tandem_journal_open(const char *path, int writes)
 {
     int file = open(path, (writes ? O_RDWR | O_CREAT : O_RDONLY) | O_CLOEXEC | O_NONBLOCK, 0666);

@@ -173,7 +173,7 @@ contains
         end associate
     end function place_of
 
-    !> Keep where the record of a case stands.
+    !> Store the position of the record of a case.
     subroutine keep_place(self, case, place)
         class(sweep_journal_type), intent(inout) :: self
         integer(long), intent(in) :: case, place
@@ -262,7 +262,7 @@ contains
         end do
     end subroutine scan
 
-    !> Read what stands at a place.
+    !> Read the record at a position.
     subroutine read_at(self, place, record, is_whole)
         class(sweep_journal_type), intent(inout) :: self
         integer(long), intent(in) :: place
@@ -387,7 +387,7 @@ contains
         integer(c_int) :: stat
 
         if (self%file < 0) return
-        ! That it cannot be is no news: whoever reads it later finds out by its checksums.
+        ! A failure to synchronise is not reported: later readers detect lost records by their checksums.
         stat = 0
         if (self%is_unsynced .and. .not. removes) stat = sync_open(self%file)
         if (stat /= 0) self%is_unsynced = .true.

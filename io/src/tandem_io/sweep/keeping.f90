@@ -72,7 +72,7 @@ contains
         end do
     end subroutine read_kept
 
-    !> Why something cannot have its name: another column of the table or of the comma-separated values has it. Empty where it can.
+    !> Reason why a name is not allowed: another column of the table or of the comma-separated values has it. Empty if allowed.
     function clash_of(plan, i) result(problem)
         type(plan_type), intent(in) :: plan
         !> Those before it have names.

@@ -45,7 +45,7 @@ module tandem_io_sweep_kept
         !> One of the kinds above, and which of them.
         integer :: kind = of_q, index = 1
         integer :: take = take_default
-        !> Times at which the quantity is taken; not allocated where it is not.
+        !> Times at which the quantity is taken; not allocated without such times.
         real(wp), allocatable :: times(:)
         !> The figure's name.
         character(len=:), allocatable :: figure
@@ -79,7 +79,7 @@ contains
     subroutine resolve(self, scene, problem)
         class(kept_type), intent(inout) :: self
         type(scene_type), intent(in) :: scene
-        !> Why there is no such quantity; empty where there is.
+        !> Reason why there is no such quantity; empty if there is.
         character(len=:), allocatable, intent(out) :: problem
         type(statistics_type) :: statistics
         character(len=:), allocatable :: wanted
@@ -242,7 +242,7 @@ contains
     subroutine find_figure(statistics, name, number, problem)
         type(statistics_type), intent(in) :: statistics
         character(len=*), intent(in) :: name
-        !> NaN where there is none.
+        !> NaN if there is none.
         real(wp), intent(out) :: number
         character(len=:), allocatable, intent(out) :: problem
         type(finder_type) :: finder

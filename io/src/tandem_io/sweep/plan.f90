@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> A sweep as its file describes it: a scene, what is varied and how, what is kept. Which values a case has follows from its number
-!> alone.
+!> A sweep as its file describes it: a scene, inputs with their distributions, kept quantities. The values of a case follow from
+!> its number alone.
 !>
 !> Cases are counted from 1. The rows of a file of cases run slowest, then the lists, the first of them slowest, then the draws:
-!> all places of a grid see the same draws, so that they compare.
+!> all points of a grid have equal draws, which makes them comparable.
 module tandem_io_sweep_plan
     use tandem, only: atom_type, is_number, long, wp
     use tandem_io_sweep_kept, only: kept_type
@@ -43,12 +43,12 @@ module tandem_io_sweep_plan
         integer :: kind = is_listed
         !> The values of a list, of a file's column, or of a choice.
         type(atom_type), allocatable :: values(:)
-        !> Ends of an interval, or mean and standard deviation, of the logarithm for `is_log_normal`; where a triangle is highest.
+        !> Ends of an interval, or mean and standard deviation, of the logarithm for `is_log_normal`; mode of a triangle.
         real(wp) :: a = 0.0_wp, b = 1.0_wp, mode = 0.5_wp
         !> True if a normal distribution is truncated; its limits.
         logical :: is_limited = .false.
         real(wp) :: low = 0.0_wp, high = 0.0_wp
-        !> Its number among those that are drawn, and of the setting that gives it to the scene.
+        !> Its number among the drawn inputs, and the number of the setting that passes it to the scene.
         integer :: column = 0, setting = 0
         !> True if the values are texts; their indices in the list then represent them.
         logical :: holds_texts = .false.
@@ -61,7 +61,7 @@ module tandem_io_sweep_plan
     type :: plan_type
         !> Path and text of the sweep's file, and path of the scene.
         character(len=:), allocatable :: path, text, scene_path
-        !> Path of the file of cases; empty where there is none.
+        !> Path of the file of cases; empty if there is none.
         character(len=:), allocatable :: cases_path
         !> Further settings of the scene, as on the command line.
         character(len=:), allocatable :: settings(:)
@@ -79,9 +79,9 @@ module tandem_io_sweep_plan
         logical :: is_for_indices = .false.
         !> Most seconds of a case, 0 for no limit.
         real(wp) :: max_seconds = 0.0_wp
-        !> A folder for whole trajectories; empty where none are kept.
+        !> A folder for whole trajectories; empty if none are kept.
         character(len=:), allocatable :: folder
-        !> The checksum of the file of cases; blank where there is none.
+        !> The checksum of the file of cases; blank if there is none.
         character(len=16) :: file_sum = ''
         !> Rows of the file of cases, places of the grid, draws at each of them.
         integer(long) :: n_rows = 1, n_places = 1, n_draws = 1
@@ -128,7 +128,7 @@ contains
         end select
     end function drawn
 
-    !> The place in a standard normal distribution, or in what limits leave of it.
+    !> Quantile of a standard normal distribution, truncated if it has limits.
     pure real(wp) function normal_place(self, u) result(z)
         class(input_type), intent(in) :: self
         real(wp), intent(in) :: u
@@ -153,7 +153,7 @@ contains
         held = abs(p(2) - p(1))
     end function held
 
-    !> The probabilities of less than each limit; where both are above the middle, those of more, which keep their digits.
+    !> Probabilities below each limit; if both limits are above the mean, probabilities above them, which keep their digits.
     pure function probabilities(self) result(p)
         class(input_type), intent(in) :: self
         real(wp) :: p(2), ends(2)
@@ -165,7 +165,7 @@ contains
         p = 0.5_wp*erfc(-ends/sqrt(2.0_wp))
     end function probabilities
 
-    !> A value that stands for all: the first of a list, the middle of what is drawn.
+    !> A representative value: the first of a list, the middle of a distribution.
     pure function typical(self) result(atom)
         class(input_type), intent(in) :: self
         type(atom_type) :: atom
@@ -259,7 +259,7 @@ contains
         end do
     end subroutine numbers_of
 
-    !> The value that a number of `numbers_of` stands for.
+    !> The value that a number of `numbers_of` represents.
     pure function atom_of(self, i, number) result(atom)
         class(plan_type), intent(in) :: self
         !> The input.

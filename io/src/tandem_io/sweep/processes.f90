@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> A team of processes on this machine, copies of this one (processes.c). A case that ends its process takes nobody else with it.
+!> A team of processes on this machine, copies of this one (processes.c). A case that ends its process leaves the others running.
 module tandem_io_sweep_processes
     use tandem, only: error_type, long, set_error, status_output_failed
     use tandem_io_sweep_case, only: case_runner_type
@@ -104,14 +104,14 @@ contains
         cores = int(c_cores())
     end function cores
 
-    !> Let others have the processor for so many milliseconds.
+    !> Sleep for so many milliseconds.
     subroutine nap(milliseconds)
         integer, intent(in) :: milliseconds
 
         call c_wait([0_c_int], 0_c_int, int(milliseconds, c_int))
     end subroutine nap
 
-    !> A team of so many, none of them started.
+    !> A team of so many processes, none of them started.
     subroutine prepare(self, runner, workers)
         class(processes_type), intent(inout) :: self
         !> Prepared; must outlive the team.
@@ -179,19 +179,19 @@ contains
         end do
     end subroutine work
 
-    !> Give a worker cases after those that it has.
+    !> Append cases to those of a worker.
     subroutine give(self, worker, first, last)
         class(processes_type), intent(inout) :: self
         integer, intent(in) :: worker
         integer(long), intent(in) :: first, last
         integer(c_int) :: stat
 
-        ! One that has died is told as lost by `next`.
+        ! A dead worker is reported as lost by `next`.
         stat = c_send(self%ends(worker), [int(first, c_int64_t), int(last, c_int64_t)], 2_c_int64_t)
         if (stat /= 0) return
     end subroutine give
 
-    !> The next thing that a worker has told.
+    !> The next event of a worker.
     subroutine next(self, milliseconds, event)
         class(processes_type), intent(inout) :: self
         integer, intent(in) :: milliseconds
@@ -201,7 +201,7 @@ contains
         event%kind = nothing
         do pass = 1, 2
             do i = 1, size(self%workers)
-                ! The same worker as long as it has something to tell.
+                ! The same worker as long as it has events.
                 associate (worker => 1 + modulo(self%turn + i - 2, size(self%workers)))
                     if (self%ends(worker) < 0) cycle
                     call self%look_at(worker, event)

@@ -30,7 +30,7 @@ module tandem_io_sweep_quantile
 
 contains
 
-    !> The number below which a standard normal variable is with probability p.
+    !> The p-quantile of the standard normal distribution.
     pure real(wp) function normal_quantile(p) result(x)
         !> Between 0 and 1, both excluded.
         real(wp), intent(in) :: p

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> Random numbers that have no state: each follows from a seed and from its place, so that case k is the same wherever and after
-!> whatever it runs.
+!> Random numbers without state: each follows from a seed and its index, so that case k does not depend on the process that runs
+!> it, nor on earlier cases.
 !>
 !> The generator is Philox4x32-10: J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, Parallel random numbers: as easy as 1, 2, 3,
-!> SC 2011, doi 10.1145/2063384.2063405. Words of 32 bits stand in integers of 64, where their products are put together from
+!> SC 2011, doi 10.1145/2063384.2063405. Words of 32 bits are stored in integers of 64 bits; their products are computed from
 !> halves that do not overflow.
 module tandem_io_sweep_random
     use tandem, only: long, wp

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The observer of a case: takes what is to be kept while the motion goes by. Nothing is looked at that nobody asks for.
+!> The observer of a case: evaluates the kept quantities during the run, and no others.
 module tandem_io_sweep_recorder
     use tandem, only: at_end, at_event, at_start, error_type, global_error_type, observer_type, set_error, simulation_type, &
         to_text, wp
@@ -313,7 +313,7 @@ contains
         if (kept%take == take_count) value = real(n, wp)
     end subroutine take_event
 
-    !> Let the model tell what several quantities share at the current state.
+    !> Evaluate the sensors and multipliers, which several quantities share, at the current state.
     subroutine look(self, simulation, error)
         class(recorder_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -333,7 +333,7 @@ contains
         class(recorder_type), intent(in) :: self
         class(simulation_type), intent(inout) :: simulation
         integer, intent(in) :: i
-        !> Not zero where it could not be evaluated; else as it was.
+        !> Nonzero if the evaluation failed; otherwise unchanged.
         integer, intent(inout) :: stat
         real(wp) :: other
         integer :: problem

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Distributes the cases of a sweep among the workers of a team and writes what comes of them into the journal. A worker that is
-!> done with its cases gets more, in ranges that last about a tenth of a second, longer where the team tells with a delay, and
-!> become smaller towards the end; each has a second range waiting, so that none is idle while this process sleeps.
+!> Distributes the cases of a sweep among the workers of a team and writes their records into the journal. A worker that has
+!> finished its cases gets more, in ranges that last about a tenth of a second, longer if the team reports with a delay, and
+!> become smaller towards the end; each worker has a second range waiting, so that none is idle while this process sleeps.
 module tandem_io_sweep_schedule
     use tandem, only: error_type, long, set_error, to_text, wp
     use tandem_io_sweep_journal, only: sweep_journal_type
@@ -22,7 +22,7 @@ module tandem_io_sweep_schedule
     integer, parameter :: longest_sleep = 20, unseen = 100
     integer(long), parameter :: most = 20000
 
-    !> Is told how far the sweep is, and says whether it shall end.
+    !> Receives the progress of the sweep, and may end it.
     type, abstract :: watcher_type
     contains
         procedure(tell_interface), deferred :: tell
@@ -62,7 +62,7 @@ module tandem_io_sweep_schedule
     !> The state of the distribution.
     type :: schedule_type
         type(duty_type), allocatable :: duties(:)
-        !> The next case that nobody has, and ranges that a lost worker has left.
+        !> The next unassigned case, and ranges left by lost workers.
         integer(long) :: next = 1
         integer(long), allocatable :: left(:, :)
         !> Cases whose process has ended once.
@@ -158,7 +158,7 @@ contains
         end do
     end subroutine give_cases
 
-    !> Cases that nobody has: an empty range where there are none.
+    !> Unassigned cases: an empty range if there are none.
     subroutine next_range(schedule, journal, range)
         type(schedule_type), intent(inout) :: schedule
         type(sweep_journal_type), intent(in) :: journal
@@ -211,7 +211,7 @@ contains
             end if
             duty%is_there = .false.
             if (duty%n == 0) return
-            ! Somebody may have ended the process: the case has a second try in another one.
+            ! The process may have been killed from outside: the case is tried a second time in another one.
             case = duty%ranges(1, 1)
             if (any(schedule%suspects == case)) then
                 call refuse_case(record, case, status_crashed, 'the process of this case ended'//trim(signal_words(event%words(1))))

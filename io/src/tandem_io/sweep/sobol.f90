@@ -95,7 +95,7 @@ contains
         end do
     end subroutine prepare
 
-    !> Coordinate of a point, a number of 32 bits: 2^32 stands for 1.
+    !> Coordinate of a point, a number of 32 bits: 2^32 represents 1.
     pure integer(long) function point(self, k, column) result(bits_of_point)
         class(sobol_type), intent(in) :: self
         !> The point, from 0 to 2^32 - 1.

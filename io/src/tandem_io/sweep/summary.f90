@@ -20,7 +20,7 @@ module tandem_io_sweep_summary
     type :: column_summary_type
         !> How many cases have a value.
         integer(long) :: n = 0
-        !> NaN where there is no value; the standard deviation also where there is one only.
+        !> NaN without values; the standard deviation also for one value.
         real(wp) :: mean = 0.0_wp, deviation = 0.0_wp, least = 0.0_wp, most = 0.0_wp
         !> The cases of the extremes.
         integer(long) :: case_of_least = 0, case_of_most = 0
@@ -101,7 +101,7 @@ contains
     !> Blocks with a case that failed are left out.
     pure subroutine sensitivities(values, n, seed, blocks, indices)
         real(wp), intent(in) :: values(:)
-        !> How many inputs were drawn, and the seed of the bootstrap.
+        !> Number of drawn inputs, and the seed of the bootstrap.
         integer, intent(in) :: n, seed
         !> How many blocks were whole; without two, or without variance, the indices are NaN.
         integer, intent(out) :: blocks

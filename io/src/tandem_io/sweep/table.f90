@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The table of a sweep: an HDF5 file with a dataset for each input and output, a row a case, and the same as comma-separated
-!> values. Both are made from the journal block by block when all cases are there, and take the place of older ones at once.
+!> The table of a sweep: an HDF5 file with a dataset for each input and output, one row per case, and a copy as comma-separated
+!> values. Both are made from the journal block by block when all cases are done, and replace older files at once.
 module tandem_io_sweep_table
     use hdf5, only: hid_t
     use tandem, only: error_type, is_text, is_truth, long, set_error, status_output_failed, to_text, wp
@@ -22,7 +22,7 @@ module tandem_io_sweep_table
 
     public :: write_table, csv_path, input_path, output_path, indices_path
 
-    !> Rows of a block, and failures that the table tells in words; their statuses are all there.
+    !> Rows of a block, and most failures with a message in the table; statuses are complete.
     integer, parameter :: block = 4096, most_messages = 100000
     character(len=*), parameter :: about_status = '0 done; else a code of doc/statuses.md, -101 the process of the case ended, '// &
         '-102 the case did not return'
@@ -201,7 +201,7 @@ contains
         end select
     end function way_of
 
-    !> The texts that the numbers of an input stand for, from 1.
+    !> The texts that the numbers of an input represent, from 1.
     function labels_of(input) result(labels)
         type(input_type), intent(in) :: input
         character(len=:), allocatable :: labels(:)
@@ -416,7 +416,7 @@ contains
         line = line//','//trim(name_of_status(record%status))//','//trim(digits_of(record%seconds))//','//csv_line([record%message])
     end function row_of
 
-    !> A number that reads back to itself, blank where it is none: 15 digits where they will do.
+    !> A number that reads back exactly, with 15 digits if they suffice; blank if not finite.
     function digits_of(value) result(text)
         real(wp), intent(in) :: value
         character(len=25) :: text

@@ -50,7 +50,7 @@ module tandem_io_sweep_team
             type(error_type), allocatable, intent(out) :: error
         end subroutine start_interface
 
-        !> Give a worker cases after those that it has.
+        !> Append cases to those of a worker.
         subroutine give_interface(self, worker, first, last)
             import :: long, team_type
             implicit none (type, external)
@@ -59,7 +59,7 @@ module tandem_io_sweep_team
             integer(long), intent(in) :: first, last
         end subroutine give_interface
 
-        !> The next thing that a worker has told, waiting for it so many milliseconds at most.
+        !> The next event of a worker; wait for it so many milliseconds at most.
         subroutine next_interface(self, milliseconds, event)
             import :: event_type, team_type
             implicit none (type, external)
@@ -76,7 +76,7 @@ module tandem_io_sweep_team
             integer, intent(in) :: worker
         end subroutine end_interface
 
-        !> Send all workers home.
+        !> Dismiss all workers.
         subroutine dismiss_interface(self)
             import :: team_type
             implicit none (type, external)
@@ -86,7 +86,7 @@ module tandem_io_sweep_team
 
 contains
 
-    !> Seconds that may pass until something that a worker tells is heard; 0 unless overridden.
+    !> Seconds that may pass until an event of a worker is received; 0 unless overridden.
     pure real(wp) function delay(self)
         class(team_type), intent(in) :: self
 
