@@ -182,7 +182,7 @@ contains
         call self%end_array()
     end subroutine add_texts
 
-    !> A number that reads back as it is.
+    !> A number that reads back exactly.
     pure function number(value) result(text)
         real(wp), intent(in) :: value
         character(len=:), allocatable :: text

@@ -24,7 +24,7 @@ module tandem_io_scene
         [character(len=key_length) :: 'scene', 'model', 'initial', 'time', 'solver', 'output']
     !> Those that may come several times.
     character(len=key_length), parameter :: arrays(1) = [character(len=key_length) :: 'event']
-    !> Fewest rows of a run with error control, of which nobody has said where its rows are: enough for a picture of its motion.
+    !> Fewest rows of a run with error control whose rows are not specified: enough for a picture of its motion.
     integer, parameter :: default_rows = 300
 
     type :: scene_type
@@ -58,7 +58,7 @@ module tandem_io_scene
 
 contains
 
-    !> Read a scene. The message of an error shows the file, the line, and what may stand there.
+    !> Read a scene. The message of an error shows the file, the line, and the allowed values.
     subroutine read_scene(path, settings, scene, error, text, models)
         !> Path of a TOML file, or how messages call the text.
         character(len=*), intent(in) :: path
@@ -82,7 +82,7 @@ contains
         call interpret_scene(path, known, reader, scene, error)
     end subroutine read_scene
 
-    !> Open the sources of a scene, and check that they have no tables but those of scenes. Errors stay in the reader.
+    !> Open the sources of a scene, and check that they have only tables of scenes. Errors stay in the reader.
     subroutine open_scene(path, settings, models, reader, text)
         character(len=*), intent(in) :: path, settings(:)
         !> The models that the scene may name.
@@ -152,7 +152,7 @@ contains
         if (scene%rests .or. size(scene%steady) > 0) call settle_start(scene, error)
     end subroutine interpret_scene
 
-    !> Let the start settle.
+    !> Move the start to its equilibrium or steady motion.
     subroutine settle_start(scene, error)
         type(scene_type), intent(inout) :: scene
         type(error_type), allocatable, intent(out) :: error
@@ -213,7 +213,7 @@ contains
         call reader%close_table()
     end subroutine read_start
 
-    !> The names of coordinates for a line: of many the first and the last, since a line is bounded and nobody reads a thousand.
+    !> The names of coordinates for a line: of many the first and the last, since the length of a line is bounded.
     pure function some_of(model) result(text)
         class(model_type), intent(in) :: model
         character(len=:), allocatable :: text
@@ -250,7 +250,7 @@ contains
     subroutine check_work(reader, table, key, h, scene)
         type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: table, key
-        !> The step or the interval; 0 where there is none.
+        !> The step or the interval; 0 if there is none.
         real(wp), intent(in) :: h
         type(scene_type), intent(in) :: scene
 
