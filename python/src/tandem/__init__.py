@@ -39,7 +39,7 @@ __all__ = [
 
 
 def __getattr__(name):
-    # Pictures and pages need packages that a run does not: they are loaded where they are asked for.
+    # Pictures and pages need packages that a run does not: they are loaded on first use.
     import importlib
 
     if name == "plot":

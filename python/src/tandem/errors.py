@@ -16,8 +16,8 @@ STATUSES = {
 class TandemError(RuntimeError):
     """A call that failed.
 
-    `status` is the name of how it ended, `code` its number, `str(error)` says what is wrong and what to do. After a run of `solve`
-    that failed on its way, `solution` holds what was reached until then.
+    `status` is the name of the failure, `code` its number, `str(error)` names the problem and the remedy. After a run of `solve`
+    that failed midway, `solution` holds the part before the failure.
     """
 
     def __init__(self, message: str, code: int = 0, status: str | None = None):
@@ -36,7 +36,7 @@ class RunFailed(TandemError):
 
 
 class ProgramError(TandemError):
-    """The program `tandem` is missing, or has refused what it was asked for; `code` is its exit code."""
+    """The program `tandem` is missing, or has refused a request; `code` is its exit code."""
 
 
 class NotEvaluable(Exception):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The shared library by ctypes: where it is found, and the types of its functions. ctypes releases the interpreter's lock while a
+"""The shared library by ctypes: its path, and the types of its functions. ctypes releases the interpreter's lock while a
 function of the library runs."""
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ def parse(path, budget: Budget | None = None) -> ElementTree.Element:
     except expat.ExpatError as error:
         raise InputError(f"{path} is not XML: {error}") from error
     except (LookupError, ValueError) as error:
-        # An encoding that Python does not know.
+        # An encoding unknown to Python.
         raise error if isinstance(error, InputError) else InputError(f"{path} is not XML: {error}") from error
     return builder.close()
 
@@ -96,7 +96,7 @@ def read_bytes(path, budget: Budget) -> bytes:
 
 
 def numbers(text: str | None, count, default, where: str, least: float | None = None) -> np.ndarray:
-    """So many numbers of an attribute, or as many as a pair says at least and at most; the default where there is none."""
+    """The numbers of an attribute, of the given count or between the two counts of a pair; the default if it is missing."""
     if text is None:
         return np.array(default, float)
     words = text.split()

@@ -148,7 +148,7 @@ class Mechanism:
 RUN = {"scene": ("name", "description", "model", "group", "planar"), "time": ("start", "end"),
        "initial": ("assemble", "fixed", "fixed_velocities", "weights", "velocity_weights", "velocity_metric", "largest_move",
                    "largest_velocity_move", "equilibrium", "steady", "q", "qd"), "solver": (), "output": (), "event": ()}
-#: The tables of a mechanism; the library knows their keys.
+#: The tables of a mechanism; their keys are defined in the library.
 KINDS = ("parameters", "gravity", "ground", "results", "function", "body", "joint", "constraint", "wheel", "force", "sensor", "repeat")
 
 

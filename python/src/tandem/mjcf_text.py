@@ -156,7 +156,7 @@ class Writer:
             "type": '"coupling"', "joints": f"[{', '.join(quoted(name) for name, _ in joints[:len(weights)])}]", "factors": text_of(weights)})
 
     def loop(self, kind, label, given):
-        """A joint between points of two bodies, or sites; an anchor is where it is at the references of all joints, in the first body."""
+        """A joint between points of two bodies, or sites; an anchor is given in the first body, with all joints at their references."""
         if "site1" in given:
             ends = [self.model.sites.get(given.get(key, "")) for key in ("site1", "site2")]
             if None in ends:

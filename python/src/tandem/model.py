@@ -91,7 +91,7 @@ class Model:
             setattr(self, name, value)
 
     def check_sizes(self) -> None:
-        """Refuse numbers that are no whole ones, and lists of names that have another length."""
+        """Refuse numbers that are not integers, and lists of names of a wrong length."""
         for name in NUMBERS:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)):

@@ -38,8 +38,8 @@ def interpolated(time, q, qd, qdd, wanted):
 
 
 def between(time, q, qd, qdd, k, s):
-    """The coordinates (len(k), n) at the part s of the way from row k to the next. Velocities and accelerations may be absent, all of
-    them or as NaN in some rows: the degree is lower there."""
+    """The coordinates (len(k), n) at the fraction s of the interval from row k to the next. Velocities and accelerations may be absent,
+    everywhere or as NaN in some rows: the degree is lower there."""
     h, s = (time[k + 1] - time[k])[:, None], s[:, None]
     a, b = q[k], q[k + 1]
     straight = a + s*(b - a)
@@ -99,7 +99,7 @@ def with_rows_between(result: Result, least: int = LEAST_POINTS) -> Result:
     s = np.concatenate([np.arange(n)/n for n in parts])
     k, s = np.append(k, len(parts) - 1), np.append(s, 1.0)
     wanted = time[k] + s*h[k]
-    # Of other series the file does not hold what was before an action: they are straight on the way to it.
+    # Other series have no values before an action in the file: they are interpolated linearly up to it.
     row = np.minimum(number[k], len(result.time) - 2)
     length = np.diff(result.time)[row]
     part = np.where(length > 0, (wanted - result.time[row])/np.where(length > 0, length, 1.0), 0.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The program `tandem`: where it is, and runs of it."""
+"""The program `tandem`: its path, and runs of it."""
 
 from __future__ import annotations
 
@@ -116,6 +116,6 @@ def equilibrium(scene: str | Path, settings: Mapping[str, Any] | None = None) ->
 
 
 def linearise(scene: str | Path, settings: Mapping[str, Any] | None = None, *words: Any) -> dict[str, Any]:
-    """A scene about its start, as `tandem linearise` tells: complex `eigenvalues`, `modes`, ...; `words` are options of the program,
-    such as "--equilibrium"."""
+    """A scene linearised about its start, as `tandem linearise` returns it: complex `eigenvalues`, `modes`, ...; `words` are options
+    of the program, such as "--equilibrium"."""
     return as_arrays(json.loads(run_program("linearise", scene, *settings_words(settings), *words, "--json")))

@@ -133,8 +133,8 @@ class Result:
 
 
 def read(path: str | Path, every: int = 1) -> Result:
-    """Read a result file of `tandem run`, also of a run that goes on or was killed: all rows that are whole; or, of large files, `every`
-    so many."""
+    """Read a result file of `tandem run`, also of a run in progress or a killed one: all complete rows; or, for large files, only one
+    row in `every`."""
     if every < 1:
         raise ValueError(f"every is {every}: it must be 1 or more")
     with opened(path) as file:
@@ -148,7 +148,7 @@ def read(path: str | Path, every: int = 1) -> Result:
 
 @contextlib.contextmanager
 def opened(path: str | Path):
-    """A file of HDF5, to be read; `OSError` with its name where it is none."""
+    """An HDF5 file, opened to read; `OSError` with its name for other files."""
     import h5py
 
     if not Path(path).exists():

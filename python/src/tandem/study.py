@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Files of studies (`tandem study precision`): a row a run, as NumPy arrays."""
+"""Files of studies (`tandem study precision`): one row per run, as NumPy arrays."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Study:
             yield *key, np.array([i for i, other in enumerate(keys) if other == key])
 
     def fastest(self, error: float, stepper: str | None = None) -> int | None:
-        """The row of the shortest complete run whose error in q is at most this, None where there is none. By the
+        """The row of the shortest complete run whose error in q is at most this, None if there is none. By the
         processor's time, which other work on the machine disturbs least."""
         good = (self.columns["status"] == "complete") & (self.columns["error_q"] <= error)
         if stepper:
@@ -44,7 +44,7 @@ class Study:
 
 
 def kind_of(path: str | Path) -> str:
-    """The name of the study whose file this is; empty where it is none."""
+    """The name of the study that wrote the file; empty for other files."""
     if Path(path).suffix.lower() == ".csv":
         with open(path, newline="", encoding="utf-8") as file:
             head = file.readline(10000).strip().split(",")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Tables that sweeps make (`tandem sweep`): a row a case, as NumPy arrays with units, and as a dataset of xarray."""
+"""Tables of sweeps (`tandem sweep`): one row per case, as NumPy arrays with units, and as a dataset of xarray."""
 
 from __future__ import annotations
 
@@ -50,15 +50,15 @@ class Indices:
 class Table:
     """A table of cases.
 
-    `table["rz_min"]` is a column by its name, `table.unit("rz_min")` its unit; `inputs` and `outputs` hold them with all that is
-    known of them. NaN stands where a case has failed: `status` is 0 where it is done, `messages` says of the others, by the number of
-    the case, its status and what it said.
+    `table["rz_min"]` is a column by its name, `table.unit("rz_min")` its unit; `inputs` and `outputs` hold them with their
+    attributes. Values of failed cases are NaN: `status` is 0 for finished cases, `messages` maps the number of each other case to
+    its status and its message.
     """
 
     name: str
     inputs: dict[str, Column]
     outputs: dict[str, Column]
-    #: 0 where a case is done, else the code of a status (doc/statuses.md).
+    #: 0 for a finished case, otherwise the code of a status (doc/statuses.md).
     status: np.ndarray
     #: The numbers of the cases, from 1, and the wall time of each (s).
     case: np.ndarray = field(default_factory=lambda: np.zeros(0, int))

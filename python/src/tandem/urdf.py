@@ -61,7 +61,7 @@ class Link:
 
 @dataclass
 class Joint:
-    """A joint: where it is on its parent, and what it may do."""
+    """A joint: its frame on its parent, and its type and limits."""
 
     name: str
     type: str
@@ -235,7 +235,7 @@ def read(path) -> Robot:
 
 
 def find_root(links, joints) -> str:
-    """The link that is nobody's child; from it all others must be reached once."""
+    """The only link without a parent; every other link must be reached from it exactly once."""
     parents = {}
     for joint in joints.values():
         for link in (joint.parent, joint.child):
@@ -308,7 +308,7 @@ def follow(robot: Robot, joint: Joint, at: dict, rates: dict) -> None:
 
 
 def move(parent: Body, joint: Joint, world: Pose, x: float, rate: float) -> Body:
-    """The body behind a joint; velocities of bodies are those of the origins of their frames until all is known."""
+    """The body behind a joint; velocities of bodies refer to the origins of their frames until all bodies are set."""
     axis = world.a @ joint.axis
     pose, omega = Pose(world.r, world.a), parent.omega
     velocity = parent.velocity + np.cross(parent.omega, world.r - parent.pose.r)

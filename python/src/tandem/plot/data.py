@@ -45,7 +45,7 @@ def listed(names: Any) -> list[str]:
 
 
 def places(result: Result) -> dict[str, tuple[np.ndarray, str]]:
-    """Points whose track can be drawn: {name: (places (nt, 2 or 3), unit)}; of sensors, else of bodies, else the first coordinates."""
+    """Points with tracks: {name: (places (nt, 2 or 3), unit)}; of sensors, otherwise of bodies, otherwise the first coordinates."""
     found = {name: (all_["position"].values, all_["position"].unit) for name, all_ in result.sensors.items() if "position" in all_}
     if found:
         return found
@@ -97,7 +97,7 @@ def series_named(result: Result, name: str) -> tuple[np.ndarray, str]:
 
 
 def names_of(result: Result) -> list[str]:
-    """All names that `series_named` knows, of vectors their components too."""
+    """All names accepted by `series_named`, with the components of vectors."""
     names = [*result.names, *(f"d({name})" for name in result.names if result.qd is not None), *result.diagnostics]
     for all_ in (result.sensors, *result.groups.values()):
         for name, whats in all_.items():

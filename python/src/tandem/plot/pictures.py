@@ -51,7 +51,7 @@ def missing(axes, what: str) -> None:
 
 
 def plane_of(points: Sequence[np.ndarray], plane: str | None) -> tuple[int, int]:
-    """The two axes of a track: those named, else the two along which most happens, in their order."""
+    """The two axes of a track: the named ones, otherwise the two with the largest motion, in their order."""
     if plane:
         if len(plane) != 2 or any(axis not in AXES for axis in plane):
             raise ValueError(f"plane is {plane!r}: two of x, y and z, such as xy")
@@ -63,7 +63,7 @@ def plane_of(points: Sequence[np.ndarray], plane: str | None) -> tuple[int, int]
 
 
 def farthest(known: dict, most: int) -> list[str]:
-    """The tracks that are worth a look where nobody says: so many of those that extend farthest, in their order."""
+    """Default tracks: a number of those that extend farthest, in their order."""
     sizes = {name: float(np.ptp(values, axis=0).max()) for name, (values, _) in known.items()}
     largest = max(sizes.values(), default=0.0) or 1.0
     # Those of a robot that falls are equally long but for its posture.
@@ -73,7 +73,7 @@ def farthest(known: dict, most: int) -> list[str]:
 
 @in_style
 def tracks(given: Any, names: Sequence[str] | None = None, *, plane: str | None = None, axes=None):
-    """Tracks of points: of sensors, else of bodies; `plane` such as "xz"."""
+    """Tracks of points: of sensors, otherwise of bodies; `plane` such as "xz"."""
     results = drawn_of(given)
     known = [places(result) for result in results]
     wanted = listed(names) if names else farthest(known[0], MOST_ENTRIES - 1)
@@ -361,7 +361,7 @@ def phase(given: Any, names: Sequence[str] | None = None):
 
 
 def ends_of_steps(result) -> np.ndarray:
-    """The rows at which steps have ended, and the first one; all where the file does not tell."""
+    """The rows at which steps have ended, and the first one; all if the file does not mark them."""
     if "step" not in result.diagnostics:
         return np.arange(len(result.time))
     ends = result.diagnostics["step"].values > 0
@@ -393,7 +393,7 @@ def charts(result, axes) -> None:
 
 @in_style
 def overview(given: Any, names: Sequence[str] | None = None, *, plane: str | None = None, title: str | None = None):
-    """All that a result tells on one page: tracks, some series, constraint errors, energy, steps and charts. Of several results the
+    """Overview of a result on one page: tracks, some series, constraint errors, energy, steps and charts. For several results the
     first two panels, compared."""
     results = motions_of(given)
     result = results[0]

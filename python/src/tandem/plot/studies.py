@@ -59,7 +59,7 @@ def draw_floor(axes, study: Study) -> None:
 
 
 def draw_fastest(axes, study: Study, step: int = 2) -> None:
-    """Ring and name the fastest run at errors that are `step` decades apart: the way along the lower left."""
+    """Ring and name the fastest run at errors that are `step` decades apart: the lower left envelope."""
     floor = max(study.attributes.get("floor_q", 0), 1e-14)
     named = set()
     for exponent in range(-1, -14, -step):

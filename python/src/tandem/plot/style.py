@@ -95,7 +95,7 @@ def width_of(text: str, size: float = LEGEND_SIZE) -> float:
 
 
 def shortened(text: str, width: float) -> str:
-    """A text that is no wider than so many inches: of a long one the beginning and the end, which tell most names apart."""
+    """A text that is no wider than so many inches: of a long one the beginning and the end, which distinguish most names."""
     if width_of(text) <= width:
         return text
     kept = len(text) - 1

@@ -126,7 +126,7 @@ def bands(given, names: Sequence[str] | None = None, *, title: str | None = None
 
 
 def overview(given, names: Sequence[str] | None = None, *, title: str | None = None):
-    """Bands where something was kept at several times, else scatter."""
+    """Bands if values were kept at several times, otherwise a scatter plot."""
     table = read_table(given)
     draw = bands if any(column.times is not None for column in table.outputs.values()) else scatter
     return draw(table, names, title=title)

@@ -13,7 +13,7 @@ from .mechanisms import draw_mechanism
 from ..motion import frame_times, interpolated, resampled
 from .shipped import DRAW, draw_by_names
 
-#: About so many numbers may be in a page; where there are more, there are fewer frames a second.
+#: Approximate largest count of numbers in a page; with more, there are fewer frames per second.
 MOST_NUMBERS = 6_000_000
 
 

@@ -13,7 +13,7 @@ from .rotations import IDENTITY, normalised, turned
 #: (a torus of radius 1 about z).
 SHAPES = ("box", "cylinder", "sphere", "rim")
 
-#: Colours that colour-blind eyes tell apart (Okabe, Ito 2008).
+#: Colours that colour-blind eyes can distinguish (Okabe, Ito 2008).
 BLUE, ORANGE, GREEN, RED, SKY, PINK, YELLOW, GREY, DARK = (
     "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F0E442", "#9AA0A6", "#3C4043")
 COLOURS = (BLUE, ORANGE, GREEN, PINK, SKY, RED, YELLOW)
@@ -63,7 +63,7 @@ class Spring:
 
 @dataclass
 class Track:
-    """A line that grows as the motion goes on: places at the frames (nf, 3); NaN where there is none."""
+    """A line that grows during the motion: positions at the frames (nf, 3); NaN if there is none."""
 
     name: str
     places: np.ndarray
@@ -129,7 +129,7 @@ class Drawing:
     about: str = ""
 
     def scale(self, turns: bool, size: float) -> float:
-        """How long a newton is drawn where all that is seen has that size, or how large an arc a newton metre has."""
+        """Length of the arrow of one newton for a picture of that size, or size of the arc of one newton metre."""
         largest = max([arrow.largest for arrow in self.arrows if arrow.turns == turns] or [0.0])
         return (LARGEST_ARC if turns else LONGEST)*size/largest if largest else 0.0
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Numbers of a scene, which may be expressions of parameters (doc/expressions.md), and repeated elements, written out.
 
-Only for what is drawn: the program has read and checked the scene before it ran, so that a mistake cannot be in it."""
+Only for pictures: the program has read and checked the scene before, so that it contains no mistakes."""
 
 from __future__ import annotations
 

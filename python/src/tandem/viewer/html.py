@@ -54,7 +54,7 @@ def channels_of(drawing: Drawing, least: float) -> tuple[np.ndarray, np.ndarray]
     for arrow in drawing.arrows:
         add(filled(arrow.places), least)
         vectors = np.nan_to_num(arrow.vectors)
-        # The legend tells three digits: of what it is mostly, where it is very large at times.
+        # The legend shows three digits: of the typical value if there are very large ones at times.
         sizes = np.linalg.norm(vectors, axis=1)
         middle = np.median(sizes[sizes > 1e-9*sizes.max()]) if sizes.max(initial=0) > 0 else 0.0
         add(vectors, max(1e-300, min(1e-4*sizes.max(initial=0), 1e-3*middle)))
@@ -151,7 +151,7 @@ def largest_of(drawing: Drawing) -> str:
 
 
 def limits(values: np.ndarray) -> dict[str, float]:
-    """The range of a plot; what stays where it is gets some room."""
+    """The range of a plot; a constant series gets some room."""
     low, high = float(values.min()), float(values.max())
     if high - low < 1e-9*max(abs(low), abs(high), 1e-9):
         room = 0.1*max(abs(low), abs(high)) or 1.0

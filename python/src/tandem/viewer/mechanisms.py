@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The drawing of a mechanism: bodies by the shapes of the scene, else by their points and joints, else by mass and inertia."""
+"""The picture of a mechanism: bodies by the shapes of the scene, otherwise by their points and joints, otherwise by mass and inertia."""
 
 from __future__ import annotations
 
@@ -302,7 +302,7 @@ def add_wheels(found: Mechanism, drawing: Drawing, size: float) -> set[str]:
 
 
 def add_knife_edge(found: Mechanism, body: Body, centre: np.ndarray, across: np.ndarray, keys: dict, size: float) -> None:
-    """A small wheel without slip along `across`; steered ones are drawn as they stand in the drawing."""
+    """A small wheel without slip along `across`; steered wheels are shown as in the reference configuration."""
     radius = 0.04*size
     up = np.array([0.0, 0, 1]) if found.planar else found.axis_in(body.name, np.array([0.0, 0, 1]))
     along = np.cross(across, up)
@@ -313,7 +313,7 @@ def add_knife_edge(found: Mechanism, body: Body, centre: np.ndarray, across: np.
 
 def add_massless_wheel(found: Mechanism, drawing: Drawing, name: str, body: Body, centre: np.ndarray, keys: dict,
                        normal: np.ndarray) -> None:
-    """A wheel that is no body of the mechanism, where its strut and its steering have brought it."""
+    """A wheel that is not a body of the mechanism, at the position given by its strut and its steering."""
     along = found.axis_in(body.name, found.vector(keys.get("along", [0, 0, 0])))
     pivot = found.axis_in(body.name, found.vector(keys.get("about", keys.get("along", [0, 0, 1]))))
     length = np.linalg.norm(along)
@@ -414,7 +414,7 @@ def add_sensors(found: Mechanism, drawing: Drawing) -> None:
 
 
 def place_ground(found: Mechanism, drawing: Drawing) -> None:
-    """The ground at the plane of the wheels, else below everything."""
+    """The ground at the plane of the wheels, otherwise below everything."""
     planes = [keys for keys in found.elements["wheel"].values() if keys.get("type") != "knife_edge"]
     moving = any(key in keys for keys in planes for key in ("turn", "rise", "slide"))
     if planes and not moving:

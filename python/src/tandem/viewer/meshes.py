@@ -62,7 +62,7 @@ def stl(data: bytes) -> np.ndarray:
 
 
 def refuse_more(count: int) -> None:
-    """Stop where there are more triangles than a page shows, before memory is full of them."""
+    """Stop at more triangles than a page shows, before they fill the memory."""
     if count > MOST_TRIANGLES:
         raise ValueError(f"it has more than {MOST_TRIANGLES} triangles; make it simpler")
 

@@ -51,7 +51,7 @@ def from_vectors(vectors):
 
 
 def from_angle(angle):
-    """Rotations about z; without a jump where the angle goes on."""
+    """Rotations about z, continuous for a continuous angle."""
     angle = np.asarray(angle, dtype=float)
     zero = np.zeros_like(angle)
     return np.stack([np.cos(angle/2), zero, zero, np.sin(angle/2)], axis=-1)

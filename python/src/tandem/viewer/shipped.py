@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Drawings of the models that the paper derives by hand, and of others as far as the names of their coordinates tell."""
+"""Drawings of the models that the paper derives by hand, and of others as far as the names of their coordinates allow."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def spatial(values: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def along_path(place: np.ndarray) -> np.ndarray:
-    """The way travelled along the ground."""
+    """The distance travelled along the ground."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place[:, :2], axis=0), axis=1))])
 
 

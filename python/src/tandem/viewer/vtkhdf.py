@@ -2,7 +2,7 @@
 """A drawing as VTKHDF, for ParaView and other readers of VTK: polygons of all bodies, lines of all springs, arrows and tracks, whose corners
 have a position at each frame. Connections are stored once. Cells have the number of their body and a colour.
 
-The format is that of VTK's documentation (VTKHDF 2.0, PolyData with Steps). A mode follows the other where there are several."""
+The format is that of VTK's documentation (VTKHDF 2.0, PolyData with Steps). Several modes follow each other."""
 
 from __future__ import annotations
 
