@@ -71,7 +71,7 @@ int force(double t, const double *q, const double *qd, double *v, void *u) { v[0
 
 
 def compiled_pendulum():
-    """The pendulum by functions of C; None where there is no compiler. With what must live as long as it."""
+    """The pendulum by functions of C, with the objects that must outlive it; None without a compiler."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         return None, None

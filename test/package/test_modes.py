@@ -109,7 +109,7 @@ class Modes(unittest.TestCase):
         here = [names.index(f"{body.name}.y") for body in bodies]
         moved = np.stack([body.place[:, 1] - q[j] for body, j in zip(bodies, here, strict=True)])
         quarter = (len(drawing.times) - 1)//4
-        # Real part at the first frame, less the imaginary one a quarter later.
+        # Real part at the first frame, minus i times the part a quarter period later.
         seen = moved[:, 0] - 1j*moved[:, quarter]
         wanted = shapes[i, here]
         self.assertAlmostEqual(abs(np.vdot(seen, wanted))/(np.linalg.norm(seen)*np.linalg.norm(wanted)), 1.0, places=9)
@@ -159,7 +159,7 @@ class Modes(unittest.TestCase):
         self.assertTrue(any(label.startswith(f"{10/(2*np.pi):.4g} Hz") for label in labels), labels)
 
     def test_labels(self):
-        """Rounding is no growth: a disk that stands and rolls on tumbles, and swings about with real parts of 1e-15."""
+        """Rounding does not count as growth: a rolling disk tumbles, and oscillates with real parts of 1e-15."""
         tandem.run_program("linearise", "rolling_disk", "--output", self.folder / "disk.h5")
         modes = viewer.read_modes(self.folder / "disk.h5")
         labels = [modes.label(i) for i in modes.shown()]

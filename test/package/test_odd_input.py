@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Names, files, numbers and uses that nobody wishes for: they are shown as they are, or refused in words."""
+"""Unusual names, files, numbers and uses: they are shown unchanged, or refused with a message."""
 
 import copy
 import ctypes
@@ -102,7 +102,7 @@ class Names(unittest.TestCase):
         with h5py.File(self.file) as file:
             kinds = [kind for kind in ("bodies", "joints", "wheels", "constraints", "forces") if kind in file]
             self.assertEqual(set(self.result.groups), {*kinds, "balance"})
-            # Each group of the file has the times; they are no series of its own.
+            # Each group of the file has the times; they are not one of its series.
             self.assertIn("time", file["forces/coil"])
             all_ = [whats for group in (*self.result.groups.values(), self.result.sensors) for whats in group.values()]
             self.assertFalse([whats for whats in all_ if "time" in whats])
@@ -240,7 +240,7 @@ class Files(unittest.TestCase):
             tandem.read(path, every=0)
 
     def test_a_scene_that_is_not_understood(self):
-        """Bodies are drawn all the same, and the page says why without their shapes."""
+        """Bodies are drawn nevertheless, and the page gives the reason why their shapes are missing."""
         result = tandem.Mechanism.from_toml(NASTY).run(error=False)
         result.scene["force"]["coil"]["between"] = ["nobody.nowhere", "_rod"]
         drawing = draw(result)
@@ -272,7 +272,7 @@ class Uses(unittest.TestCase):
             tandem.solve(tandem.Model(n=1, mass_matrix=[[1 + 1j]]), (0, 1), [0], [0])
 
     def test_copies_of_a_solution(self):
-        """Other processes get the numbers; the run stays where it is."""
+        """Other processes get the numbers; the run itself is not transferred."""
         solution = tandem.solve(Pendulum(), (0, 1), *START)
         for other in (pickle.loads(pickle.dumps(solution)), copy.deepcopy(solution)):
             np.testing.assert_array_equal(other.q, solution.q)

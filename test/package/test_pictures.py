@@ -201,7 +201,7 @@ class Legends(unittest.TestCase):
         return mechanism.run({"initial.assemble": True, "results.joints": "all"}, error=False)
 
     def layout(self, figure):
-        """The figure as it is drawn; its axes that show something."""
+        """The rendered figure, and its axes that show something."""
         FigureCanvasAgg(figure).draw()
         return [axes for axes in figure.axes if axes.axison]
 

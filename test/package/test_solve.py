@@ -221,7 +221,7 @@ class Runs(unittest.TestCase):
             tandem.solve(Pendulum(), (0, 1), *START, no_option=1.0)
 
     def test_threads(self):
-        """The lock is released while the library runs: problems of other threads go on, and give the same."""
+        """The lock is released while the library runs: problems of other threads proceed, with equal results."""
         model, alive = compiled_pendulum()
         if model is None:
             self.skipTest("no compiler of C")
@@ -269,7 +269,7 @@ class Callbacks(unittest.TestCase):
             "slice": with_force(lambda t, q, qd: np.array([0.0, 5.0, -G, 5.0])[::2]), "order": Fortran(),
         }.items():
             with self.subTest(name):
-                # A mass that is not told to be constant is factorised anew: rounding.
+                # A mass matrix not declared constant is factorised anew: rounding.
                 self.assertLess(np.abs(tandem.solve(model, (0, 1), *START).q[-1] - exact).max(), 1e-13)
         single = tandem.solve(with_force(lambda t, q, qd: np.array([0, -G], dtype=np.float32)), (0, 1), *START)
         # float32 numbers are taken for what they are.
