@@ -70,7 +70,7 @@ class Browser(unittest.TestCase):
         cls.addClassCleanup(cls.browser.close)
 
     def open(self, given, name, hash_="#still", size=(1000, 640)):
-        """A page in a browser without a network; what it complains of and asks for is kept."""
+        """A page in a browser without a network; its complaints and requests are recorded."""
         drawing = drawing_of(given)
         path = SEEN / f"{name}.html"
         path.write_text(page(drawing), encoding="utf-8")
@@ -78,7 +78,7 @@ class Browser(unittest.TestCase):
         self.addCleanup(context.close)
         tab = context.new_page()
         self.told, self.asked = [], []
-        # The browser's own remark that it copies the canvas, which it does where there is no card, is not the page's.
+        # Without a graphics card the browser itself remarks that it copies the canvas.
         tab.on("console", lambda message: None if "GPU stall due to ReadPixels" in message.text else self.told.append(message.text))
         tab.on("pageerror", lambda error: self.told.append(str(error)))
         tab.on("request", lambda request: self.asked.append(request.url))
@@ -110,7 +110,7 @@ class Browser(unittest.TestCase):
 
 class Pages(Browser):
     def test_poses(self):
-        """Every scene: what the scene graph holds at three times is what the file says; nothing is complained of or asked for."""
+        """Every scene: the scene graph at three times agrees with the file; the page makes no complaints or requests."""
         for scene in SCENES:
             with self.subTest(scene):
                 one = run(scene)
@@ -231,7 +231,7 @@ class Pages(Browser):
                 self.quiet()
 
     def test_as_with_a_graphics_card(self):
-        """`#fine`: instances that the renderer lights. The pixels of both ways of drawing are alike."""
+        """`#fine`: instances lit by the renderer. Both methods of drawing give similar pixels."""
         one, seen = run("slider_crank"), {}
         for hash_ in ("#still", "#still-fine"):
             tab, _ = self.open(one, "fine", hash_)
@@ -246,8 +246,8 @@ class Pages(Browser):
         self.assertLess(np.abs(a.mean(axis=0) - b.mean(axis=0)).max(), 12)
 
     def test_arrows(self):
-        """Forces and torques of joints: each arrow's tip is as far from its place as the file says, on one scale for each kind. The head of
-        an arc goes on as a right hand turns."""
+        """Forces and torques of joints: the distance of each arrow's tip agrees with the file, on one scale for each kind. The head of
+        an arc points in the right-handed direction."""
         scene = tandem.Mechanism.from_toml(ROOT / "scenes" / "slider_crank.toml")
         scene["results.joints"] = "all"
         result = scene.run({"time.end": 1.0}, error=False)
@@ -293,7 +293,7 @@ class Pages(Browser):
         self.quiet()
 
     def test_modes(self):
-        """The mode that is chosen is the one that moves; the pose is that of its take."""
+        """The chosen mode moves; the pose agrees with its take."""
         with tempfile.TemporaryDirectory() as folder:
             tandem.run_program("linearise", "bicycle", "--output", Path(folder) / "modes.h5")
             tab, drawing = self.open(Path(folder) / "modes.h5", "modes")
@@ -337,7 +337,7 @@ class Pages(Browser):
             self.assertLess(corners, 1200*len(drawing.bodies))
 
     def test_nothing_is_done_where_nothing_moves(self):
-        """A motion that does not play asks the browser for no frames, and draws none; what the user does is drawn once."""
+        """A paused motion requests no frames from the browser and draws none; a user's action is drawn once."""
         tab, _ = self.open(run("slider_crank"), "idle")
         tab.evaluate("""() => { window.asked = 0; const ask = requestAnimationFrame; window.requestAnimationFrame = act => { asked++; return ask(act); }; }""")
         tab.click("#play")
