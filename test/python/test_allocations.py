@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Steps allocate nothing: how often a run asks for memory does not grow with its number of steps. Reading asks for memory in
+"""Steps allocate nothing: the number of allocations of a run does not grow with its number of steps. Reading asks for memory in
 proportion to what is read.
 
 Runs build/tandem, or what the environment variable TANDEM names, under a counter of malloc, calloc and realloc that the C
@@ -110,7 +110,7 @@ class Counted(unittest.TestCase):
         subprocess.run([COMPILER, "-shared", "-fPIC", "-o", "counter.so", "counter.c"], cwd=cls.folder, check=True)
 
     def run_counted(self, *arguments):
-        """The calls and the bytes that a command asks for."""
+        """Number of allocations of a command, and their bytes."""
         done = subprocess.run([TANDEM, *arguments], cwd=self.folder, capture_output=True, text=True, timeout=120,
                               env=os.environ | {"LD_PRELOAD": str(self.folder / "counter.so"), "OPENBLAS_NUM_THREADS": "1"})
         self.assertEqual(done.returncode, 0, done.stderr)

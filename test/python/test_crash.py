@@ -26,7 +26,7 @@ from test_output import TANDEM, Case
 REPORTED = ["--set", "time.end=20000", "--no-error"]
 LONG = [*REPORTED, "--quiet"]
 MOMENTS = 20
-# How often the room for a file ends, of each kind of run and in either way.
+# Number of times that the room for a file ends, for each kind of run and each cause.
 ROOMS = int(os.environ.get("TANDEM_MOMENTS", "2"))
 # Settings of the steps and the output.
 KINDS = {
@@ -70,7 +70,7 @@ class Running(Case):
         return out, err
 
     def rows(self, name, swmr=False):
-        """Rows in a file that is being written or was left; None while it cannot be opened yet."""
+        """Number of rows in a file, possibly one being written; None while it cannot be opened yet."""
         try:
             with h5py.File(self.folder / name, swmr=swmr) as file:
                 return len(file["trajectory/time"])
@@ -217,7 +217,7 @@ class Signals(Running):
 
 class Disk(Running):
     def check_rescue(self, err, folder=None):
-        """The last state was saved as a scene, which goes on from there."""
+        """The last state is saved as a scene, from which a run can continue."""
         self.assertIn("output_failed", err)
         self.assertIn("is saved: tandem run ", err)
         saved = Path(self.folder, err.split("is saved: tandem run ")[1].split(" goes on")[0])
@@ -232,7 +232,7 @@ class Disk(Running):
         return start
 
     def check_left(self, path, says):
-        """Rows that were written before the failure can be read, and the file tells of the failure."""
+        """Rows written before the failure are readable, and the file reports the failure."""
         with h5py.File(path) as file:
             self.assertEqual(file.attrs["status"], "failed")
             self.assertRegex(file.attrs["status_message"], f"^output_failed: .*{says}")
@@ -259,11 +259,11 @@ class Disk(Running):
             self.assertIn("INCOMPLETE", out)
             self.check_left(small / "a.h5", "No space left on device")
             shutil.copy(small / "a.h5", self.folder / "b.h5")
-            # Beside the result there is no room.
+            # No room beside the result.
             self.check_rescue(err, temporary)
         finally:
             subprocess.run(["umount", small], check=True)
-        # With enough room, the run continues.
+        # Once there is room, the run continues.
         with h5py.File(self.folder / "b.h5") as file:
             left = file["trajectory/time"][-1]
         self.tandem("resume", "b.h5", "--set", f"time.end={left + 1}", "--no-error")
@@ -338,7 +338,7 @@ class Disk(Running):
         out, err = self.end(self.start("rolling_disk", *LONG, "--output", "a.h5", limit=300), 2)
         self.assertIn("File too large", err)
         self.assertEqual(out, "")
-        # Beside the result stands a folder in the way, and there is no folder for temporary files.
+        # A folder beside the result blocks the name, and there is no folder for temporary files.
         (self.folder / "a.last.toml.new").mkdir()
         process = self.start("rolling_disk", *LONG, "--output", "a.h5", "--force", limit=2_000_000)
         _, err = self.end(process, 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Result files that were damaged: `tandem verify` tells, `tandem resume` refuses; neither hangs, crashes or takes them for whole.
+"""Damaged result files: `tandem verify` reports the damage, `tandem resume` refuses; neither hangs, crashes or accepts them.
 
 Runs build/tandem, or the program given by the environment variable TANDEM. TANDEM_MUTATIONS is the number of random mutations for each of
 the two (default 24), and TANDEM_SEED chooses them. The full check is
@@ -123,7 +123,7 @@ class Mutations(Damaged):
         yield "killed.h5", ["--set", f"time.end={np.floor(last) + 1}", "--no-error", "--quiet"]
 
     def mutated(self, whole):
-        """Something of it is changed, half the time where it is not empty; and what was done."""
+        """The data with a random change, half the time at a nonzero byte; and a description of the change."""
         chance, data = self.random, bytearray(whole)
         place = chance.randrange(len(data))
         while chance.random() < 0.5 and data[place] == 0:
@@ -267,7 +267,7 @@ class Verify(Damaged):
             self.assertEqual(int(file["checksums"].attrs["texts"]) % 2**64, total)
 
     def test_a_file_without_checksums(self):
-        """As earlier programs wrote it: it cannot be verified, and goes on as before."""
+        """A file of an earlier program without checksums: it cannot be verified, but resumed."""
         self.limited()
         self.tandem("run", "rolling_disk", "--set", "time.end=0.6", "--set", "output.every=10", "--no-error", "--quiet", "--output", "whole.h5")
         with h5py.File(self.folder / "run.h5", "r+") as file:

@@ -26,7 +26,7 @@ def closed(theta):
 
 
 def linkage(motion, free=""):
-    """The linkage with its crank at 1 rad, and whatever else moves beside it."""
+    """The linkage with its crank at 1 rad, and further moving parts."""
     coupler, rocker = closed(1.0)
     pin, top = [CRANK*np.cos(1.0), CRANK*np.sin(1.0)], [1 + ROCKER*np.cos(rocker), ROCKER*np.sin(rocker)]
     text = PLANE

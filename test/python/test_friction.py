@@ -137,7 +137,7 @@ class Sticks(Mechanism):
         return -self.SPEED/4*np.arctanh(0.5*np.sin(angle)/(0.2*0.3))
 
     def test_it_stays(self):
-        """Let go within the limit, it creeps as the law says and nothing else, and the joint tells the torque that holds it."""
+        """Released within the limit, it only creeps as the law predicts, and the joint reports the torque that holds it."""
         for stepper, rtol in (("dop853", 1e-9), ("radau5", 1e-8), ("sdirk54", 1e-7)):
             with self.subTest(stepper), self.went(self.scene(hanging(0.1, self.MORE)), f'solver.stepper="{stepper}"',
                                                   f"solver.rtol={rtol}", "time.end=2", "output.interval=0.1") as file:
@@ -247,7 +247,7 @@ class Linearised(Mechanism):
 
 class Resumed(Mechanism):
     def test_bitwise(self):
-        """A run that goes on is the one in one piece, with Newton matrices that hold the derivatives of normal forces."""
+        """A resumed run equals an uninterrupted one, with Newton matrices that contain the derivatives of normal forces."""
         scene = self.scene(tilting("dynamic = 0.4\nstatic = 0.5\nspeed = 0.5\narm = 0.25\n"))
         settings = ["--set", 'solver.stepper="radau5"', "--set", "solver.rtol=1e-6", "--quiet", "--no-error"]
         self.tandem("run", scene, *settings, "--output", "whole.h5")

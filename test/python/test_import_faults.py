@@ -24,7 +24,7 @@ sys.path.insert(0, str(ROOT / "python" / "src" / "tandem"))
 import mjcf  # noqa: E402
 import urdf  # noqa: E402
 
-#: Random files; MUTATIONS asks for more.
+#: Number of random files; MUTATIONS requests more.
 MUTATIONS = int(os.environ.get("MUTATIONS", "100"))
 #: Limit of each import (s), generous for machines that others use.
 LONGEST = 120
@@ -51,7 +51,7 @@ class Imports(unittest.TestCase):
         self.enterContext(contextlib.chdir(self.enterContext(tempfile.TemporaryDirectory())))
 
     def imported(self, module, text=None, code=None, file="model.xml", seconds=LONGEST):
-        """The message where a file is refused, else the scene."""
+        """The message if a file is refused, otherwise the scene."""
         if text is not None:
             Path(file).write_text(text)
 
@@ -170,7 +170,7 @@ class Imports(unittest.TestCase):
         self.assertIn("deep", self.imported(mjcf, '<mujoco><include file="part0.xml"/></mujoco>', 2))
         Path("part3.xml").write_text("<mujoco/>")
         self.assertIn("twice", self.imported(mjcf, '<mujoco><include file="part0.xml"/></mujoco>', 2))
-        # Beside the first file, else beside the one that includes.
+        # Beside the first file, otherwise beside the including one.
         os.mkdir("parts")
         Path("parts/one.xml").write_text('<mujoco><include file="two.xml"/></mujoco>')
         body = '<mujoco><worldbody><body name="{}"><freejoint/><geom size="1"/></body></worldbody></mujoco>'

@@ -108,7 +108,7 @@ assemble = true
                     self.near(file["joints/motor/angle"][:], angle + t, 1e-10)
 
     def test_sides_that_are_apart_along_the_axis(self):
-        """Two named points: way and motion are counted from the drawing, as the document says, by sensors and by springs."""
+        """Two named points: sensors and springs measure displacement and motion from the reference configuration, as documented."""
         text = f'''{PLANE}[body.b]
 mass = 1
 inertia = 1
@@ -158,7 +158,7 @@ end = 7
         self.refused("run", self.scene(text.replace("START", "3")), "--output", "out.h5", says="length -0.5")
 
     def test_wheels_on_a_plane_that_has_risen_at_the_start(self):
-        """The plane is where it is at the start of the run, not at t = 0; a steered wheel without mass leans as it is steered there."""
+        """The plane is taken at the start of the run, not at t = 0; a steered wheel without mass leans as it is steered there."""
         ball = f'{SPACE}[body.ball]\nmass = 1\ninertia = [0.4, 0.4, 0.4]\nposition = [0, 0, 2]\n[wheel.w]\ntype = "sphere"\nat = "ball"\n' \
             f'radius = 1\nrise = "0.5*t"\n[time]\nstart = START\nend = 3\n{TIGHT}'
         self.refused("run", self.scene(ball.replace("START", "0")), "--output", "out.h5", says="above its plane")
@@ -351,7 +351,7 @@ class Signs(Mechanism):
 
 
 class PlanarLine(Mechanism):
-    """A bead on the line of a bar that is drawn at an angle: its displacement is 0 in the drawing, for all that asks for it."""
+    """A bead on the line of an inclined bar: its displacement is 0 in the reference configuration, for every use of it."""
 
     def test_displacement_and_angle(self):
         for kind in ('type = "point_on_line"', 'type = "primitive"\nhold = [0, 1, 0]'):

@@ -31,7 +31,7 @@ bodies = ["ground", "cart"]
 at = [0, 0]
 axis = [1, 0]
 """
-# A cart on a spring, which a force pushes; a pendulum that hangs from a cart whose way is imposed.
+# A cart on a spring, which a force pushes; a pendulum that hangs from a cart with imposed displacement.
 PUSHED = CART + """
 [force]
 spring = { type = "spring", between = ["ground:[-1, 0]", "cart"], stiffness = 50, damping = 0.8 }
@@ -330,7 +330,7 @@ class Linearisation(Case):
         self.assertLess(max(abs(np.array(said["q"]) - [0, 1])), 1e-13)
 
     def test_what_cannot_be_evaluated_ends_the_search(self):
-        """A rod of no length has no direction: forces and their derivatives are no numbers. A search for rest did not end there."""
+        """A rod of length zero has no direction: forces and their derivatives are NaN. A search for equilibrium once did not end there."""
         (self.folder / "coinciding.toml").write_text(COINCIDING)
         refused = self.tandem("equilibrium", "coinciding.toml", code=2)
         self.assertIn("not_finite", refused.stderr)
@@ -360,7 +360,7 @@ class Linearisation(Case):
         self.assertLess(np.max(np.abs(s - s[0])), 1e-9)
 
     def test_the_nearest_steady_motion(self):
-        """After a push the bicycle goes on at nearly its speed; the steady motion nearest to that is straight ahead at that speed. Steady
+        """After a push the bicycle continues at nearly its speed; the nearest steady motion is straight ahead at that speed. Steady
         turns of a rider who does not steer lie beside the speed of capsize alone, 1 m/s from there."""
         for push, far in ((30, 0.002), (120, 0.01)):
             self.tandem("run", "bicycle", "--set", f"parameters.push={push}", "--set", "time.end=1.5", "--set", "solver.stepper=dop853",
@@ -469,7 +469,7 @@ class Linearisation(Case):
                     self.assertLess(abs(found["value"] - exact), min(1e-9*exact, found["uncertainty"]))
 
     def test_a_start_at_rest_beyond_half_a_turn(self):
-        """Turns are counted on the way from the drawing to the place of rest, and the run stays there."""
+        """Turns are counted from the reference configuration to the equilibrium, and the run stays there."""
         (self.folder / "wound.toml").write_text(WOUND)
         self.tandem("run", "wound.toml", "--quiet", "--no-error")
         with h5py.File(self.folder / "wound.h5") as file:
@@ -511,7 +511,7 @@ class Linearisation(Case):
             with self.subTest(over):
                 self.assertIn("--over KEY=a:b:n", self.tandem("study", "modes", "bicycle", "--over", over, code=2).stderr)
         self.assertIn("body.fram", self.tandem("study", "modes", "bicycle", "--over", "body.fram.mass=1:2:3", code=2).stderr)
-        # A parameter of any name is one, and changes nothing where nobody refers to it.
+        # Parameters may have any name, and have no effect if unused.
         self.assertIn("do not change", self.tandem("study", "modes", "bicycle", "--over", "parameters.spee=1:2:3").stderr)
         self.assertIn("cannot write", self.tandem("study", "modes", "bicycle", "--over", "parameters.speed=1:2:2", "--output",
                                                   "no/such/file.csv", code=1).stderr)

@@ -149,7 +149,7 @@ class Changing(Mechanism):
                 with self.subTest(settings), self.went(scene, *settings) as file:
                     names = file["events/name"][:].tolist()
                     self.assertEqual(names.count(b"caught"), 1)
-                    # The rate of the locked elbow is zero but for rounding, which is no event.
+                    # The rate of the locked elbow is zero except for rounding, which causes no event.
                     self.assertNotIn(b"still", names[names.index(b"caught"):])
                     self.assertGreater(len(names), 20)
                     self.near(file["joints/elbow/angle"][-1], 0.1, 1e-11)
@@ -208,7 +208,7 @@ class Changing(Mechanism):
                 self.near([file["joints/ja/rate"][-1], file["joints/jb/rate"][-1]], [4, 4], 1e-9)
 
     def test_resumed(self):
-        """A run that goes on behind a lock is bitwise the one in one piece."""
+        """A run resumed after a lock is bitwise equal to an uninterrupted one."""
         text = DISCS + event("engage", "/joints/one_axle/angle", 1.5, "rising", change="lock clutch")
         settings = ["--set", "solver.rtol=0", "--set", "solver.step=0.01", "--quiet", "--no-error"]
         scene = self.scene(text)
@@ -221,7 +221,7 @@ class Changing(Mechanism):
             self.near(whole["joints/two_axle/rate"][-1], 2, 1e-10)
 
     def test_energy_without_a_change(self):
-        """A clutch that nobody locks takes no part."""
+        """A clutch that is never locked has no effect."""
         with self.went(self.scene(DISCS), "output.rows=0") as file:
             residual, scale = energies(file)
             self.assertLess(residual, 1e-10*scale)

@@ -112,7 +112,7 @@ class References(Mechanism):
                 self.near(drawn["trajectory/q"][:, :7], derived["trajectory/q"][:, :7], 1e-10)
 
     def test_slider_crank(self):
-        """The crank turns as it is told, and the stroke is known."""
+        """The crank turns as prescribed, and the stroke is known."""
         with self.went("slider_crank") as file:
             t = file["trajectory/time"][:]
             angle = 2*math.pi*t
@@ -219,7 +219,7 @@ class Tutorial(Mechanism):
 
 class Sensors(Mechanism):
     def test_plane_and_space(self):
-        """The same pendulum in the plane and in space, in a plane of its own, shows the same."""
+        """A pendulum defined in the plane and in space has equal results."""
         flat = self.sensed(self.scene(PLANAR))
         deep = self.sensed(self.scene(SPATIAL))
         for what in "tip/position", "tip/velocity", "tip/acceleration":
@@ -268,7 +268,7 @@ class Sensors(Mechanism):
             self.near(file["forces/push/force"][:, 0], 20*qd, 1e-15)
 
     def test_turns_are_counted(self):
-        """In space too, also where rows are far apart, and in a run that goes on."""
+        """In space too, also for rows far apart, and in a resumed run."""
         fast = ("gravity.vector=[0,0,0]", "body.rod.omega=[0,20,0]", "body.rod.velocity=[0,0,-10]", "time.end=10", "output.every=100000",
                 "solver.rtol=3e-11")
         name = self.scene(SPATIAL)
@@ -313,7 +313,7 @@ class Keys(Mechanism):
         self.assertIn('[repeat.bay.body."coupler{i}"]', shown)
         self.assertIn('position = ["i - 0.5", 1.0]', shown)
         self.assertEqual(len(json.loads(self.tandem("check", "trailers", "--set", "parameters.n=0", "--json").stdout)["elements"]), 2)
-        # A thousand coordinates are no reason to refuse the complete scene, whose lines are bounded.
+        # The complete scene of a thousand coordinates is accepted, since its lines are bounded.
         self.assertIn("1203 numbers each", self.tandem("show", "a02_four_bars", "--set", "parameters.n=200").stdout)
 
     GRID = '[scene]\nmodel = "mechanism"\nplanar = true\n\n[parameters]\nm = 2\n\n[repeat.row]\ncount = 3\n\n[repeat.row.body."left{i}"]\nmass = "i"\n' \
@@ -355,7 +355,7 @@ end = 1.0
             self.assertEqual(len(file["trajectory/q"][-1]), 800)
 
     def test_nested_repetition(self):
-        """A triangle of masses: each knows its row and its column."""
+        """A triangle of masses: each has its row and its column."""
         with self.went(self.scene(self.GRID)) as file:
             q = dict(zip(file["trajectory/q"].attrs["names"], file["trajectory/q"][0]))
             self.assertEqual(len(q), 12)
@@ -380,7 +380,7 @@ end = 1.0
                 self.refused("check", self.scene(self.GRID.replace(old, new, 1)), says=says)
 
     def test_assembly(self):
-        """A loop that is open in the drawing: an error says by how much, and assembly closes it."""
+        """A loop that is open in the reference configuration: an error states the gap, and assembly closes it."""
         text = PLANAR.replace("at = [0, 0]", 'at = "rod:[-0.4, 0]"').replace('["ground", "rod"]', '["ground:[0, 0]", "rod"]')
         self.refused("check", self.scene(text), says=["0.1000000 m apart in the drawing", "pivot", "assembled"])
         self.tandem("check", "scene.toml", "--set", "initial.assemble=true")
@@ -676,7 +676,7 @@ class Wrong(Case):
 
 class Unmoved(Case):
     def test_without_a_freedom_nothing_is_printed(self):
-        """No stepper asks LAPACK for systems of no unknowns, which tells of that on stdout."""
+        """No stepper calls LAPACK for systems without unknowns, which it reports on stdout."""
         scene = self.scene("""
 [scene]
 model = "mechanism"
@@ -736,8 +736,8 @@ end = 0.002
         self.judge((4000, 16000), "show")
 
     def test_and_written(self):
-        """Here more where a dataset is compared with all before, or the time lists its users anew with each. With 400 and more HDF5
-        had no room for what it knows of the datasets, and none of them could be written."""
+        """Work grows faster if each dataset is compared with all earlier ones, or the time lists its users anew with each. With 400 and
+        more HDF5 had no room for the metadata of the datasets, and none of them could be written."""
         self.judge((150, 600), "run", "--no-error", "--quiet", "--force", "--output", "many.h5")
         with h5py.File(self.folder / "many.h5") as file:
             self.assertEqual(len(file["joints"]), 600)

@@ -181,7 +181,7 @@ class Models(Mechanism):
         self.assertIn("no joint elbow", self.imported(MODEL, "--at", "elbow=1", code=2))
 
     def test_hostile_names(self):
-        """Line breaks in names are no way into the scene."""
+        """Line breaks in names cannot inject text into the scene."""
         scene = tomllib.loads(self.imported(MODEL.replace('"a small model"', '"a&#10;[body.evil]&#10;mass = 1"').replace('"stone"', '"s&#10;[x]"')))
         self.assertEqual(len(scene["body"]), 4)
         self.assertNotIn("x", scene)

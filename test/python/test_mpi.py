@@ -92,8 +92,8 @@ class Ranks(Case):
             (self.folder / "killed.csv").unlink()
 
     def see_the_end_of(self, process):
-        """mpirun of OpenMPI 4.1 was seen to hang, with all its ranks dead, when one was killed on a machine with much to do: that
-        is nothing that a rank could do anything about, and nobody waits for it for ever."""
+        """mpirun of OpenMPI 4.1 was seen to hang, with all its ranks dead, when one was killed on a machine with much to do: no
+        rank can prevent this, and the wait for it is bounded."""
         try:
             process.wait(timeout=60)
         except subprocess.TimeoutExpired:

@@ -153,7 +153,7 @@ class Check(Case):
 
 
 class Rows(Case):
-    """Rows of runs with error control, of which nobody has said where they are: at all steps, and between them."""
+    """Default rows of runs with error control: at all steps, and between them."""
 
     FALL = """
 [scene]
@@ -243,7 +243,7 @@ rtol = 1e-6
             both = self.scene(self.FALL + f"[output]\nrows = 500\n{given}\n", "both.toml")
             self.refused("run", both, says=["rows has no effect beside every or interval", "--unset output.rows"])
         self.refused("run", name, "--set", "output.rows=-1", says="rows must not be negative")
-        # Fixed steps are rows, and others come where they are asked for.
+        # Fixed steps are rows; further rows are added on request.
         fixed = self.scene(self.FALL.replace("rtol = 1e-6", "step = 0.1"), "fixed.toml")
         self.assertEqual(len(self.series(scene=fixed)[0]["time"]), 21)
         self.assertEqual(len(self.series(scene=fixed, settings=["output.rows=100"])[0]["time"]), 101)
@@ -282,7 +282,7 @@ rtol = 1e-6
                 np.testing.assert_allclose(rows["q"][:, two], np.where(time < 0.5, 0, 2*time - 1), atol=1e-8)
 
     def test_rows_that_cannot_be(self):
-        """A force that exists nowhere in a short time that no step meets: rows there are left out, and the run goes on."""
+        """A force that is undefined in a short interval between steps: rows there are left out, and the run continues."""
         hole = self.FALL + """
 [force.push]
 type = "load"
@@ -325,7 +325,7 @@ class ResultFile(Case):
             for level in ("position", "velocity", "acceleration"):
                 self.assertLess(file[f"diagnostics/{level}_error"][:].max(), 1e-12)
             q = file["trajectory/q"][:]
-        # Error control makes shorter steps for the rows; fixed steps are the same.
+        # Error control shortens steps for the rows; fixed steps are unchanged.
         with self.result(*adaptive) as file:
             np.testing.assert_allclose(file["trajectory/q"][-1], q[-1], rtol=0, atol=1e-7)
         ends = []
@@ -1050,7 +1050,7 @@ class SceneErrors(Case):
                 self.refused("show", "scene.toml", says=["scene.toml", says])
 
     def test_tables_within_tables(self):
-        """No scene has any, and the parser would follow such a heading into what is no table."""
+        """Scenes have none, and the parser would follow such a heading into a value that is not a table."""
         for text, place in {
             "a = [1]\n[a.b]\n": "2:3", "a = [1]\n[[a.b]]\n": "2:4", "a=[{}]\n[a.b]\n": "2:3", "a=[{}]\n[[a.b]]": "2:4",
             "solver=[1]\n[[solver.step]]\n": "2:9", "a=1\n[a.b.c]\n": "2:3", "a={b=[1]}\n[a.b.c]": "2:3",
@@ -1059,7 +1059,7 @@ class SceneErrors(Case):
             with self.subTest(text):
                 self.scene(text)
                 self.refused("show", "scene.toml", says=["a scene has no tables within tables", f"scene.toml:{place}\n"])
-        # Dots elsewhere are no headings.
+        # Dots elsewhere do not make headings.
         head = 'model.mass = 7.0\nmodel.inertia = [\n1.0,\n# [a.b]\n2.0, 3.0]\n'
         text = head + '["scene"]\nmodel = "rolling_disk"\ndescription = \'\'\'\n[a.b]\'\'\'\n[time]\nend = 1.0 # [a.b]\n'
         self.assertIn("mass = 7.0", self.tandem("show", self.scene(text)).stdout)

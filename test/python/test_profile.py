@@ -132,8 +132,8 @@ class Profile(Case):
         self.assertGreater(len(timed), 10)
         self.assertEqual(asked - untimed, timed)
         pointers = set(re.findall(r"(\w+) => null\(\)", (source / "model" / "model.f90").read_text())) - {"timer"}
-        # Output alone asks for what sensors measure, and its time is that of the part; symmetries and rates of forces are asked for before a run, and a
-        # change by an event takes the time of an assignment.
+        # Sensors are evaluated for output only and timed with it; symmetries and rates of forces are evaluated before a run, and a change
+        # by an event takes the time of an assignment.
         pointers -= {"measure", "begin_measuring", "integrands", "list_motions", "force_rate", "change"}
         # Friction is an applied force, and its normal forces are some sums of multipliers; derivatives by bodies are derivatives.
         booked_as = {"friction_directions": "applied_force", "evaluate_stiffness": "evaluate_derivatives"}

@@ -225,7 +225,7 @@ end = 1.0
 """
 
     def test_motion_and_law(self):
-        """The way goes through the points, and the traction is that of the table at the length of the spring."""
+        """The path goes through the points, and the tension is that of the table at the length of the spring."""
         with self.went(self.scene(self.TEXT)) as file:
             t, way = file["trajectory/time"][:], file["joints/actuator/way"][:]
             self.near([way[np.argmin(np.abs(t - x))] for x in (0, 0.2, 0.5, 1.0)], [0, 0.01, 0.05, 0.02], 1e-13)
@@ -389,7 +389,7 @@ class Contract(Mechanism):
             self.assertEqual(file["report"].attrs["steps"], report["steps"])
 
     def test_resumed(self):
-        """The work of a run that goes on is that of a run in one piece, bit by bit."""
+        """The work of a resumed run equals that of an uninterrupted run, bit by bit."""
         settings = [word for setting in EVERYTHING + ["time.end=0.3"] for word in ("--set", setting)]
         self.tandem("run", "mechanism_motorcycle", *settings, "--output", "whole.h5", "--quiet", "--no-error")
         settings += ["--set", "solver.max_steps=100"]
@@ -423,7 +423,7 @@ class Contract(Mechanism):
                 self.refused("check", "slider_crank", "--set", setting, says=says)
 
     def test_shown(self):
-        """`show` prints what was asked for, as a scene that can be run; sensors may have the names of elements."""
+        """`show` prints the requested results, as a scene that can be run; sensors may have the names of elements."""
         shown = self.tandem("show", "slider_crank", *[word for setting in EVERYTHING for word in ("--set", setting)]).stdout
         self.assertIn('joints = "all"', shown)
         self.assertTrue(json.loads(self.tandem("check", self.scene(shown), "--json").stdout))

@@ -219,7 +219,7 @@ class KilledBetweenWrites(Resume):
                               env=os.environ | STRICT | {"LD_PRELOAD": str(self.folder / "killer.so"), "KILL_AT": str(at)})
 
     def check(self, begin, *arguments, first, last):
-        """Kill at the first and at the last changes of the file; what is left goes on to the same end."""
+        """Kill at the first and at the last changes of the file; the remaining file can be resumed to the same end."""
         begin()
         changes = self.changes(self.call(*arguments))
         self.assertGreater(changes, first + last)
@@ -343,8 +343,8 @@ class Complete(Resume):
         self.assertEqual(one.keys(), whole.keys())
 
     def test_the_error_of_a_complete_run(self):
-        # No step is taken: the rows stay as they are, and the error is that which the run would have estimated itself. Of a
-        # run that goes on from its own end the observer sees no step.
+        # No step is taken: the rows stay unchanged, and the error is that which the run would have estimated itself. In a
+        # run resumed from its own end the observer sees no step.
         for end in ("1", "2"):
             self.tandem("run", "articulated_vehicle", "--set", f"time.end={end}", "--output", f"whole{end}.h5", "--error")
         self.tandem("run", "articulated_vehicle", "--set", "time.end=1", "--output", "one.h5", "--no-error")
@@ -495,7 +495,7 @@ class Refused(Resume):
             self.assertEqual((file.attrs["status"], file["trajectory/time"][-1]), ("complete", 6.5))
 
     def test_what_another_version_has_saved(self):
-        """Only the same version knows what the state of a run means; the rows remain a result for everybody."""
+        """Only the same version can read the state of a run; the rows remain readable for every version."""
         self.tandem("run", "rolling_disk", "--set", "time.end=0.2", "--set", "solver.max_steps=150", "--output", "run.h5", code=1)
         whole = (self.folder / "run.h5").read_bytes()
         with h5py.File(self.folder / "run.h5") as file:

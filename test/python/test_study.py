@@ -275,7 +275,7 @@ class Stability(Case):
                 self.assertIn(row["verdict"], ("failed", "refused"))
                 self.assertEqual(row["error"], "")
         self.assertIn("0 wrong", done.stdout)
-        # That the steering jumps is noticed by every stepper, told of it or not.
+        # Every stepper notices the jump of the steering, declared or not.
         for stepper in "dopri5", "dop853", "trapezoid", "sdirk54":
             self.assertEqual(verdicts["hiddenjump", stepper, "rtol"]["verdict"], "degraded")
             self.assertIn("nu_jumps", verdicts["hiddenjump", stepper, "rtol"]["remark"])

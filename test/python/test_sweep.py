@@ -222,7 +222,7 @@ class Tables(Case):
         self.assertIn("model.mass", (self.folder / "other.csv").read_text())
 
     def test_starts_that_settle(self):
-        # The bob's lowest place, from the middle of its way: at rest in the equilibrium it is there, for each length.
+        # The bob's lowest position, relative to the middle of its path: it is there in the equilibrium, for each length.
         self.write('[sweep]\nscene = "a01_pendulum"\nset = ["time.end=0.1", "initial.equilibrium=true"]\n[[vary]]\n'
                    'key = "parameters.l"\nvalues = [0.5, 1.0, 2.0]\n[[keep]]\nquantity = "sensor:mass/position[1]"\ntake = "max"\n'
                    'name = "x"\n[[keep]]\nquantity = "sensor:mass/position[2]"\nname = "y"\n')
@@ -358,7 +358,7 @@ class Tables(Case):
 
 
 class Points(Case):
-    """Designs against SciPy, where it is installed."""
+    """Designs against SciPy, if it is installed."""
 
     def setUp(self):
         super().setUp()
@@ -402,7 +402,7 @@ class Points(Case):
 
         u = draws("uniform = [1.0, 2.0]") - 1
         for way, known in ways.items():
-            # The place is known to a unit of the last digit of 1 to 2, and quantiles of both to 1e-12 or better.
+            # The probability is exact to a unit of the last digit of 1 to 2, and quantiles of both to 1e-12 or better.
             np.testing.assert_allclose(draws(way), known.ppf(u), rtol=1e-11, err_msg=way)
         cut = draws("log_normal = [0.0, 1.0]\nlimits = [0.5, 2.0]")
         normal = self.norm.cdf([-math.log(2), math.log(2)])
@@ -466,7 +466,7 @@ def children(process):
 
 
 class Kills(Case):
-    """Whatever is killed whenever: started again, the sweep is complete, and the table is the same."""
+    """After kills of any process at any time, a restarted sweep is complete, with an identical table."""
 
     def setUp(self):
         super().setUp()

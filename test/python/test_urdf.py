@@ -111,7 +111,7 @@ class Robots(Mechanism):
         '<mimic joint="{1}" multiplier="{2}" offset="0.25"/></joint>'
 
     def test_mimics_of_mimics(self):
-        """In whatever order the file has them: each is drawn where the last of the chain says."""
+        """In any order of the file: the position of each follows from the last joint of the chain."""
         chain = self.WHEEL.format("b", "a_j", 2) + self.WHEEL.format("a", "hinge", 3)
         scene = tomllib.loads(self.imported(ROBOT.replace("</robot>", chain + "</robot>"), "--at", "hinge=0.1"))
         for name, angle in (("a", 0.55), ("b", 1.35)):
@@ -128,7 +128,7 @@ class Robots(Mechanism):
                 self.tandem("check", "robot.toml")
 
     def test_hostile_names(self):
-        """Line breaks in names are no way into the scene."""
+        """Line breaks in names cannot inject text into the scene."""
         text = ROBOT.replace('"a small robot"', '"a&#10;[body.evil]&#10;mass = 1"').replace('"stand"', '"st&#10;mass = 7&#10;and"')
         text = text.replace('"end"', '"e&#10;[x]&#10;nd"')
         scene = tomllib.loads(self.imported(text))
