@@ -33,7 +33,7 @@ module tandem_io_output_access
             integer(c_int) :: stat
         end function h5f_get_eoa
 
-        !> Let a file be written by a driver of ours (driver.c): without HDF5's mark "open for writing", and never shorter than it
+        !> Select the driver of driver.c for a file: without HDF5's mark "open for writing", and never shorter than it
         !> says. Its number, or a negative one.
         function set_driver(access) result(driver) bind(c, name='tandem_driver_set')
             import :: c_int64_t

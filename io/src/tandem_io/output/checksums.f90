@@ -27,7 +27,7 @@ module tandem_io_output_checksums
     type :: checksums_type
         private
         integer(hid_t) :: datasets(2) = -1_hid_t
-        !> The paths of the datasets with a blank between them; not allocated where a file has no checksums.
+        !> The paths of the datasets with a blank between them; not allocated if a file has no checksums.
         character(len=:), allocatable :: names
         integer(long), allocatable :: words(:)
     contains
@@ -163,7 +163,7 @@ contains
             if (allocated(file%problem)) finding%problem = file%problem
             return
         end if
-        ! One of the places may be half written where the run was killed, and only there.
+        ! One of the places may be half written, but only if the run was killed.
         if (is_torn .and. status /= 'running') finding%problem = 'its checksums are damaged'
         if (finding%are_other_texts .and. status /= 'running') then
             finding%problem = 'texts among its attributes are not those that were written'
@@ -278,7 +278,7 @@ contains
         own_sum = sum%value()
     end function own_sum
 
-    !> The last letter of the name that begins somewhere.
+    !> Position of the last letter of the name that begins at a position.
     pure integer function end_of_name(names, start)
         character(len=*), intent(in) :: names
         integer, intent(in) :: start

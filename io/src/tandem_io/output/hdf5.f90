@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> The little of HDF5 that results need: groups, attributes, and datasets that grow by rows. Objects are named by their path.
 !>
-!> The first failure is kept in `problem`, in words; what comes after it does nothing, so a user may look once in a while.
+!> The first failure is stored in `problem`, as text; later calls do nothing, so that callers need not check after each call.
 !>
 !> HDF5 is one for the whole process. For every user of it there, this module turns the printing of its error stack off, and
 !> the closing of what is open when the program ends.

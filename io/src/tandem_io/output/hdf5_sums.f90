@@ -73,7 +73,7 @@ contains
         at = 0
         do while (at < last .and. .not. allocated(self%problem))
             next = min(at + rows_at_once, last)
-            ! The first sum is taken where it is due.
+            ! Stop at the rows of the first sum.
             if (at < early_rows) next = min(next, early_rows)
             call add_piece(self, dataset, path, rank, [sizes(1), int(next - at, hsize_t)], at, merge(int(length), 0, are_texts), &
                 sum)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Writes where the time of a run went: the group /report/profile, a row for each part that was entered.
+!> Writes the profile of a run: the group /report/profile, a row for each part that was entered.
 module tandem_io_output_profile
     use tandem, only: n_parts, part_group, part_group_name, part_name, profile_type, wp
     use tandem_io_output_hdf5, only: hdf5_type

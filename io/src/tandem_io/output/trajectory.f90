@@ -506,7 +506,7 @@ contains
     subroutine close(self, simulation, run_error, error, more_follows)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(in) :: simulation
-        !> The error of the run, not allocated where it was complete.
+        !> The error of the run, not allocated if it was complete.
         type(error_type), allocatable, intent(in) :: run_error
         !> The rows or the report could not be written.
         type(error_type), allocatable, intent(out) :: error
@@ -573,7 +573,7 @@ contains
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine add_error
 
-    !> Write where the time of the run went into the file that `close` has closed.
+    !> Write the profile of the run into the file that `close` has closed.
     subroutine add_profile(self, profile, error)
         class(trajectory_type), intent(inout) :: self
         type(profile_type), intent(in) :: profile

@@ -14,7 +14,7 @@ module tandem_io_scene_assembly
 
 contains
 
-    !> The keys of the table that is open. The details take part in the complete scene where the start is assembled.
+    !> The keys of the table that is open. The details belong to the complete scene if the start is assembled.
     subroutine read_assembly(reader, model, assembly)
         class(reader_type), intent(inout) :: reader
         !> The model, defined.

@@ -8,7 +8,7 @@ module tandem_io_scene_ledger
 
     !> Length of the names of tables and keys.
     integer, parameter :: key_length = 32
-    !> Column at which comments begin where the value leaves room.
+    !> Column at which comments begin if the value leaves room.
     integer, parameter :: comment_column = 34
 
     !> A key, its value as TOML, and a comment.

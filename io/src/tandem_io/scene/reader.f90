@@ -62,9 +62,9 @@ module tandem_io_scene_reader
         module subroutine change(self, setting, element, atom)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
-            !> Its number among the settings, and that of an element where the value is a list; 0 for the value itself.
+            !> Its number among the settings, and the number of an element if the value is a list; 0 for the value itself.
             integer, intent(in) :: setting, element
-            !> A whole number becomes an integer where the setting was one.
+            !> A whole number becomes an integer if the setting was one.
             type(atom_type), intent(in) :: atom
         end subroutine change
 

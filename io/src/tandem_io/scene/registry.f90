@@ -21,7 +21,7 @@ module tandem_io_scene_registry
             import :: reader_type, model_type, wp
             implicit none (type, external)
             class(reader_type), intent(inout) :: reader
-            !> The model, defined; not allocated where the reader has failed.
+            !> The model, defined; not allocated if the reader has failed.
             class(model_type), allocatable, intent(out) :: model
             !> Coordinates and velocities at the start (n).
             real(wp), allocatable, intent(out) :: q(:), qd(:)

@@ -143,7 +143,7 @@ contains
         end if
     end function describe
 
-    !> The place of a list or an inline table whose key is at a place; that of the key where no such value follows it.
+    !> Position of a list or an inline table whose key is at a position; position of the key if no such value follows.
     pure integer function value_of(self, origin)
         class(source_type), intent(in) :: self
         integer, intent(in) :: origin

@@ -14,7 +14,7 @@ module tandem_io_study_endurance
         !> Largest constraint errors, on natural scales, position, velocity and acceleration: in the first tenth of the time and in
         !> the last.
         real(wp) :: first(3) = 0.0_wp, last(3) = 0.0_wp
-        !> Pages in memory after the first tenth, and at the end; negative where the system does not say.
+        !> Pages in memory after the first tenth, and at the end; negative if unknown.
         integer(long) :: pages_first = -1, pages_last = -1
     contains
         procedure :: observe, growth

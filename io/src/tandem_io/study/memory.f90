@@ -9,7 +9,7 @@ module tandem_io_study_memory
 
 contains
 
-    !> Pages of the program that are in memory, from /proc/self/statm; -1 where the system does not say.
+    !> Pages of the program in memory, from /proc/self/statm; -1 if unknown.
     integer(long) function resident_pages()
         integer(long) :: total
         integer :: unit, stat

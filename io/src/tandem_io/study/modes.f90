@@ -104,7 +104,7 @@ contains
         n = [(count(self%points(i)%cause == of_motion), i=1, size(n))]
         last = 1
         do i = 2, size(n)
-            ! A sample at a critical value itself, where an eigenvalue counts among the zeros: look from either side.
+            ! A sample at a critical value itself, at which an eigenvalue counts among the zeros: sample on either side.
             if (i < size(n)) then
                 if (n(i) < min(n(i - 1), n(i + 1))) cycle
             end if
@@ -176,7 +176,7 @@ contains
             real(point%values, wp) < 0.0_wp), 2)
     end function product_sign
 
-    !> The product of the eigenvalues of the motion over that at another point; zero where some count among the zeros.
+    !> The product of the eigenvalues of the motion over their product at another point; zero if some count among the zeros.
     pure real(wp) function product_of(point, other) result(value)
         type(locus_point_type), intent(in) :: point, other
         real(wp), parameter :: largest = 300.0_wp
@@ -334,7 +334,7 @@ contains
         end do
     end subroutine find_pairs
 
-    !> The place where the real part of a pair vanishes, which is followed from both ends.
+    !> The value at which the real part of a pair vanishes; the pair is followed from both ends.
     subroutine refine_pair(self, a, b, value_a, value_b, found, is_crossing, error)
         class(modes_type), intent(in) :: self
         type(locus_point_type), intent(in) :: a, b

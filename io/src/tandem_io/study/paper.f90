@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The paper's numerical results beside ours: Tables 2 to 4, the charts, the energies and the lane changes.
+!> The paper's numerical results beside those of tandem: Tables 2 to 4, the charts, the energies and the lane changes.
 !>
 !> Source: E. J. Haug, Mechanics Based Design of Structures and Machines, 2016, doi 10.1080/15397734.2016.1273783, sections 7
 !> to 9. The runs are the paper's: its charts and limits, bases by singular value decomposition, the iterations for u, B and
@@ -103,7 +103,7 @@ contains
     subroutine next_run(self, finished, what, error)
         class(paper_type), intent(inout) :: self
         logical, intent(out) :: finished
-        !> The run, in words.
+        !> Description of the run.
         character(len=:), allocatable, intent(out) :: what
         type(error_type), allocatable, intent(out) :: error
         integer :: k

@@ -92,7 +92,7 @@ contains
         text = setting(:from)//value//setting(to:)
     end function with_element
 
-    !> How many elements a list of numbers has; 0 where the text is none.
+    !> Number of elements of a list of numbers; 0 if the text is not such a list.
     pure integer function count_elements_of(text) result(n)
         character(len=*), intent(in) :: text
         integer :: i

@@ -80,7 +80,7 @@ contains
         end do
     end subroutine read_columns
 
-    !> The next line, without its end; `from` then is where the one after it begins.
+    !> The next line, without its end; `from` becomes the beginning of the following line.
     function next_line(text, from) result(line)
         character(len=*), intent(in) :: text
         integer, intent(inout) :: from

@@ -33,7 +33,7 @@ module tandem_io_sweep_plan
 
     !> Something that differs from case to case.
     type :: input_type
-        !> The key of the scene, `table.key`, and the element of its list, 0 where the key is all of it.
+        !> The key of the scene, `table.key`, and the element of its list, 0 for the whole key.
         character(len=:), allocatable :: path
         integer :: element = 0
         !> Its name in the table, and its unit.

@@ -27,7 +27,7 @@ module tandem_io_sweep_processes
         !> Runs the cases, the caller's.
         type(case_runner_type), pointer :: runner => null()
         type(process_type), allocatable, private :: workers(:)
-        !> This process's ends of the pairs, -1 where there is no worker.
+        !> This process's ends of the pairs, -1 without a worker.
         integer(c_int), allocatable, private :: ends(:)
         !> Whose turn it is to be looked at.
         integer, private :: turn = 0

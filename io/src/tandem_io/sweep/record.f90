@@ -17,7 +17,7 @@ module tandem_io_sweep_record
     type :: record_type
         !> Its number.
         integer(long) :: case = 0
-        !> A code of `tandem_status`, or one of the above; 0 where all is well.
+        !> A code of `tandem_status`, or one of the above; 0 for success.
         integer :: status = 0
         !> Wall time of the case.
         real(wp) :: seconds = 0.0_wp

@@ -300,7 +300,7 @@ contains
     subroutine take_event(simulation, kept, value)
         class(simulation_type), intent(in) :: simulation
         type(kept_type), intent(in) :: kept
-        !> As it was where the event never came.
+        !> Unchanged if the event never occurred.
         real(wp), intent(inout) :: value
         integer :: i, n
 
@@ -369,7 +369,7 @@ contains
         if (problem /= 0) stat = problem
     end function value_now
 
-    !> An error where something could not be evaluated.
+    !> Set an error if an evaluation has failed.
     subroutine refuse(stat, simulation, error)
         integer, intent(in) :: stat
         class(simulation_type), intent(in) :: simulation

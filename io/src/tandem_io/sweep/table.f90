@@ -299,7 +299,7 @@ contains
         part = values(first:first + width - 1, :columns)
     end function some
 
-    !> The failures in words.
+    !> The messages of the failures.
     subroutine write_failures(file, journal, error)
         type(hdf5_type), intent(inout) :: file
         type(sweep_journal_type), intent(inout) :: journal
