@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> How HDF5 treats a file that must be whole whatever ends the program: the mode "single writer, multiple readers" (SWMR).
+!> Settings of HDF5 for a file that must stay whole at any end of the program: the mode "single writer, multiple readers" (SWMR).
 module tandem_io_output_access
     use hdf5, only: h5f_libver_v110_f, h5p_file_access_f, h5pclose_f, h5pcreate_f, h5pset_alignment_f, h5pset_cache_f, &
         h5pset_libver_bounds_f, h5pset_meta_block_size_f, h5pset_small_data_block_size_f, hid_t, hsize_t, size_t
@@ -16,7 +16,7 @@ module tandem_io_output_access
     integer, parameter :: many_datasets = 250
 
     interface
-        !> From now on, bring metadata to the disk in an order in which the file is whole at every moment.
+        !> From now on, write metadata to the disk in an order that keeps the file whole at every moment.
         function h5f_start_swmr_write(file) result(stat) bind(c, name='H5Fstart_swmr_write')
             import :: c_int, c_int64_t
             implicit none (type, external)
@@ -42,7 +42,7 @@ module tandem_io_output_access
             integer(c_int64_t) :: driver
         end function set_driver
 
-        !> Give a driver back, if there is one, once its file is closed.
+        !> Release a driver, if there is one, after closing its file.
         subroutine release_driver(driver) bind(c, name='tandem_driver_release')
             import :: c_int64_t
             implicit none (type, external)
@@ -57,14 +57,14 @@ module tandem_io_output_access
             integer(c_int) :: stat
         end function keep_metadata
 
-        !> Let go of nearly all that was kept so, before the file is closed.
+        !> Release most of the metadata kept in memory, before the file is closed.
         subroutine let_metadata_go(file) bind(c, name='tandem_metadata_let_go')
             import :: c_int64_t
             implicit none (type, external)
             integer(c_int64_t), value :: file
         end subroutine let_metadata_go
 
-        !> How HDF5 keeps account of the space that is free in a file.
+        !> Set how HDF5 records free space in a file.
         function h5p_set_file_space_strategy(creation, strategy, persist, threshold) result(stat) &
             bind(c, name='H5Pset_file_space_strategy')
             import :: c_bool, c_int, c_int64_t
@@ -125,8 +125,8 @@ contains
         if (datasets >= many_datasets) stat = int(keep_metadata(int(access, c_int64_t)))
     end subroutine make_access
 
-    !> Let a file that is made keep no account of gaps below a slot, in which no slot begins, but that of a small piece which was
-    !> given up. HDF5 looks through all of them for each new piece, which takes the square of their number. 0 on success.
+    !> Do not record gaps smaller than a slot in a new file: no slot begins in them, except in a small piece that was freed.
+    !> HDF5 searches all gaps for each new piece, so that the work grows with the square of their number. 0 on success.
     integer function forget_small_gaps(creation)
         !> The properties with which the file is made.
         integer(hid_t), intent(in) :: creation
@@ -136,7 +136,7 @@ contains
             int(slot, c_int64_t)))
     end function forget_small_gaps
 
-    !> Make the properties with which a file is opened that may be damaged; the caller closes them, and gives the driver back.
+    !> Make the properties with which a possibly damaged file is opened; the caller closes them, and releases the driver.
     subroutine make_reading_access(access, driver)
         integer(hid_t), intent(out) :: access
         integer(c_int64_t), intent(out) :: driver
@@ -146,7 +146,7 @@ contains
         driver = set_driver(int(access, c_int64_t))
     end subroutine make_reading_access
 
-    !> Let only rows be appended to an open file from now on; 0 on success.
+    !> Allow only appending rows to an open file from now on; 0 on success.
     integer function start_swmr(file)
         integer(hid_t), intent(in) :: file
 

@@ -25,9 +25,9 @@ module tandem_io_output_checkpoint
     type :: snapshot_type
         !> The complete scene as TOML.
         character(len=:), allocatable :: scene
-        !> The state of the simulation, and of what watches it besides the file.
+        !> State of the simulation, and of the error estimator that observes it.
         integer(long), allocatable :: simulation(:), watcher(:)
-        !> Rows and events in the file then, number of rows requested by the interval, and the times of the first and the last row.
+        !> Rows and events in the file then, rows requested by the interval, and the times of the first and the last row.
         integer(long) :: rows = 0, events = 0, intervals = 0
         real(wp) :: first_time = 0.0_wp, last_time = 0.0_wp
         !> Energy at the start and its largest deviation.
@@ -87,7 +87,7 @@ contains
         self%number = snapshot%number
     end subroutine take_up
 
-    !> Write a snapshot in the place of the older one; the rows that it counts must be on the disk.
+    !> Write a snapshot over the older one; the rows that it counts must be on the disk.
     subroutine write_snapshot(self, file, snapshot)
         class(checkpoint_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file

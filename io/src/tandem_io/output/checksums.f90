@@ -91,7 +91,7 @@ contains
         end do
     end subroutine take_up
 
-    !> Write the sums in the place of the older ones; the rows must be on their way to the disk.
+    !> Write the sums over the older ones; the rows must have been written already.
     subroutine write_sums(self, file, rows, events, sums)
         class(checksums_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file
@@ -114,7 +114,7 @@ contains
         end associate
     end subroutine write_sums
 
-    !> Write the sum of the texts among the attributes, all of which are there.
+    !> Write the sum of the texts among the attributes, all of which must exist.
     subroutine note_texts(self, file)
         class(checksums_type), intent(in) :: self
         type(hdf5_type), intent(inout) :: file
@@ -197,7 +197,7 @@ contains
         if (status == 'complete' .and. finding%rows_behind > 0) finding%problem = 'it has more rows than checksums'
     end subroutine examine
 
-    !> Read all rows of a file without checksums, so that what cannot be read shows.
+    !> Read all rows of a file without checksums, to find unreadable ones.
     subroutine read_rows(file)
         type(hdf5_type), intent(inout) :: file
         character(len=:), allocatable :: names

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The group /events of a result file: what has happened, one row an event (see doc/output.md). Only runs with events have it.
+!> The group /events of a result file: one row per event (see doc/output.md). Only runs with events have it.
 module tandem_io_output_events
     use hdf5, only: hid_t
     use tandem, only: label_length, long, simulation_type, wp

@@ -70,7 +70,7 @@ module tandem_io_output_fields
         real(wp) :: interval = 0.0_wp
         !> Rows at every step, and between them by dense output, at most this time apart; 0 means rows at steps alone.
         real(wp) :: spacing = 0.0_wp
-        !> Seconds of wall time after which rows and the state of the run are brought to the disk; 0 means at every step.
+        !> Seconds of wall time after which rows and the state of the run are written to the disk; 0 means at every step.
         real(wp) :: flush = 1.0_wp
         !> Names of the fields.
         character(len=field_length), allocatable :: fields(:)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Keeps a result file safe while it is written: other writers out, readers in, its end ahead of what is written. The work is done
-!> in guard.c.
+!> Protects a result file while it is written: excludes other writers, admits readers, keeps its end ahead of the data. The work
+!> is done in guard.c.
 module tandem_io_output_guard
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_null_char
     implicit none (type, external)
@@ -16,7 +16,7 @@ module tandem_io_output_guard
         procedure :: take, mend, trim => trim_file, has_room, is_there, is_whole, release
     end type guard_type
 
-    !> The claim of this process to change a file; others that want to change it too find it claimed.
+    !> The claim of this process to change a file; it excludes other processes that want to change the file.
     type :: claim_type
         integer(c_int), private :: file = -1_c_int
         character(len=:), allocatable, private :: path
@@ -128,7 +128,7 @@ contains
         self%file = -1_c_int
     end subroutine drop_claim
 
-    !> Lock a file against other writers, unless it is; readers may come.
+    !> Lock a file against other writers, unless it is locked already; readers are allowed.
     subroutine take(self, path)
         class(guard_type), intent(inout) :: self
         character(len=*), intent(in) :: path
@@ -141,8 +141,8 @@ contains
         self%file = c_take(self%path)
     end subroutine take
 
-    !> Make the superblock one that plain readers accept: without the mark that another program's writer has left when it was
-    !> killed, and with an end that no piece is behind.
+    !> Make the superblock acceptable to plain readers: without the mark left by a killed writer of another program, and with an end
+    !> behind all pieces.
     subroutine mend(self, end)
         class(guard_type), intent(in) :: self
         !> Earliest future end of the file; 0 for the present end.

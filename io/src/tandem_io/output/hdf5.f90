@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> The little of HDF5 that results need: groups, attributes, and datasets that grow by rows. Objects are named by their path.
+!> Operations of HDF5 for results: groups, attributes, and datasets that grow by rows. Objects are named by their path.
 !>
 !> The first failure is stored in `problem`, as text; later calls do nothing, so that callers need not check after each call.
 !>
-!> HDF5 is one for the whole process. For every user of it there, this module turns the printing of its error stack off, and
-!> the closing of what is open when the program ends.
+!> The whole process shares one HDF5 library. For all its users, this module disables the printing of its error stack, and the
+!> closing of open objects when the program ends.
 module tandem_io_output_hdf5
     use hdf5, only: h5dclose_f, h5dcreate_f, h5dget_space_f, h5dset_extent_f, h5dwrite_f, h5eset_auto_f, h5f_acc_rdwr_f, &
         h5f_acc_trunc_f, h5f_scope_global_f, h5fclose_f, h5fcreate_f, h5fflush_f, h5fopen_f, h5gclose_f, h5gcreate_f, h5open_f, &
@@ -62,7 +62,7 @@ module tandem_io_output_hdf5
     end type hdf5_type
 
     interface
-        !> Keep the library from closing what is open when the program ends: it crashes there after a failure to write.
+        !> Keep the library from closing open objects when the program ends: after a failure to write it would crash.
         function h5_do_not_close_at_exit() result(stat) bind(c, name='H5dont_atexit')
             import :: c_int
             implicit none (type, external)
@@ -80,7 +80,7 @@ module tandem_io_output_hdf5
             character(len=*), intent(in) :: path, name
         end subroutine make_scale
 
-        !> Let a scale belong to the rows of a dataset, which has none yet.
+        !> Assign a scale to the rows of a dataset, which has none yet.
         module subroutine scale_rows(self, dataset, path, rank, scale)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -92,7 +92,7 @@ module tandem_io_output_hdf5
             integer(hid_t), intent(in) :: scale
         end subroutine scale_rows
 
-        !> Let a scale name the datasets to whose rows it belongs, all of them at once.
+        !> Write into a scale the list of all datasets to whose rows it belongs.
         module subroutine list_users(self, scale, path, datasets)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -215,14 +215,14 @@ module tandem_io_output_hdf5
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
-            !> Rows after which the first sum is taken, and the second one; fewer where fewer are there.
+            !> Rows after which the first and the second sum are taken; fewer if there are fewer rows.
             integer(long), intent(in) :: early_rows, rows
             type(fletcher_type), intent(out) :: early, sum
             !> Rows that the dataset has.
             integer(long), intent(out) :: all_rows
         end subroutine sum_rows
 
-        !> Read every object of the file with all its attributes, so that what is damaged shows.
+        !> Read every object of the file with all its attributes, to find damage.
         module subroutine read_all(self, lost_texts, sum_of_texts)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -292,7 +292,7 @@ module tandem_io_output_hdf5
             character(len=*), intent(in) :: meaning
         end subroutine reserve
 
-        !> Leave room for a text that comes after `start_appending`.
+        !> Leave room for a text that is written after `start_appending`.
         module subroutine reserve_text(self, path, name)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -409,7 +409,7 @@ module tandem_io_output_hdf5
             character(len=*), intent(in) :: names(:)
         end subroutine name_columns
 
-        !> Give an object that is there a second path, unless something is there.
+        !> Give an existing object a second path, unless that path exists.
         module subroutine link(self, path, second)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -432,7 +432,7 @@ contains
     subroutine create(self, path, datasets)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
-        !> How many datasets will grow, where `start_appending` will be called.
+        !> Number of datasets that will grow, if `start_appending` will be called.
         integer, intent(in), optional :: datasets
         logical :: grows
         integer(hid_t) :: access, properties
@@ -444,7 +444,7 @@ contains
         grows = present(datasets)
         self%datasets = 0
         if (grows) self%datasets = datasets
-        ! Before anything is lost: a run that starts meanwhile sees that the file is in use.
+        ! Before old contents are lost: a run that starts meanwhile then sees that the file is in use.
         if (grows) call self%guard%take(path)
         call make_access(access, grows, self%driver, self%datasets)
         call forget_reason()
@@ -457,9 +457,9 @@ contains
         call h5pclose_f(access, stat)
     end subroutine create
 
-    !> From now on only rows are appended and attributes written, and whatever ends the program leaves a file that holds what the
-    !> last flush has brought to it (HDF5's "single writer, multiple readers"). Groups and datasets must be there before, and room
-    !> for new attributes (`reserve`); a text among the attributes that is written anew may be unreadable for a moment.
+    !> From now on only rows are appended and attributes written, and at any end of the program the file holds the data of the last
+    !> flush (HDF5's "single writer, multiple readers"). Groups, datasets and room for new attributes (`reserve`) must exist
+    !> before; a text among the attributes that is written anew may be unreadable for a moment.
     subroutine start_appending(self, path)
         class(hdf5_type), intent(inout) :: self
         !> Path of the file.
@@ -470,7 +470,7 @@ contains
         self%is_growing = .not. allocated(self%problem)
     end subroutine start_appending
 
-    !> Open a file again that `close` has closed, to attach what is left to say.
+    !> Open a file again that `close` has closed, to attach further data.
     subroutine reopen(self, path)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path

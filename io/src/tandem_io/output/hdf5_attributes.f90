@@ -53,7 +53,7 @@ contains
         call h5tclose_f(text_type, stat)
     end subroutine attach_texts
 
-    !> Write an attribute. A single value takes the place of an older one; an array is made anew, since its length may be another.
+    !> Write an attribute. A single value overwrites an older one; an array is made anew, since its length may differ.
     subroutine attach_value(self, path, name, file_type, memory_type, values, length)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path, name

@@ -23,7 +23,7 @@ contains
         ! A file that was truncated by others stays unchanged, so that nobody takes it for a result.
         if (.not. (self%guard%is_there() .and. self%guard%is_whole())) return
         call self%guard%take(path)
-        ! Nothing may go behind the end that the superblock states (see `open_to_append`), and closing the file may cut nothing off.
+        ! Writing behind the end stated in the superblock is not allowed (see `open_to_append`), nor is cutting the file on closing.
         inquire (file=path, size=size)
         call self%guard%mend(size)
         call make_access(access, .true., driver, 0)

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> Dimension scales: datasets that say what the rows or the columns of others are, by which readers find the time of a row.
+!> Dimension scales: datasets that label the rows or the columns of others, by which readers find the time of a row.
 !>
-!> A scale has a list of its users, which the library writes anew with each of them: of many datasets that takes the square of
-!> their number, in time and in the file. So what belongs to rows is written here as the library would do it, and the list once.
+!> A scale has a list of its users, which the library writes anew with each of them: for many datasets, time and file size grow
+!> with the square of their number. So the scales of rows are written here as by the library, and the list once.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_scales
     use hdf5, only: h5aclose_f, h5acreate_f, h5awrite_f, h5dopen_f, h5lexists_f, h5rcreate_f, h5t_compound_f, h5t_native_integer, &
         h5t_std_ref_obj, h5tcreate_f, h5tinsert_f, h5tvlen_create_f, hobj_ref_t_f, size_t
@@ -53,7 +53,7 @@ contains
         call self%note(stat, 'make a scale of '//path)
     end procedure make_scale
 
-    !> Let a scale belong to the rows of a dataset, which has none yet: the first dimension in C's order.
+    !> Assign a scale to the rows of a dataset, which has none yet: the first dimension in C's order.
     module procedure scale_rows
         type(hobj_ref_t_f), target :: reference
         type(scales_type), target :: scales(rank)

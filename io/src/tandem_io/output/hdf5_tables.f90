@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Datasets that are there at once, all their values in one call: written for reports, and read.
+!> Datasets written or read with all their values in one call, as for reports.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_tables
     use hdf5, only: h5_integer_kind, h5dopen_f, h5dread_f, h5f_acc_rdonly_f, h5kind_to_type, h5lcreate_hard_f, h5lexists_f, &
         h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f

@@ -16,7 +16,7 @@ module tandem_io_output_linearisation
 
 contains
 
-    !> Write the file, over one that is there. Matrices have their rows as readers of rows first see them.
+    !> Write the file, over an existing one. Matrices are stored in row-major order.
     subroutine write_linearisation(path, scene, model, it, io, error)
         character(len=*), intent(in) :: path
         !> The complete scene as text.

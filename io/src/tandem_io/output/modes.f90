@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Modes as motions of bodies in HDF5: what a viewer moves.
+!> Modes as motions of bodies in HDF5, for viewers.
 module tandem_io_output_modes
     use tandem, only: mechanism_type, model_type, wp
     use tandem_io_output_hdf5, only: hdf5_type
@@ -10,8 +10,8 @@ module tandem_io_output_modes
 
 contains
 
-    !> The motions of the bodies in each mode (6 n_bodies, n_modes): of body 1 x, y, z and the turns about them, of body 2, and so
-    !> on. No rows for models other than mechanisms.
+    !> The motions of the bodies in each mode (6 n_bodies, n_modes): for body 1 x, y, z and the rotations about them, then body 2,
+    !> and so on. No rows for models other than mechanisms.
     subroutine body_motions(model, q, shapes, motions)
         class(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:)

@@ -29,7 +29,7 @@ contains
         self%items = [self%items, item_type(observer)]
     end subroutine add
 
-    !> Call each in turn, also after an error; the first one counts. One of them may be a list again.
+    !> Call each observer in turn, also after an error; the first error is returned. An observer may be a list again.
     recursive subroutine observe(self, simulation, occasion, error)
         class(observer_list_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Writes what a run has cost, and how wrong it was, as attributes of /report.
+!> Writes the cost of a run and its error as attributes of /report.
 module tandem_io_output_report
     use tandem, only: figure_reader_type, find_error_warnings, global_error_type, long, simulation_type, tell_figures, wp
     use tandem_io_output_hdf5, only: hdf5_type

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The rows of a result file: what is kept of a state, at steps or at times between them.
+!> The rows of a result file: fields of states at steps or at times between them.
 submodule(tandem_io_output_trajectory) tandem_io_output_rows
     use tandem_io_output_fields, only: field_acceleration_error, field_chart, field_lambda, field_position_error, &
         field_qdd, field_step, field_velocity_error
@@ -73,7 +73,7 @@ contains
         end associate
     end procedure measure
 
-    !> Bring the integrals of the model up to the current time, by the formula of Gauss of order 10 on the dense output.
+    !> Advance the integrals of the model to the current time, by the formula of Gauss of order 10 on the dense output.
     module procedure integrate
         integer, parameter :: n = 5
         real(wp), parameter :: a = sqrt(5 - 2*sqrt(10/7.0_wp))/3, b = sqrt(5 + 2*sqrt(10/7.0_wp))/3

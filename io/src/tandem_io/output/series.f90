@@ -79,7 +79,7 @@ contains
         end if
     end subroutine make
 
-    !> The dataset of a quantity, in a group of its own with others of its sensor.
+    !> The dataset of a quantity, in a group with the others of its sensor.
     subroutine make_quantity(self, file, quantity, chunk, goes_on, time)
         class(series_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file

@@ -64,11 +64,11 @@ module tandem_io_output_trajectory
         type(pack_type), private :: pack
         integer(long), private :: saved_at = 0
         real(wp), private :: seconds_unflushed = 1.0_wp
-        !> Steps since the last look at the clock, which was then, and steps until the next.
+        !> Steps since the last reading of the clock, steps until the next, and the clock at the last reading.
         integer, private :: unwatched = 0, patience = 1
         integer(long), private :: watched_at = 0
         class(global_error_type), pointer, private :: watcher => null()
-        !> End of the last step of which the rows within are there.
+        !> End of the last step whose inner rows have been gathered.
         real(wp), private :: spaced_until = -huge(1.0_wp)
         !> True if the state lies within a step.
         logical, private :: is_between = .false.
@@ -111,7 +111,7 @@ module tandem_io_output_trajectory
             type(error_type), allocatable, intent(out) :: error
         end subroutine measure
 
-        !> Bring the integrals of the model up to the current time, which is within the last step.
+        !> Advance the integrals of the model to the current time, which is within the last step.
         module subroutine integrate(self, simulation, error)
             implicit none (type, external)
             class(trajectory_type), intent(inout) :: self
@@ -176,7 +176,7 @@ module tandem_io_output_trajectory
 
 contains
 
-    !> Claim an existing file before it is read and changed; other processes cannot do that until `release`.
+    !> Claim an existing file before it is read and changed; this excludes other processes until `release`.
     subroutine claim(self, path, error)
         class(trajectory_type), intent(inout) :: self
         character(len=*), intent(in) :: path
@@ -502,7 +502,7 @@ contains
         if (self%spacing > 0.0_wp) call simulation%expect_look(simulation%state%t + self%spacing)
     end subroutine expect_looks
 
-    !> Write what is left, the report and the outcome, and close the file.
+    !> Write the remaining rows, the report and the outcome, and close the file.
     subroutine close(self, simulation, run_error, error, more_follows)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(in) :: simulation
@@ -551,14 +551,14 @@ contains
         end if
         call write_report(self%file, simulation)
         call self%file%flush()
-        ! The outcome comes last, so that it is never said too early.
+        ! The outcome comes last, so that it is never stated too early.
         call self%file%attach('/report', 'status_code', status_code)
         call self%file%attach('/', 'status', status)
         call self%file%flush()
         call self%file%close(self%more_follows)
     end subroutine write_outcome
 
-    !> Write how wrong the run was into the file that `close` has closed.
+    !> Write the error of the run into the file that `close` has closed.
     subroutine add_error(self, simulation, global_error, error)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(in) :: simulation
@@ -650,7 +650,7 @@ contains
         if (real(now - self%saved_at, wp) >= self%seconds_unflushed*real(rate, wp)) call self%save(simulation)
     end subroutine watch
 
-    !> Bring the rows to the disk, and then the state that belongs to them.
+    !> Write the rows to the disk, and then their state.
     subroutine save(self, simulation)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -663,7 +663,7 @@ contains
         if (associated(self%profile)) call self%profile%leave(mark)
     end subroutine save
 
-    !> Bring the state of the run to the disk, whose rows are there.
+    !> Write the state of the run to the disk, after its rows.
     subroutine save_simulation(self, simulation)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -683,7 +683,7 @@ contains
             call self%watcher%pack_state(self%pack)
             call self%pack%end_writing('watcher', self%snapshot%watcher)
         end if
-        ! The sums first, so that no state counts rows without them.
+        ! The sums first, so that no state counts rows without sums.
         call self%checksums%write(self%file, self%rows, self%events%rows, sums_of(self))
         call self%checkpoint%write(self%file, self%snapshot)
         call self%file%flush()
