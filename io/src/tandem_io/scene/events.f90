@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Reads the tables [[event]]: what is watched, and what happens there.
+!> Reads the tables [[event]]: watched quantities, and actions.
 module tandem_io_scene_events
     use tandem, only: label_length, model_type, threshold_event_type, to_text, wp
     use tandem_io_scene_reader, only: reader_type

@@ -73,7 +73,7 @@ contains
         self%entries(self%n) = entry
     end subroutine add
 
-    !> Leave the keys that a table has by now out of the complete scene.
+    !> Exclude the present keys of a table from the complete scene.
     subroutine hide(self, table, source, given)
         class(ledger_type), intent(inout) :: self
         character(len=*), intent(in) :: table

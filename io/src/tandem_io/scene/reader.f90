@@ -2,7 +2,7 @@
 !> Reads the keys of a scene, one call per key, and records them: the same calls give the values, the list of valid keys
 !> (for messages), and the complete scene as text, in which each key occurs once.
 !>
-!> The first error is kept and the calls after it do nothing, so a reader's user may make all of them and look once.
+!> The first error is stored and later calls do nothing, so that a caller may check once after all calls.
 module tandem_io_scene_reader
     use tandem, only: atom_type, entries_type, error_type, value_type, wp
     use tandem_io_scene_flattening, only: flatten, path_to_toml, place_type, value_to_toml
@@ -412,7 +412,7 @@ contains
         gives = associated(found)
     end function gives
 
-    !> An error about the value of a key, which is shown where it was given.
+    !> An error about the value of a key, shown with its source line.
     subroutine refuse(self, key, problem)
         class(reader_type), intent(inout) :: self
         !> A key of the current table.
@@ -476,7 +476,7 @@ contains
         if (associated(found)) call convert(self%sources(source), found, number, problem)
     end function says_number
 
-    !> An error about an entry, which is shown where it was given; 0 for the whole.
+    !> An error about an entry, shown with its source line; 0 for the whole scene.
     subroutine refuse_place(self, place, problem)
         class(reader_type), intent(inout) :: self
         integer, intent(in) :: place
@@ -531,7 +531,7 @@ contains
         text = self%ledger%text()
     end function text
 
-    !> The value of a key of the current table, from the last source that gives it; -1 stands for the source of a default.
+    !> The value of a key of the current table, from the last source that gives it; -1 is the source of a default.
     subroutine find(self, key, found, source, required)
         class(reader_type), intent(inout), target :: self
         character(len=*), intent(in) :: key

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The values that a reader gives, by their kind: the default before the call, what the last source says after it.
+!> Values of a reader, by their kind: the default before the call, the value of the last source after it.
 submodule(tandem_io_scene_reader) tandem_io_scene_reader_values
     use tandem_io_scene_text, only: to_toml
     use tandem_number_text, only: read_number

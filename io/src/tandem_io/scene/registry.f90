@@ -28,7 +28,7 @@ module tandem_io_scene_registry
         end subroutine build_interface
     end interface
 
-    !> The name by which scenes call a model, and what builds it: `scene_model_type('pendulum', build_pendulum)`.
+    !> The name of a model in scenes, and the procedure that builds it: `scene_model_type('pendulum', build_pendulum)`.
     type :: scene_model_type
         character(len=key_length) :: name
         procedure(build_interface), pointer, nopass :: build

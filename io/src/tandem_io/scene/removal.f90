@@ -97,7 +97,7 @@ contains
         end do
     end subroutine split
 
-    !> Remove what a path leads to from a table, and tables that are empty then.
+    !> Remove the entry at a path from a table, and tables that become empty.
     recursive subroutine remove_below(table, parts, is_removed, near)
         type(toml_table), intent(inout), target :: table
         type(toml_key), intent(in) :: parts(:)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Reads the table [solver]: the keys are the options, and what values may be is theirs to say; here their word gets the line of
-!> the file.
+!> Reads the table [solver]: the keys are the options, whose table defines the valid values; here the line of the file is added
+!> to its messages.
 module tandem_io_scene_solver
     use tandem, only: complete_options, conflict_type, default_rtol, default_step, error_type, find_conflict, option_row_type, &
         option_visitor_type, options_type, steppers_without_estimate, wp
@@ -24,7 +24,7 @@ module tandem_io_scene_solver
 
 contains
 
-    !> The options of a run, with the values that stand for those that are not given. A step on the command line replaces the
+    !> The options of a run, with the defaults of those that are not given. A step on the command line replaces the
     !> tolerances of the file, and a tolerance its step.
     subroutine read_solver(reader, n, options)
         class(reader_type), intent(inout), target :: reader
@@ -58,7 +58,7 @@ contains
         if (.not. reader%failed()) call complete_options(options, error)
     end subroutine read_solver
 
-    !> The key of an option: lists per coordinate have that of the number which they replace.
+    !> The key of an option: lists per coordinate have the key of the number that they replace.
     pure function key_of(name) result(key)
         character(len=*), intent(in) :: name
         character(len=:), allocatable :: key

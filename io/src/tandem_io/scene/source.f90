@@ -238,13 +238,13 @@ contains
             call set_input_error(error, 'cannot read the '//kind//' '//path//': '//trim(message))
         else
             text = text(:length)
-            ! Some editors begin UTF-8 with a mark of the order of bytes, which has none and says nothing.
+            ! Some editors begin UTF-8 with a byte order mark, which has no meaning in UTF-8.
             if (index(text, byte_order_mark) == 1) text = text(len(byte_order_mark) + 1:)
             call check_text(path, text, error, kind)
         end if
     end subroutine read_text
 
-    !> Refuse what cannot be a scene, so that the parser meets UTF-8 of bounded length, depth and number of parts only.
+    !> Refuse invalid texts, so that the parser only reads UTF-8 of bounded length, depth and number of parts.
     subroutine check_text(path, text, error, kind)
         !> How messages name the text.
         character(len=*), intent(in) :: path
@@ -284,7 +284,7 @@ contains
                 dots = dots + 1
                 if (dots > most_dots) problem = 'has more than '//to_toml(most_dots)//' dots'
             case (iachar('\'))
-                ! Two places at which the parser would read what is not there.
+                ! Two cases in which the parser would read beyond the text.
                 if (text(i:min(i + 1, len(text))) == '\x') then
                     problem = 'holds "\x", which TOML 1.0 does not know; write "\u00"'
                 else if (ends_text(text(i + 1:))) then
@@ -382,7 +382,7 @@ contains
         call set_input_error(error, without_level(parse_error%message))
     end subroutine parse_text
 
-    !> Refuse a text that was written here and has more of something than a text that is read may have.
+    !> Refuse a text written here that exceeds the limits for reading.
     subroutine check_limits(path, text, error)
         !> How messages name the text.
         character(len=*), intent(in) :: path, text

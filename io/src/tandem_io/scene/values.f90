@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> From a parsed TOML value to a Fortran one. Each procedure says in `problem` why it could not, and leaves the value alone.
+!> Converts parsed TOML values to Fortran. On failure, each procedure returns the reason in `problem` and leaves the value as it was.
 module tandem_io_scene_values
     use tandem, only: wp
     use tandem_io_scene_source, only: source_type
