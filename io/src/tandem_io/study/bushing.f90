@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The articulated vehicle with a bushing in the place of its joint: a spring and a damper hold the two chassis together.
+!> The articulated vehicle with a bushing instead of its joint: a spring and a damper hold the two chassis together.
 module tandem_io_study_bushing
     use tandem, only: articulated_vehicle_type, label_length, model_type, need_force, need_gamma, need_jacobian, need_mass, &
         need_phi, terms_type, wp

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The stiff and extreme cases of the study of stability: what each is, and the scene that it is run as.
+!> The stiff and extreme cases of the study of stability: their descriptions and scenes.
 module tandem_io_study_cases
     use tandem, only: articulated_vehicle_type, error_type, model_type, motorcycle_type, rolling_disk_type, set_error, to_text, wp
     use tandem_io_scene, only: scene_type
@@ -16,7 +16,7 @@ module tandem_io_study_cases
     !> Longest name of a case or a group.
     integer, parameter :: case_name_length = 24
 
-    !> A line of the table: name, group, and a number that says how extreme.
+    !> A line of the table: name, group, and a number that measures how extreme the case is.
     type :: entry_type
         character(len=case_name_length) :: name, group
         real(wp) :: number
@@ -24,7 +24,7 @@ module tandem_io_study_cases
 
     real(wp), parameter :: pi = 4.0_wp*atan(1.0_wp)
 
-    !> The cases. The name before the last underscore says which scene, see `build_case`.
+    !> The cases. The name before the last underscore selects the scene, see `build_case`.
     type(entry_type), parameter :: entries(64) = [ &
         entry_type('motorcycle_1', 'stiff', 1.0_wp), &
         entry_type('motorcycle_1e2', 'stiff', 1.0e2_wp), &
@@ -412,7 +412,7 @@ contains
         end if
     end subroutine build_spring
 
-    !> A pendulum (x, y, stretch) on a spring so many times as fast as it is, half critically damped. It starts at rest from 1 rad
+    !> A pendulum (x, y, stretch) on a spring faster than it by a given factor, half critically damped. It starts at rest from 1 rad
     !> with the spring in balance, and moves as slowly as a rigid one.
     subroutine build_slow(subject, ratio)
         type(case_type), intent(inout) :: subject
@@ -512,7 +512,7 @@ contains
         ! The light mass turns rounding of a force of 1 N into 1e-4 m/s^2.
         subject%judges = [character(len=16) :: 'sdirk54', 'dopri5']
         subject%judges_rtol = [1.0e-9_wp, 1.0e-8_wp]
-        ! Without a mass there is no motion, and the run must be refused.
+        ! Without a mass the motion is undefined, and the run must be refused.
         subject%is_at_rest = .not. mass > 0.0_wp
     end subroutine build_light
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Lines of comma-separated values as RFC 4180 has them: quotes around what needs them, doubled within.
+!> Lines of comma-separated values after RFC 4180: quotes around cells that need them, doubled within.
 module tandem_io_study_csv
     implicit none (type, external)
     private

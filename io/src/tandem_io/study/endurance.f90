@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Watches a long run: whether constraint errors grow from its first tenth to its last, and whether memory does.
+!> Observes a long run: growth of constraint errors from its first tenth to its last, and growth of memory.
 module tandem_io_study_endurance
     use tandem, only: at_start, at_step, error_type, long, observer_type, simulation_type, wp
     use tandem_io_study_memory, only: resident_pages
@@ -48,7 +48,7 @@ contains
         if (simulation%state%t >= self%t_end) self%pages_last = resident_pages()
     end subroutine observe
 
-    !> How much larger the constraint errors are in the last tenth than in the first: the largest of the three ratios, errors below
+    !> Ratio of the constraint errors in the last tenth to those in the first: the largest of the three ratios, errors below
     !> `noise` taken as that.
     pure real(wp) function growth(self, noise)
         class(endurance_type), intent(in) :: self

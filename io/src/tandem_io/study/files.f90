@@ -102,7 +102,7 @@ contains
         end if
     end subroutine write_whole
 
-    !> Put a file in the place of another, which need not be there.
+    !> Replace a file, which need not exist, by another.
     subroutine replace_file(path, by, error)
         !> The name that is taken, and the file that gets it.
         character(len=*), intent(in) :: path, by
@@ -113,7 +113,7 @@ contains
         end if
     end subroutine replace_file
 
-    !> Remove a file; one that is not there, or cannot be removed, is left so.
+    !> Remove a file; failures are ignored.
     subroutine remove_file(path)
         character(len=*), intent(in) :: path
 

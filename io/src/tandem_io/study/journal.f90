@@ -122,7 +122,7 @@ contains
         self%is_open = .false.
     end subroutine close
 
-    !> Write the table as HDF5: a dataset a column in the group of the study's name, texts as strings.
+    !> Write the table as HDF5: one dataset per column in the group of the study's name, texts as strings.
     subroutine write_hdf5(self, group, about, names, values, error)
         class(journal_type), intent(inout) :: self
         !> Name of the group, such as `precision`.

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Runs of a scene that are measured: the motion at some times, its error against a reference, and what the run costs.
+!> Measured runs of a scene: the motion at some times, its error against a reference, and the cost of the run.
 module tandem_io_study_measure
     use tandem, only: at_end, at_start, change_stepper, error_type, long, observer_type, options_type, set_error, simulation_type, &
         statistics_type, status_name, to_text, wp
@@ -20,13 +20,13 @@ module tandem_io_study_measure
     !> The tightest tolerance of a reference.
     real(wp), parameter :: tightest = 1.0e-15_wp
 
-    !> The observer that takes the motion at given times, by dense output, and watches the clock.
+    !> The observer that records the motion at given times, by dense output, and checks the elapsed time.
     type, extends(observer_type) :: sampler_type
-        !> Times, ascending (k); what was found there (n, k); the total energy (0:k), at the start first.
+        !> Times, ascending (k); states there (n, k); the total energy (0:k), beginning with the start.
         real(wp), allocatable :: t(:), q(:, :), qd(:, :), energy(:)
         !> Times that have passed.
         integer :: taken = 0
-        !> Most seconds that the run may take, and whether it would have taken longer.
+        !> Most seconds that the run may take; true if it would have taken longer.
         real(wp) :: most_seconds = huge(1.0_wp)
         logical :: is_late = .false.
         integer(long), private :: started = 0
@@ -63,8 +63,8 @@ contains
         is_complete = self%status == 'complete'
     end function is_complete
 
-    !> Make a scene ready to be run many times: an assembled start is assembled here, once for all, and an event that would stop
-    !> the runs is refused, since only whole runs compare. Other events do not change the motion and are not watched.
+    !> Prepare a scene for many runs: an assembly is done here, once for all, and events that would stop the runs are refused,
+    !> since only whole runs are comparable. Other events do not change the motion and are ignored.
     subroutine settle_scene(scene, error)
         type(scene_type), intent(inout), target :: scene
         type(error_type), allocatable, intent(out) :: error
@@ -156,9 +156,9 @@ contains
     !> Make a reference at `samples` times, evenly spread: the mean of some solutions of dop853 at its tightest tolerances, accepted
     !> only if a second stepper agrees with it. If one of the two is too slow, as on stiff scenes, SDIRK54 replaces it.
     !>
-    !> At such tolerances rounding decides how wrong a solution is, and a motion that multiplies disturbances multiplies rounding:
-    !> two solutions may lie close together far from the truth. Ten that take other steps show how far rounding goes, and their mean
-    !> is nearer to the truth than the farthest of them is to the mean, but for one case in some thousands.
+    !> At such tolerances rounding determines the error of a solution, and a motion that amplifies disturbances amplifies rounding:
+    !> two solutions may be close to each other but far from the truth. Ten with different steps show the effect of rounding, and
+    !> their mean is nearer to the truth than the farthest of them is to the mean, except in one case of some thousands.
     subroutine make_reference(scene, samples, most_seconds, reference, error)
         type(scene_type), intent(inout), target :: scene
         integer, intent(in) :: samples
@@ -206,7 +206,7 @@ contains
             'give a reference by --reference, or a shorter time.end')
     end subroutine make_reference
 
-    !> One solution. Near the tightest tolerance the position iteration goes as far as it can, too.
+    !> One solution. Near the tightest tolerance the position iteration converges as far as possible, too.
     subroutine solve(scene, stepper, rtol, samples, most_seconds, sampler, problem)
         type(scene_type), intent(inout), target :: scene
         character(len=*), intent(in) :: stepper
@@ -228,8 +228,8 @@ contains
         if (.not. allocated(problem)) call simulation%integrate(scene%t_end, problem, sampler)
     end subroutine solve
 
-    !> Make a reference of a solution and of others with tolerances up to twice as large: they take other steps, and round
-    !> otherwise.
+    !> Make a reference of a solution and of others with tolerances up to twice as large: their steps and rounding
+    !> errors differ.
     subroutine take_mean(scene, stepper, rtol, most_seconds, first, reference)
         type(scene_type), intent(inout), target :: scene
         character(len=*), intent(in) :: stepper
@@ -313,7 +313,7 @@ contains
         if (self%unwatched >= steps_unwatched) call self%watch(error)
     end subroutine observe
 
-    !> Keep the state, and the energy as far as the model has it.
+    !> Store the state, and the energy if the model has it.
     subroutine take(self, simulation, error)
         class(sampler_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation

@@ -239,7 +239,7 @@ contains
         error = abs(product_of(point, other))*sum(point%error/abs(point%values), mask=point%cause == of_motion)
     end function error_of_product
 
-    !> The slope of what is followed, as long as the bracket is so wide that rounding does not matter.
+    !> The slope of the followed function, while the bracket is so wide that rounding is negligible.
     pure subroutine take_slope(bracket, whole, slope)
         type(bracket_type), intent(in) :: bracket
         !> The width of the bracket at the start.
@@ -252,7 +252,7 @@ contains
     end subroutine take_slope
 
     !> Near its zero an eigenvalue counts among the zeros. So the value is interpolated between four points beside it, as a cubic
-    !> function of the product; what a quadratic one differs by is its uncertainty.
+    !> function of the product; its difference from a quadratic interpolation is the uncertainty.
     subroutine interpolate(self, x, bracket, other, found, error)
         class(modes_type), intent(in) :: self
         !> A value at which it does.
@@ -447,7 +447,7 @@ contains
         if (any(grows)) fastest_pair = maxloc(real(point%values, wp), dim=1, mask=grows)
     end function fastest_pair
 
-    !> The two eigenvalues above the real axis that are nearest to a place, which becomes their middle, and the square of half their
+    !> The two eigenvalues above the real axis nearest to `centre`, which becomes their middle, and the square of half their
     !> difference: below zero for two on the imaginary axis, above it for two beside it.
     pure subroutine look_at_two(point, centre, square, rounding)
         type(locus_point_type), intent(in) :: point

@@ -66,13 +66,13 @@ module tandem_io_study_paper
         run_type('motorcycle', 'sdirk54', 'text', 1e-3_wp, 1e-7_wp, 1e-6_wp, 0, 8, 6, .true.), &
         run_type('motorcycle_chopper', 'sdirk54', 'text', 1e-3_wp, 1e-7_wp, 1e-6_wp, 0, 0, 6, .true.)]
 
-    !> The observer that takes the paper's figures: constraint errors in the units of their rows, and the energy.
+    !> The observer that records the paper's quantities: constraint errors in the units of their rows, and the energy.
     type, extends(observer_type) :: figures_type
         !> Largest errors of position, velocity and acceleration over all steps, max-norms.
         real(wp) :: errors(3) = 0.0_wp
-        !> Largest change of the energy, as a part of that at the start.
+        !> Largest change of the energy, relative to the energy at the start.
         real(wp) :: energy_change = 0.0_wp
-        !> A model of its own to evaluate, so that the run's is left alone.
+        !> Separate model for evaluations, so that the model of the run is unaffected.
         class(model_type), allocatable :: twin
         type(evaluator_type), private :: evaluator
         type(counts_type), private :: counts

@@ -88,7 +88,7 @@ module tandem_io_study_precision
 
 contains
 
-    !> Begin with a scene, whose reference and journal are there.
+    !> Begin with a scene, whose reference and journal exist.
     subroutine start(self, scene, steppers)
         class(precision_type), intent(inout) :: self
         !> It must outlive the study.

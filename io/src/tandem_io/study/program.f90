@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Which program makes a study's rows: another build may count, time and round otherwise, and its rows do not belong beside them.
+!> Identification of the program that makes a study's rows: rows of other builds may differ in counts, times and rounding.
 module tandem_io_study_program
     use tandem, only: long
     use tandem_io_scene_shipped, only: program_path

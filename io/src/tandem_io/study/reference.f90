@@ -89,7 +89,7 @@ contains
         reference%qd = reference%qd(:, kept)
     end subroutine keep
 
-    !> Which of `total` rows stay if at most `most` may, the last one among them.
+    !> Selection of at most `most` of `total` rows, the last one included.
     pure function spread_evenly(total, most) result(which)
         integer, intent(in) :: total, most
         logical :: which(total)
@@ -123,8 +123,8 @@ contains
         reference%t = t(1, :)
     end subroutine read_result
 
-    !> From a text table: comments, a line with the numbers of rows, coordinates and multipliers, then a row a time: t, q, qd and
-    !> further columns. A comment `agreement: Q QD` gives the accuracy of the values.
+    !> From a text table: comments, a line with the numbers of rows, coordinates and multipliers, then one row per time: t, q, qd
+    !> and further columns. A comment `agreement: Q QD` gives the accuracy of the values.
     subroutine read_table(path, reference, error)
         character(len=*), intent(in) :: path
         type(reference_type), intent(inout) :: reference

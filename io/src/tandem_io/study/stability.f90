@@ -235,15 +235,15 @@ contains
         call self%journal%append(cells, error)
     end subroutine measure
 
-    !> A case in other units must be the same run as in metres, but for rounding and its growth: the same steps, the same motion.
+    !> A case in other units must give the same run as in metres, except for rounding and its growth: equal steps, equal motion.
     subroutine compare_units(self, options, trial, error)
         class(stability_type), intent(inout) :: self
         type(options_type), intent(in) :: options
         type(trial_type), intent(inout) :: trial
         type(error_type), allocatable, intent(out) :: error
-        !> How far the motions may differ: 1e-10, or ten times what rounding makes of the two references where the motion amplifies
-        !> it. Under error control rounding also moves the steps: the estimate of a first, careful step is 1e-13, of which rounding
-        !> is a hundredth, and where a step ends decides about its error to that part.
+        !> Largest difference of the motions: 1e-10, or ten times the effect of rounding on the two references if the motion
+        !> amplifies it. Under error control rounding also changes the steps: the estimate of a first, careful step is 1e-13, of
+        !> which rounding is a hundredth, and the end of a step changes its error by that part.
         real(wp), parameter :: most = 1.0e-10_wp, times = 10.0_wp, part = 0.02_wp
         type(case_type), target :: twin
         type(trial_type) :: in_metres

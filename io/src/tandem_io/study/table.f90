@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> A table of results: named columns of texts, counts or numbers, one row a run, and its layout on a terminal.
+!> A table of results: named columns of texts, counts or numbers, one row per run, and its layout on a terminal.
 !>
-!> Cells are kept as text in full precision, as the CSV file holds them, so that what is read back equals what was written.
+!> Cells are stored as text in full precision, as in the CSV file, so that values read back equal the written ones.
 module tandem_io_study_table
     use tandem, only: long, to_text, wp
     use tandem_io_scene_text, only: to_toml
@@ -184,7 +184,7 @@ contains
         text = trim(text)
     end function line
 
-    !> How wide a column is on the terminal: as its heading and its widest cell.
+    !> Width of a column on the terminal: the larger of its heading and its widest cell.
     pure integer function width(self, column)
         class(table_type), intent(in) :: self
         integer, intent(in) :: column

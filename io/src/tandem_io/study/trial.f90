@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> A case of the study of stability run with one stepper, as a user would run it, and what to think of the result.
+!> A case of the study of stability run with one stepper, as a user would run it, and its verdict.
 !>
 !> Errors are the largest over the sample times of |y - y_ref| / (s + |y_ref|), y the coordinates and velocities, s the coordinate
 !> scales: the scale on which runs are warned of.
@@ -23,7 +23,7 @@ module tandem_io_study_trial
     character(len=8), parameter :: held = 'held', degraded = 'degraded', refused = 'refused', failed = 'failed', wrong = 'wrong'
     !> Times at which a run is compared.
     integer, parameter :: samples = 20
-    !> Energy that an endless run may gain or lose, a part of that at the start.
+    !> Energy that an endless run may gain or lose, relative to the energy at the start.
     real(wp), parameter :: most_energy = 1.0e-3_wp
     !> Constraint errors below this do not count as growth: the position iteration may leave a hundredth of the tolerance, 1e-14, on
     !> natural scales that have changed slightly by the time of the measurement.
@@ -66,7 +66,7 @@ contains
         type(truth_type), intent(out) :: truth
         !> The two solutions do not agree well enough to judge by.
         type(error_type), allocatable, intent(out) :: error
-        !> They must agree to this part of what is allowed of the best runs.
+        !> The two solutions must agree to this part of the error allowed for the best runs.
         real(wp), parameter :: part = 0.1_wp
         type(options_type) :: options
         type(simulation_type) :: simulation
