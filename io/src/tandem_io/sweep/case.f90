@@ -105,10 +105,10 @@ contains
                 self%last = self%numbers
                 call interpret_scene(plan%scene_path, self%models, self%reader, scene, error)
             end if
-            ! Once more from its text: for the message, which is to show the value, and for the complete scene of a trajectory.
+            ! Read again from its text: for the message, which shows the value, and for the complete scene of a trajectory.
             if (allocated(error) .or. plan%folder /= '') then
                 call read_scene(plan%scene_path, settings_of_case(plan, case), scene, same, models=self%models)
-                ! This reading decides: what was changed in the first one may have the kind of an earlier value.
+                ! This reading decides: values changed in the first one may have the kind of an earlier value.
                 call move_alloc(same, error)
             end if
             if (plan%max_seconds > 0.0_wp) then
@@ -173,7 +173,7 @@ contains
             call observers%add(trajectory)
             call simulation%integrate(scene%t_end, error, observers)
             call trajectory%close(simulation, error, output_error)
-            ! On the disk before the case counts as done, so that after a loss of power what is done has its file.
+            ! On the disk before the case counts as done, so that after a loss of power every finished case has its file.
             if (.not. allocated(output_error)) call sync_file(scene%output%file, output_error)
             if (.not. allocated(output_error)) call sync_folder_of(scene%output%file, output_error)
             if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)

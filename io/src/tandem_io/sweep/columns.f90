@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Reads a file of cases: comma-separated values, keys in the first line, then a line a case.
+!> Reads a file of cases: comma-separated values, keys in the first line, then one line per case.
 module tandem_io_sweep_columns
     use tandem, only: atom_type, is_number, is_text, is_truth, long, to_text
     use tandem_io_study_csv, only: split_csv_line

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Brings files to the disk, so that they are there after a loss of power too. The work is done in disk.c.
+!> Synchronises files with the disk, so that they survive a loss of power. The work is done in disk.c.
 module tandem_io_sweep_disk
     use tandem, only: error_type, set_error, status_output_failed
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
@@ -23,7 +23,7 @@ module tandem_io_sweep_disk
             integer(c_int) :: stat
         end function c_sync_folder_of
 
-        !> Sync a file by the number that the system has for it; 0 on success.
+        !> Sync a file given by its descriptor; 0 on success.
         function sync_open(file) result(stat) bind(c, name='tandem_disk_sync_open')
             import :: c_int
             implicit none (type, external)

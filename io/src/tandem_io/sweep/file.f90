@@ -39,7 +39,7 @@ contains
         type(reader_type) :: reader, base
         type(scene_type) :: scene
 
-        ! Once: of a pipe nothing is left then, and a file may change.
+        ! Read once: a pipe is empty afterwards, and a file may change.
         call read_text(path, 'sweep', plan%text, error)
         if (allocated(error)) return
         call reader%open_sources(path, [character(len=1) ::], plan%text, 'sweep')

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Reads what varies in a sweep: the tables [[vary]] and the file of cases; and finds whether the scene takes it.
+!> Reads the inputs of a sweep: the tables [[vary]] and the file of cases; and checks that the scene accepts them.
 module tandem_io_sweep_inputs
     use tandem, only: atom_type, error_type, to_text, value_type, wp
     use tandem_io_scene, only: read_scene, scene_type
@@ -303,7 +303,7 @@ contains
                     call refuse_input(reader, plan, i, 'gives '//input%path//' a second time')
                     return
                 end if
-                ! Any other key that is not there is refused by the scene; a parameter more would change nothing.
+                ! The scene refuses any other unknown key; an additional parameter would have no effect.
                 if (known == '' .and. index(input%path, 'parameters.') == 1) then
                     call refuse_input(reader, plan, i, 'is no parameter of the scene: '//input%path)
                     return
@@ -328,7 +328,7 @@ contains
         call plan%complete()
     end subroutine make_carriers
 
-    !> Give a carrier its text, which may be longer than all others; one behind the last is added.
+    !> Set the text of a carrier, which may be longer than all others; a carrier behind the last one is added.
     subroutine put_carrier(plan, i, text)
         type(plan_type), intent(inout) :: plan
         integer, intent(in) :: i

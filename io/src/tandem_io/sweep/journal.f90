@@ -22,7 +22,7 @@ module tandem_io_sweep_journal
     integer, parameter :: bytes_a_word = 8
     !> Words that wait at most.
     integer, parameter :: most_waiting = 65536
-    !> Seconds between two times at which it is brought to the disk.
+    !> Seconds between two synchronisations with the disk.
     integer(long), parameter :: seconds_unsynced = 10
 
     !> Cases whose places are kept together.
@@ -45,7 +45,7 @@ module tandem_io_sweep_journal
         integer(c_int64_t), allocatable, private :: waiting(:)
         integer(c_int), private :: file = -1
         integer, private :: outputs = 0
-        !> When it was last brought to the disk, and whether something was written since.
+        !> Time of the last synchronisation with the disk; true if something was written since.
         integer(long), private :: synced = 0
         logical, private :: is_unsynced = .false.
         !> One record.
@@ -233,7 +233,7 @@ contains
         got = c_read(self%file, found, size(found, kind=c_int64_t), 0_c_int64_t)
         is_ours = got == size(head)
         if (is_ours) is_ours = all(found == head)
-        ! An empty one, and one whose head was cut, hold nothing that could be lost.
+        ! An empty file, and one whose head was cut, hold no records that could be lost.
         is_something = c_size(self%file, -1_c_int64_t) > 0
         if (got < size(head) .and. found(1) == head(1)) is_something = .false.
         ! So does what a loss of power left without its beginning.
@@ -305,7 +305,7 @@ contains
         if (record%status /= 0) self%failed = self%failed + 1
     end subroutine append
 
-    !> Bring the records to the system, which keeps them whatever becomes of the program.
+    !> Pass the records to the system, which keeps them at any end of the program.
     subroutine flush_journal(self, error)
         class(sweep_journal_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
@@ -349,7 +349,7 @@ contains
         if (.not. is_whole) call self%say_problem('read', error)
     end subroutine read_record
 
-    !> Take over the records of another journal that are not here.
+    !> Take over the records of another journal that are missing here.
     subroutine take_from(self, path, settings, is_ours, error)
         class(sweep_journal_type), intent(inout) :: self
         character(len=*), intent(in) :: path, settings

@@ -137,7 +137,7 @@ contains
             to_toml(scene%t_start))
     end subroutine read_times
 
-    !> The name of a column: the quantity and what is taken of it.
+    !> The name of a column: the quantity and the value taken of it.
     pure function default_name(kept) result(name)
         type(kept_type), intent(in) :: kept
         character(len=len(kept%name)) :: name

@@ -71,7 +71,7 @@ module tandem_io_sweep_plan
         character(len=:), allocatable :: scene_text
         type(input_type), allocatable :: inputs(:)
         type(kept_type), allocatable :: kept(:)
-        !> Draws at each place of the grid, how they fill their space, and the seed.
+        !> Draws at each point of the grid, the method by which they fill their space, and the seed.
         integer :: draws = 1, points = random_points, seed = 1
         !> True if Sobol' points are shifted at random; true if lists run side by side.
         logical :: is_shifted = .true., is_side_by_side = .false.
@@ -83,7 +83,7 @@ module tandem_io_sweep_plan
         character(len=:), allocatable :: folder
         !> The checksum of the file of cases; blank if there is none.
         character(len=16) :: file_sum = ''
-        !> Rows of the file of cases, places of the grid, draws at each of them.
+        !> Rows of the file of cases, points of the grid, draws at each of them.
         integer(long) :: n_rows = 1, n_places = 1, n_draws = 1
         integer :: n_drawn = 0
         type(sobol_type), private :: sobol
@@ -224,7 +224,7 @@ contains
         end do
     end function n_outputs
 
-    !> The inputs of a case as numbers; of a list of texts, their places in it.
+    !> The inputs of a case as numbers; for a list of texts, indices in it.
     pure subroutine numbers_of(self, case, numbers)
         class(plan_type), intent(in) :: self
         !> From 1 to `n_cases`.

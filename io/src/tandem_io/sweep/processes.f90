@@ -134,7 +134,7 @@ contains
         count_workers = size(self%workers)
     end function count_workers
 
-    !> Start a worker. In the worker itself this does not come back.
+    !> Start a worker. In the worker itself this does not return.
     subroutine start(self, worker, error)
         class(processes_type), intent(inout) :: self
         integer, intent(in) :: worker

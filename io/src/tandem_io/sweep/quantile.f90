@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The normal distribution's inverse, by which even numbers become normal ones.
+!> The inverse normal distribution, which converts uniform numbers to normal ones.
 module tandem_io_sweep_quantile
     use tandem, only: wp
     implicit none (type, external)

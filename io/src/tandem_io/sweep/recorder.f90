@@ -58,7 +58,7 @@ contains
         self%looks_between = any(kept%take == take_times)
     end subroutine initialize
 
-    !> Find what is kept in the scene of a case, whose model may have another shape than the one before.
+    !> Find the kept quantities in the scene of a case, whose model may differ in shape from the previous one.
     subroutine resolve(self, scene, error)
         class(recorder_type), intent(inout) :: self
         type(scene_type), intent(in) :: scene

@@ -18,7 +18,7 @@ module tandem_io_sweep_schedule
     !> Seconds that a range should last at least, and milliseconds that this process waits for the next record.
     real(wp), parameter :: shortest = 0.1_wp
     integer, parameter :: patience = 200
-    !> Milliseconds that it sleeps at most while cases are short, and how many of them a worker may do meanwhile.
+    !> Most milliseconds that it sleeps while cases are short, and number of cases that a worker may do meanwhile.
     integer, parameter :: longest_sleep = 20, unseen = 100
     integer(long), parameter :: most = 20000
 
@@ -36,7 +36,7 @@ module tandem_io_sweep_schedule
             implicit none (type, external)
             class(watcher_type), intent(inout) :: self
             type(sweep_journal_type), intent(in) :: journal
-            !> How many workers there are; the seconds that they have worked together.
+            !> Number of workers; the seconds that they have worked in total.
             integer, intent(in) :: workers
             real(wp), intent(in) :: busy
         end subroutine tell_interface
@@ -52,10 +52,10 @@ module tandem_io_sweep_schedule
     !> Work assigned to a worker.
     type :: duty_type
         logical :: is_there = .false.
-        !> The ranges that it has, the first `n` of two, of which the first begins with the case that is next.
+        !> Its ranges, the first `n` of two; the first range begins with the next case.
         integer(long) :: ranges(2, 2) = 0
         integer :: n = 0
-        !> When it was last heard of.
+        !> Time of its last event.
         integer(long) :: since = 0
     end type duty_type
 
@@ -70,7 +70,7 @@ module tandem_io_sweep_schedule
         !> Seconds and number of the cases that were run.
         real(wp) :: busy = 0.0_wp
         integer(long) :: cases = 0
-        !> Seconds after which a worker that has not been heard of is ended, 0 for never.
+        !> Seconds without an event after which a worker is ended, 0 for never.
         real(wp) :: limit = 0.0_wp
         !> Seconds that a range should last.
         real(wp) :: lasting = shortest
@@ -96,7 +96,7 @@ contains
         allocate (schedule%duties(team%size()), schedule%left(2, 0), schedule%suspects(0))
         allocate (record%values(outputs))
         schedule%next = journal%first
-        ! A case that minds its limit ends in time; one that does not is given as long again.
+        ! A case that respects its limit ends in time; others get twice the time.
         if (max_seconds > 0.0_wp) schedule%limit = 2*max_seconds + 5.0_wp + 2*team%delay()
         schedule%lasting = max(shortest, 4*team%delay())
         do
@@ -126,7 +126,7 @@ contains
         call team%dismiss()
     end subroutine distribute
 
-    !> Start workers and give them cases, as long as there are some.
+    !> Start workers and give them cases, as long as there are any.
     subroutine give_cases(schedule, journal, team, error)
         type(schedule_type), intent(inout) :: schedule
         type(sweep_journal_type), intent(inout) :: journal
@@ -205,7 +205,7 @@ contains
                 schedule%busy = schedule%busy + record%seconds
                 schedule%cases = schedule%cases + 1
                 call journal%append(record, error)
-                ! The last words of a worker that was ended may come after it has begun anew.
+                ! The last records of a worker that was ended may arrive after its restart.
                 if (duty%n > 0 .and. duty%ranges(1, 1) == record%case) call pass_case(duty)
                 return
             end if

@@ -142,7 +142,7 @@ contains
         end do
     end subroutine sensitivities
 
-    !> The estimators over some blocks. The mean is taken off first, which does not change them and keeps them from noise.
+    !> The estimators over some blocks. The mean is subtracted first, which leaves them unchanged but reduces their noise.
     pure subroutine estimate(whole, chosen, first, total)
         real(wp), intent(in) :: whole(:, :)
         integer, intent(in) :: chosen(:)

@@ -89,7 +89,7 @@ contains
         if (stat == 0) flush (unit, iostat=stat)
         if (unit_stat == 0) close (unit, iostat=unit_stat)
         if (stat == 0) stat = unit_stat
-        ! Both are on the disk before either takes a name, and their names before the caller removes the journal.
+        ! Both files are on the disk before either is renamed, and their names before the caller removes the journal.
         if (.not. (allocated(error) .or. allocated(file%problem)) .and. stat == 0) then
             call sync_file(csv//'.new', error)
             if (.not. allocated(error)) call sync_file(path//'.new', error)
@@ -241,7 +241,7 @@ contains
         type(plan_type), intent(in) :: plan
         type(sweep_journal_type), intent(inout) :: journal
         type(columns_type), intent(inout) :: columns
-        !> That of the comma-separated values, and whether it could be written.
+        !> Unit of the comma-separated values, and status of the writing.
         integer, intent(in) :: unit
         integer, intent(out) :: stat
         type(error_type), allocatable, intent(out) :: error
