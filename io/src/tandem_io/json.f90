@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Writes JSON (RFC 8259): one object, member by member. Numbers have the digits that give them back exactly; what is not finite,
-!> which JSON has no word for, is null.
+!> Writes JSON (RFC 8259): one object, member by member. Numbers are written with the digits that reproduce them
+!> exactly; numbers that are not finite, which JSON does not have, are null.
 module tandem_io_json
     use tandem, only: long, wp
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite

@@ -30,7 +30,7 @@ module tandem_io_scene
     type :: scene_type
         !> The scene's name, which may be a file's.
         character(len=:), allocatable :: name
-        !> One line on what it is, and with which others it is listed.
+        !> One line of description, and the group in which the scene is listed.
         character(len=:), allocatable :: description, list_group
         !> The name of its model.
         character(len=key_length) :: model_name = ''
@@ -106,7 +106,7 @@ contains
         end do
     end function brought_by
 
-    !> From open sources to a scene. A reader that is brief leaves out the text of the scene.
+    !> Convert open sources to a scene. A brief reader omits the text of the scene.
     subroutine interpret_scene(path, models, reader, scene, error)
         !> Path of the file, from which the scene has its name, and for messages.
         character(len=*), intent(in) :: path
@@ -185,7 +185,7 @@ contains
         call reader%get('group', scene%list_group, 'of scenes, under which tandem list shows it')
     end subroutine read_names
 
-    !> [initial], which the model's builder has begun: the model's own keys, or q and qd in their stead.
+    !> [initial], which the model's builder has begun: the model's own keys, or q and qd instead.
     subroutine read_start(reader, scene)
         type(reader_type), intent(inout) :: reader
         type(scene_type), intent(inout) :: scene
@@ -246,7 +246,7 @@ contains
         call reader%close_table()
     end subroutine read_time
 
-    !> Refuse a step or an interval of which no run could make as many as reach the end.
+    !> Refuse a step or an interval so small that no run could reach the end.
     subroutine check_work(reader, table, key, h, scene)
         type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: table, key
