@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Converts parsed TOML values to Fortran. On failure, each procedure returns the reason in `problem` and leaves the value as it was.
+!> Converts parsed TOML values to Fortran. On failure, each procedure returns the reason in `problem` and keeps the value.
 module tandem_io_scene_values
     use tandem, only: wp
     use tandem_io_scene_source, only: source_type
