@@ -39,7 +39,7 @@ module tandem_analysis_linearisation
     type :: linearisation_type
         !> One of the three above.
         integer :: kind = at_an_instant
-        !> Dimensions: n - nh of v, n - m of w, redundant rows not counted.
+        !> Dimensions are n - nh of v, n - m of w, redundant rows not counted.
         integer :: nv = 0, nw = 0
         !> The point (n) and its accelerations.
         real(wp) :: t = 0.0_wp

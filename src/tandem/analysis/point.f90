@@ -22,7 +22,7 @@ module tandem_analysis_point
     public :: point_type
 
     type :: point_type
-        !> Sizes: coordinates, rows of Phi, rows of C, and the dimensions of null(Phi_q) and of null(C).
+        !> Numbers of coordinates, rows of Phi, rows of C, and the dimensions of null(Phi_q) and of null(C).
         integer :: n = 0, nh = 0, m = 0, nv = 0, nw = 0
         real(wp) :: t = 0.0_wp
         !> The point in the model's own coordinates (n), and the multipliers of least norm (m).

@@ -19,7 +19,7 @@ module tandem_mechanism_coordinate
     public :: coordinate_type, begin_turns, count_turns, end_search, measure, measure_apart, differentiate_coordinate, find_slope
     public :: pi, is_way, is_distance, is_angle, is_tilt
 
-    !> Kinds: displacement (one.d, m); distance (m); angle (rad) with the cosine `one` and the sine `other`, in the plane the
+    !> The kinds are displacement (one.d, m); distance (m); angle (rad) with the cosine `one` and the sine `other`, in the plane the
     !> difference of two angles; small angle (one - other)/2, the sine of the angle about the third axis if that axis is common.
     integer, parameter :: is_way = 1, is_distance = 2, is_angle = 3, is_tilt = 4
 

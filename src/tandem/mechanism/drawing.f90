@@ -66,9 +66,9 @@ module tandem_mechanism_drawing
             class(function_type), intent(in), optional :: motion
             !> True if its sides may be apart in the reference configuration; they coincide after the start has been assembled.
             logical, intent(in), optional :: open
-            !> Screw: displacement of the second body along the axis per turn (m), negative for a left-hand thread.
+            !> Of a screw: displacement of the second body along the axis per turn (m), negative for a left-hand thread.
             real(wp), intent(in), optional :: pitch
-            !> Primitive: 0 (free), 1 (constrained at position level) or 2 (at velocity level) for the displacements along x1, y1,
+            !> Of a primitive: 0 (free), 1 (held at position level) or 2 (at velocity level) for the displacements along x1, y1,
             !> z1 and the rotations about x, y, z (in the plane x1, y1 and the angle). Level 2 constrains the velocity of the point
             !> of the second body, or its angular velocity, relative to the first body, along an axis of the second.
             integer, intent(in), optional :: hold(:)
@@ -220,7 +220,7 @@ module tandem_mechanism_drawing
             !> Lateral direction, along the axle, in the world frame of the reference configuration; it is fixed to the body.
             real(wp), intent(in) :: across(:)
             type(error_type), allocatable, intent(out) :: error
-            !> Steering: the angle (rad) by which `across` rotates relative to the body, and in space the axis of this rotation,
+            !> Steering by the angle (rad) by which `across` rotates relative to the body, and in space the axis of this rotation,
             !> perpendicular to `across`, in the world frame of the reference configuration.
             class(function_type), intent(in), optional :: steer
             real(wp), intent(in), optional :: about(:)
@@ -236,7 +236,7 @@ module tandem_mechanism_drawing
             !> Radius (m), and axis of the disk in the world frame of the reference configuration.
             real(wp), intent(in) :: radius, axis(:)
             type(error_type), allocatable, intent(out) :: error
-            !> Plane: its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0).
+            !> Plane by its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0).
             real(wp), intent(in), optional :: normal(:), height
             !> True if the disk may be off the plane in the reference configuration.
             logical, intent(in), optional :: open
@@ -256,7 +256,7 @@ module tandem_mechanism_drawing
             character(len=*), intent(in) :: name, centre
             real(wp), intent(in) :: radius
             type(error_type), allocatable, intent(out) :: error
-            !> Plane: its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0).
+            !> Plane by its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0).
             real(wp), intent(in), optional :: normal(:), height
             !> True if the sphere may be off the plane in the reference configuration.
             logical, intent(in), optional :: open
@@ -280,11 +280,11 @@ module tandem_mechanism_drawing
             type(error_type), allocatable, intent(out) :: error
             !> Direction of sliding in the world frame of the reference configuration; a wheel without it does not slide.
             real(wp), intent(in), optional :: along(:)
-            !> Steering: the angle (rad) by which the axle rotates relative to the body, and the axis of this rotation in the world
+            !> Steering by the angle (rad) that the axle rotates relative to the body, and the axis of this rotation in the world
             !> frame of the reference configuration, by default the direction of sliding.
             class(function_type), intent(in), optional :: steer
             real(wp), intent(in), optional :: about(:)
-            !> Plane: its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0);
+            !> Plane by its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0);
             !> true if the wheel may be off the plane in the reference configuration; rise of the plane (m).
             real(wp), intent(in), optional :: normal(:), height
             logical, intent(in), optional :: open
@@ -387,7 +387,7 @@ module tandem_mechanism_drawing
             !> Along the axes of the body (m).
             real(wp), intent(in) :: semi_axes(3)
             type(error_type), allocatable, intent(out) :: error
-            !> Plane: its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0).
+            !> Plane by its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0).
             real(wp), intent(in), optional :: normal(:), height
             !> True if the ellipsoid may be off the plane in the reference configuration.
             logical, intent(in), optional :: open

@@ -43,7 +43,7 @@ module tandem_mechanism_rolling
         integer :: body = 0
         !> Row of the height, and first of the two rows without slip.
         integer :: height_row = 0, row = 0
-        !> Disk: radius of the middle line of the rim, and of the section of the rim; ellipsoid: squares of the semi-axes.
+        !> Of a disk: radius of the middle line of the rim, and of the section of the rim; ellipsoid: squares of the semi-axes.
         real(wp) :: radius = 1.0_wp, crown = 0.0_wp, squares(3) = 1.0_wp
         logical :: is_ellipsoid = .false.
         !> Centre and unit axis in the frame of the body.

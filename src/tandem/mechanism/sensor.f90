@@ -34,7 +34,7 @@ module tandem_mechanism_sensor
         integer :: kind = 0
         !> Bodies and points; a single point is the first one.
         type(span_type) :: span
-        !> Joint: true if it has a displacement; true if it has a rotation; copies of its coordinates.
+        !> Of a joint: true if it has a displacement; true if it has a rotation; copies of its coordinates.
         logical :: slides = .false., turns = .false.
         type(coordinate_type) :: way, turn
         !> True if both bodies move in the plane, so that their angles include full turns.
@@ -48,7 +48,7 @@ module tandem_mechanism_sensor
         character(len=16) :: group = 'sensors'
         !> Element of the reaction or force, and its index in the list of its type; for a body its index.
         integer :: of = 0, number = 0
-        !> Reaction: rows of C, true if a function of time drives one of them, true if events lock and free it, and unit of a
+        !> Of a reaction: rows of C, true if a function of time drives one of them, true if events lock and free it, and unit of a
         !> multiplier.
         integer :: n_rows = 0, rows(most_rows) = 0
         logical :: is_driven = .false., can_be_freed = .false.
@@ -57,7 +57,7 @@ module tandem_mechanism_sensor
         logical :: is_pressed = .false.
         !> Names of the two bodies.
         character(len=label_length) :: between(2) = ''
-        !> Balance: true once the energy at the start is set; this energy.
+        !> Of the balance: true once the energy at the start is set; this energy.
         logical :: has_begun = .false.
         real(wp) :: first_energy = 0.0_wp
     end type sensor_type

@@ -23,7 +23,7 @@ module tandem_model_consistency
     !> Length of the report of a contradiction.
     integer, parameter :: contradiction_length = 320
 
-    !> Comparisons: Phi_q qd with differences of Phi at a fixed time, C qd - nu with those along the motion, gamma with those of C
+    !> Comparisons of Phi_q qd with differences of Phi at a fixed time, C qd - nu with those along the motion, gamma with those of C
     !> qd - nu. Each is examined only if the preceding ones agree.
     integer, parameter :: of_jacobian = 1, of_nu = 2, of_gamma = 3, n_kinds = 3
 

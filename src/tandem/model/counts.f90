@@ -15,7 +15,7 @@ module tandem_model_counts
         integer(long) :: right_hand_sides = 0
         !> Corrections of u (17), of B (20) and of H (29).
         integer(long) :: position_corrections = 0, b_corrections = 0, h_corrections = 0
-        !> Factorisations: of Phi_q U, of C, of D' M D, and QR or SVD for bases.
+        !> Numbers of factorisations: of Phi_q U, of C, of D' M D, and QR or SVD for bases.
         integer(long) :: position_factorizations = 0, constraint_factorizations = 0, mass_factorizations = 0
         integer(long) :: basis_factorizations = 0
         !> Evaluations of each term of the model, see `term_name`; calls of the fused procedure.

@@ -36,7 +36,7 @@ module tandem_simulate_assembly
         real(wp) :: tolerance = 1.0e-12_wp
         !> Largest number of trial positions.
         integer :: iteration_limit = 200
-        !> Found: the changes of q and qd (n).
+        !> Results are the changes of q and qd (n).
         real(wp), allocatable :: moved_q(:), moved_qd(:)
         !> The row of C that moved q most and the one that moved qd most in the norms of the weights, 0 if nothing moved.
         integer :: row_q = 0, row_qd = 0

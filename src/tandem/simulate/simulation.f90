@@ -379,7 +379,7 @@ module tandem_simulation
             implicit none (type, external)
             class(simulation_type), intent(inout) :: self
             integer(long), intent(in) :: words(:)
-            !> invalid_checkpoint: foreign, newer, damaged, or of another model or other options. Initialize again after an error.
+            !> The error of a foreign, newer or damaged pack, or one of another model or options. Initialize again after an error.
             type(error_type), allocatable, intent(out) :: error
         end subroutine restore_state
 
