@@ -43,6 +43,9 @@ module tandem_simulate_local_error
         logical, private :: counts_imposed = .false.
         real(wp), private :: last_imposed = 0.0_wp, imposed_step = 0.0_wp
         integer, private :: in_vain = 0
+        !> The end of that try, and true while it belongs to an earlier step.
+        real(wp), private :: imposed_end = -huge(1.0_wp)
+        logical, private :: is_of_earlier_step = .false.
     contains
         procedure :: initialize, set_weights, add, take_back, extend, restart, pack_state
         procedure :: gap, jump, allow_gap, begin_step, find_gap, is_missed, largest_part, largest_parts, add_turn, size_of_window
@@ -260,11 +263,15 @@ contains
         self%last_gap = huge(1.0_wp)
     end subroutine allow_gap
 
-    !> Begin the first try of a step.
-    pure subroutine begin_step(self)
+    !> Begin the first try of a step from a time on. Steps that end before a jump, and so approach it, must not forget the tries
+    !> that crossed it: the approach would have no end.
+    pure subroutine begin_step(self, t)
         class(local_error_type), intent(inout) :: self
+        real(wp), intent(in) :: t
 
         self%last_gap = huge(1.0_wp)
+        self%is_of_earlier_step = self%imposed_step > 0.0_wp .and. t < self%imposed_end
+        if (self%is_of_earlier_step) return
         self%imposed_step = 0.0_wp
         self%in_vain = 0
     end subroutine begin_step
@@ -275,7 +282,7 @@ contains
         logical, intent(in) :: counts
 
         self%counts_imposed = counts
-        call self%begin_step()
+        call self%begin_step(huge(1.0_wp))
     end subroutine count_imposed
 
     !> Add to the error of an implicit step the error of the motion that constraints impose: the difference between its change and
@@ -293,9 +300,10 @@ contains
         real(wp), intent(in) :: power
         !> The error of the step on the scale of the tolerances.
         real(wp), intent(inout) :: norm
-        !> Tries that may fail to reduce the error. A smooth error falls faster than with this power of the step.
+        !> Tries that may fail to reduce the error. A smooth error falls faster than with this power of the step; from one step to
+        !> the next, where the motion may demand more, it does not stay above this part with a step below this part.
         integer, parameter :: most_in_vain = 3
-        real(wp), parameter :: slowest = 1.5_wp
+        real(wp), parameter :: slowest = 1.5_wp, constant = 0.9_wp
         real(wp) :: h, imposed
 
         if (.not. self%counts_imposed) return
@@ -303,11 +311,15 @@ contains
             largest_miss(self, start%qd, start%dqd, arrived%qd, arrived%dqd, weight_qd))
         if (imposed > 1.0_wp) then
             h = arrived%t - start%t
-            if (self%imposed_step > 0.0_wp) then
+            if (self%is_of_earlier_step) then
+                if (imposed > constant*self%last_imposed .and. h < constant*self%imposed_step) self%in_vain = self%in_vain + 1
+            else if (self%imposed_step > 0.0_wp) then
                 if (imposed > self%last_imposed*(h/self%imposed_step)**slowest) self%in_vain = self%in_vain + 1
             end if
+            self%is_of_earlier_step = .false.
             self%last_imposed = imposed
             self%imposed_step = h
+            self%imposed_end = arrived%t
             if (self%in_vain >= most_in_vain) return
         end if
         norm = max(norm, imposed**power)
@@ -478,5 +490,7 @@ contains
         call pack%item(self%last_gap)
         call pack%item(self%last_imposed, self%imposed_step)
         call pack%item(self%in_vain)
+        call pack%item(self%imposed_end)
+        call pack%item(self%is_of_earlier_step)
     end subroutine pack_state
 end module tandem_simulate_local_error

@@ -522,7 +522,7 @@ contains
         integer :: loss
 
         is_first = .false.
-        call self%local_error%begin_step()
+        call self%local_error%begin_step(self%state%t)
         call renew_by_policy(self, error)
         if (allocated(error)) return
         call self%lost_rank%look_ahead(self%chart, self%state, self%control%h, t_loss, loss)

@@ -163,6 +163,7 @@ contains
         type(trial_type) :: trial
         type(failure_type), allocatable :: failure
         type(options_type) :: options
+        integer :: k
 
         call build_case('hiddenmotorjump', subject, failure)
         call find_truth(subject, truth, failure)
@@ -170,10 +171,14 @@ contains
         if (allocated(error)) return
         options = subject%options
         options%stepper = 'sdirk54'
-        call change_stepper(options, options%stepper, rtol=subject%rtol)
-        call run_trial(subject, truth, options, trial)
-        ! Measured: 6e-6; 1e-3 without the check of the rates at the start of a step.
-        call check_below(error, trial%error, allowed_error(options), 'error')
+        ! Tries that end just before the jump differ with the last digits of the tolerance.
+        do k = 0, 40
+            call change_stepper(options, options%stepper, rtol=subject%rtol*(1.0_wp + 1.0e-9_wp*k))
+            call run_trial(subject, truth, options, trial)
+            ! Measured: 6e-6; 1e-3 without the check of the rates at the start of a step.
+            call check_below(error, trial%error, allowed_error(options), 'error '//trim(trial%remark))
+            if (allocated(error)) return
+        end do
     end subroutine test_unseen_kink
 
     !> Without output between steps there is no warning. With output, the estimate is at least the error, here against a run with
