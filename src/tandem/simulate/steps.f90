@@ -61,7 +61,8 @@ contains
         before%on_grid = self%on_grid
         before%local_errors = self%local_error%total
         before%local_steps = self%local_error%steps
-        if (.not. self%is_interrupted) call self%dense_control%begin_step()
+        if ((self%next_look < huge(1.0_wp) .or. self%watch%n > 0) .and. .not. self%is_interrupted) &
+            call self%dense_control%begin_step()
         ! For a model that contradicts itself every stage is projected onto the manifold.
         if (self%tally%contradiction /= '') self%stepper%projects_stages = .true.
         call self%make_room()
@@ -81,7 +82,9 @@ contains
         end do
         self%chart_is_current = .false.
         if (allocated(error) .or. .not. self%last_step > 0.0_wp) return
-        if (self%next_look <= self%state%t + 4*spacing(self%state%t)) self%next_look = huge(1.0_wp)
+        if (self%next_look < huge(1.0_wp)) then
+            if (self%next_look <= self%state%t + 4*spacing(self%state%t)) self%next_look = huge(1.0_wp)
+        end if
         call self%model%arrive(self%state%t, self%state%q, .false.)
         self%tally%steps = self%tally%steps + 1
         self%tally%smallest_step = min(self%tally%smallest_step, self%last_step)
@@ -133,6 +136,7 @@ contains
             call keep_step(self)
             call self%measure_errors(error)
             if (.not. allocated(error)) then
+                if (.not. self%next_look < huge(1.0_wp)) return
                 call consider_looks(self, is_refused)
                 if (.not. is_refused) return
                 call take_back(self, before)
@@ -215,7 +219,7 @@ contains
         logical, intent(out) :: is_refused
 
         is_refused = .false.
-        if (.not. (self%options%is_adaptive() .and. self%next_look < huge(1.0_wp))) return
+        if (.not. self%options%is_adaptive()) return
         if (self%next_look < self%state%t) then
             call self%judge_between(is_refused)
         else
