@@ -61,8 +61,9 @@ contains
         before%on_grid = self%on_grid
         before%local_errors = self%local_error%total
         before%local_steps = self%local_error%steps
-        if ((self%next_look < huge(1.0_wp) .or. self%watch%n > 0) .and. .not. self%is_interrupted) &
-            call self%dense_control%begin_step()
+        if (.not. self%is_interrupted) then
+            if (self%next_look < huge(1.0_wp) .or. self%watch%n > 0) call self%dense_control%begin_step()
+        end if
         ! For a model that contradicts itself every stage is projected onto the manifold.
         if (self%tally%contradiction /= '') self%stepper%projects_stages = .true.
         call self%make_room()
