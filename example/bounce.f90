@@ -13,7 +13,7 @@ module bead_on_wire
         procedure :: act => bounce
     end type stop_type
 contains
-    !> What happens at the stop.
+    !> Reverse the velocity at the stop.
     subroutine bounce(self, model, t, q, qd, error)
         class(stop_type), intent(inout) :: self
         class(model_type), intent(inout) :: model

@@ -165,11 +165,7 @@ contains
         class(point_type), intent(inout) :: self
 
         self%n_bases = self%n_bases + 1
-        if (allocated(self%model%pattern)) then
-            call self%of_phi%factor(rows_of(self, self%nh), self%model%pattern)
-        else
-            call self%of_phi%factor(rows_of(self, self%nh))
-        end if
+        call self%of_phi%factor(rows_of(self, self%nh), self%model%pattern)
     end subroutine factor_positions
 
     !> V and W, with Phi_q factored.
@@ -181,11 +177,7 @@ contains
         if (self%m == self%nh) then
             self%w = self%v
         else
-            if (allocated(self%model%pattern)) then
-                call self%of_c%factor(rows_of(self, self%m), self%model%pattern)
-            else
-                call self%of_c%factor(rows_of(self, self%m))
-            end if
+            call self%of_c%factor(rows_of(self, self%m), self%model%pattern)
             call self%of_c%get_null_basis(self%w)
         end if
         self%nw = size(self%w, 2)

@@ -506,6 +506,8 @@ contains
         integer :: stat
 
         is_held = .false.
+        ! Multipliers ahead are not known.
+        if (self%watched(number)%event%needs_multipliers) return
         call self%measure_noise(curve, number, noise)
         associate (event => self%watched(number)%event, state => curve%state)
             ! A shorter time would not show accelerations.

@@ -475,6 +475,8 @@ contains
         class(local_error_type), intent(inout) :: self
 
         self%in_window = 0
+        self%imposed_step = 0.0_wp
+        self%in_vain = 0
     end subroutine restart
 
     !> The errors so far and the current window.
