@@ -122,8 +122,8 @@ module tandem_options
         !> Tolerance of the iteration for H (29); 0 selects `constraint_tolerance`. Used by `refine`.
         real(wp) :: htol = 0.0_wp
         !> Tolerance of Newton's iteration of implicit stages for q and qd, relative to |q|, |qd| and the coordinate scales; 0
-        !> selects a hundredth of `constraint_tolerance`, or a thousandth of `rtol` if that is larger, or with fixed steps of
-        !> `sdirk54` a hundredth of the error of steps, up to a hundred times as much.
+        !> selects a hundredth of `constraint_tolerance`, or if that is larger `rtol` times the smaller of rtol**(1/4)/100 and 1/1000,
+        !> or with fixed steps of `sdirk54` a hundredth of the error of steps, up to a hundred times as much.
         real(wp) :: intol = 0.0_wp
         !> `paper` policy: a new chart when |v|_2 passes this; 0 means no limit. If none of the four limits is set, a limit of 70
         !> degrees on the angle to the tangent spaces applies, as it always does for implicit steppers.
@@ -453,13 +453,14 @@ contains
         h_tolerance = merge(self%constraint_tolerance, self%htol, is_unset(self%htol))
     end function h_tolerance
 
-    !> intol, or its default.
+    !> intol, or its default. Steps shrink as rtol**(1/4), and the error of Radau IIA with three stages at the end of a run as their
+    !> fifth power: the remainders of the iteration must shrink as rtol**(5/4), or they dominate at tight tolerances.
     pure real(wp) function newton_tolerance(self)
         class(options_type), intent(in) :: self
 
         newton_tolerance = self%intol
-        if (is_unset(self%intol)) newton_tolerance = max(0.01_wp*self%constraint_tolerance, 1.0e-3_wp*self%relative_tolerance(), &
-            smallest_tolerance)
+        if (is_unset(self%intol)) newton_tolerance = max(0.01_wp*self%constraint_tolerance, &
+            min(1.0e-3_wp, 1.0e-2_wp*self%relative_tolerance()**0.25_wp)*self%relative_tolerance(), smallest_tolerance)
     end function newton_tolerance
 
     !> Pack all options that affect the course of a run.

@@ -56,12 +56,6 @@ module tandem_chart
         !> Number of that stage, 0 for none, and the size of the step: the errors of a stage are nearly equal in successive steps.
         integer :: stage_number = 0
         real(wp) :: step_size = 0.0_wp
-        !> Set by a stepper that solves implicit stages one by one: the number of the current stage, and true if the requested
-        !> points are iterates: the next correction moves them and may remove their constraint errors.
-        integer :: implicit_stage = 1
-        logical :: is_iterate = .false.
-        !> ha^2 times the defect of such a stage, at its first iterate only; huge for none.
-        real(wp) :: iterate_defect = huge(1.0_wp)
         !> Largest errors of q and qd that the iteration may leave in this step, for charts that solve by refinement.
         real(wp) :: iterate_tolerance = 0.0_wp
         !> The smallest singular value of the unit rows of C at the origin.
@@ -97,12 +91,11 @@ module tandem_chart
         procedure(factor_stage_interface), deferred :: factor_stage
         procedure(reuse_stage_interface), deferred :: reuse_stage
         procedure(matrix_cost_interface), deferred :: matrix_cost
-        procedure(correct_stage_interface), deferred :: correct_stage
         procedure(expect_pairs_interface), deferred :: expect_pairs
-        procedure(find_residual_interface), deferred :: find_residual
+        procedure(stage_residual_interface), deferred :: stage_residual
         procedure(solve_real_interface), deferred :: solve_real
         procedure(solve_pair_interface), deferred :: solve_pair
-        procedure(move_rates_interface), deferred :: move_rates
+        procedure(update_stage_interface), deferred :: update_stage
         procedure(filter_error_interface), deferred :: filter_error
         procedure(multipliers_interface), deferred :: multipliers
         procedure(project_velocity_interface), deferred :: project_velocity
@@ -133,7 +126,7 @@ module tandem_chart
             !> The model; it must outlive the chart.
             class(model_type), intent(inout), target :: model
             type(options_type), intent(in) :: options
-            !> True if the stepper is implicit: `factor_stage` and `correct_stage` are then used.
+            !> True if the stepper is implicit: the operations of stages are then used.
             logical, intent(in) :: implicit
             type(error_type), allocatable, intent(out) :: error
             !> Numbers of the constraint rows to use if some are redundant, ascending; all rows if absent.
@@ -301,23 +294,6 @@ module tandem_chart
             class(chart_type), intent(in) :: self
         end function matrix_cost_interface
 
-        !> One Newton correction of the ambient rates of a stage whose position and velocity were restored from them.
-        subroutine correct_stage_interface(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
-            import :: chart_type, wp
-            implicit none (type, external)
-            class(chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            !> The restored coordinates and velocities (n).
-            real(wp), intent(in), contiguous :: q(:), qd(:)
-            !> h a_ii of the stage.
-            real(wp), intent(in) :: ha
-            !> Rates of the position and velocity increments (n).
-            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-            !> Changes of q and qd by the correction, largest entry against |q| or |qd| and the coordinate scales.
-            real(wp), intent(out) :: change
-            integer, intent(out) :: stat
-        end subroutine correct_stage_interface
-
         !> For a method whose stages are solved together, 2 size(ratios) + 1 of them: from now on `factor_stage` and `reuse_stage`
         !> also form the matrices of complex pairs of systems. A method may call it with other ratios at the start of a later step,
         !> when its number of stages changes; unchanged ratios cost nothing.
@@ -329,22 +305,34 @@ module tandem_chart
             complex(wp), intent(in), contiguous :: ratios(:)
         end subroutine expect_pairs_interface
 
-        !> The first half of `correct_stage`: a stage's residual, in coordinates of the chart, and the parts of its rates that the
-        !> chart ignores.
-        subroutine find_residual_interface(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
+        !> The point and the residual of an iterate of an implicit stage, in coordinates of the chart. A point need only be so near
+        !> the manifold that Newton's iteration contracts as on it. The parts of the stage's rates that the chart ignores are set
+        !> to those of the point.
+        subroutine stage_residual_interface(self, stage, is_first, defect, t, increment, increment_qd, q, qd, rate_q, rate_qd, &
+            residual, stat)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
-            !> The number of the stage, under which a chart may store data of the stage until the next step.
+            !> Number of the stage, under which a chart may store data until the next step.
             integer, intent(in) :: stage
+            !> True for the first iterate, with predicted rates and coordinates.
+            logical, intent(in) :: is_first
+            !> The defect of the stage's increment at the first iterate, see `defect`, with its own rate; huge if unknown.
+            real(wp), intent(in) :: defect
             real(wp), intent(in) :: t
-            !> The restored coordinates and velocities (n), the stage's rates (n).
-            real(wp), intent(in), contiguous :: q(:), qd(:)
+            !> Increments of position and velocity (n).
+            real(wp), intent(in), contiguous :: increment(:), increment_qd(:)
+            !> Coordinates (n): predicted ones at the first iterate, later those of the iterate before; those of the iterate on
+            !> return.
+            real(wp), intent(inout), contiguous :: q(:)
+            !> Velocities of the iterate (n).
+            real(wp), intent(inout), contiguous :: qd(:)
+            !> Rates of the increments (n).
             real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
             !> (n_residual)
             real(wp), intent(inout), contiguous :: residual(:)
             integer, intent(out) :: stat
-        end subroutine find_residual_interface
+        end subroutine stage_residual_interface
 
         !> The correction for a residual of the real system, in place.
         subroutine solve_real_interface(self, x)
@@ -366,22 +354,23 @@ module tandem_chart
             real(wp), intent(inout), contiguous :: x(:), y(:)
         end subroutine solve_pair_interface
 
-        !> The second half of `correct_stage`: add a correction to a stage's rates.
-        subroutine move_rates_interface(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        !> Add a correction to a stage's rates.
+        subroutine update_stage_interface(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
-            !> As of `find_residual`.
+            !> As of `stage_residual`.
             integer, intent(in) :: stage
             !> Coordinates and velocities of the stage (n), the scale that turns rates into increments, the correction (n_residual).
             real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(in) :: ha
             real(wp), intent(in), contiguous :: correction(:)
             real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-            !> As of `correct_stage`.
+            !> Changes of q and qd by the correction, and the errors that the iterate may have left, largest entry against |q| or
+            !> |qd| and the coordinate scales.
             real(wp), intent(out) :: change
             integer, intent(out) :: stat
-        end subroutine move_rates_interface
+        end subroutine update_stage_interface
 
         !> Filter the error of an implicit step by a solve with its Newton matrix, which removes components that stiff modes damp.
         subroutine filter_error_interface(self, error_q, error_qd)

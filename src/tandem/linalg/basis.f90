@@ -9,6 +9,7 @@
 !> with Z from E V. Rows are scaled to unit length first, so that the rank does not depend on their units.
 module tandem_linalg_basis
     use tandem_kinds, only: wp
+    use tandem_linalg_householder, only: factor_pivoted, form_columns
     use tandem_linalg_lapack, only: dgeqp3, dgesvd, dorgqr, dormqr
     implicit none (type, external)
     private
@@ -20,6 +21,8 @@ module tandem_linalg_basis
     real(wp), parameter :: rank_tolerance = 1.0e-10_wp
     !> A diagonal entry of R below this requires the singular values.
     real(wp), parameter :: suspicion = 1.0e-7_wp
+    !> Largest number of coordinates for QR in loops.
+    integer, parameter :: few = 32
 
     type :: basis_type
         !> [U, Xe, W] (n, n); only the requested columns are computed.
@@ -97,14 +100,19 @@ contains
             return
         end if
         call self%load(matrix, scale)
-        self%order = 0
         associate (n => self%n, nh => self%nh, lwork => size(self%work))
             ne = self%m - nh
-            if (nh > 0) call dgeqp3(n, nh, self%rows, n, self%order, self%tau, self%work, lwork, info)
-            if (ne > 0) then
+            if (n <= few) then
+                call factor_pivoted(n, self%m, nh, self%rows, self%tau, self%order)
+            else if (nh > 0) then
+                self%order = 0
+                call dgeqp3(n, nh, self%rows, n, self%order, self%tau, self%work, lwork, info)
+            end if
+            if (n > few .and. ne > 0) then
                 if (nh > 0) call dormqr('L', 'T', n, ne, nh, self%rows(:, :nh), n, self%tau, self%rows(1, nh + 1), n, &
                     self%work, lwork, info)
                 ! The reflectors of this block act only on rows nh + 1 ... n, so that both blocks are one set of m reflectors.
+                self%order(nh + 1:self%m) = 0
                 call dgeqp3(n - nh, ne, self%rows(nh + 1, nh + 1), n, self%order(nh + 1), self%tau(nh + 1), self%work, lwork, info)
                 self%order(nh + 1:self%m) = self%order(nh + 1:self%m) + nh
             end if
@@ -113,8 +121,12 @@ contains
                 self%smallest = abs(self%rows(i, i))
                 self%dependent_row = self%order(i)
             end do
-            self%q(:, :self%m) = self%rows
-            if (columns > 0) call dorgqr(n, columns, min(self%m, columns), self%q, n, self%tau, self%work, lwork, info)
+            if (n <= few) then
+                call form_columns(n, self%m, columns, self%rows, self%tau, self%q)
+            else if (columns > 0) then
+                self%q(:, :self%m) = self%rows
+                call dorgqr(n, columns, min(self%m, columns), self%q, n, self%tau, self%work, lwork, info)
+            end if
         end associate
         if (.not. self%smallest > suspicion) call self%decide_rank(matrix, scale)
         if (.not. self%deficient) self%dependent_row = 0

@@ -7,7 +7,8 @@ module tandem_linalg_kernels
     implicit none (type, external)
     private
 
-    public :: add, add_product, add_transposed_product, are_same, copy, is_finite, is_zero_where, set_gram, set_product
+    public :: add, add_product, add_transposed_product, are_same, copy, is_finite, is_zero_where, set_gram
+    public :: set_leading_product, set_product
 
     !> Number of multiplications from which OpenBLAS is much faster than loops. Measured with square matrices: half the time for A B
     !> and A' B of order 10, four ninths and an eighth of order 128.
@@ -94,6 +95,38 @@ contains
             y(j) = y(j) + factor*t1
         end do
     end subroutine add_transposed_product
+
+    !> C := the first n rows and columns of A B, A (:, k), B (k, :).
+    subroutine set_leading_product(n, a, b, c)
+        integer, intent(in) :: n
+        real(wp), intent(in), contiguous :: a(:, :), b(:, :)
+        real(wp), intent(inout) :: c(n, n)
+        real(wp) :: b1, b2, b3
+        integer :: i, j, k, m
+
+        m = size(a, 2)
+        if (n*n*m >= worth_a_call) then
+            call dgemm('N', 'N', n, n, m, 1.0_wp, a, size(a, 1), b, size(b, 1), 0.0_wp, c, n)
+            return
+        end if
+        do j = 1, n
+            c(:, j) = 0.0_wp
+            do k = 1, m - 2, 3
+                b1 = b(k, j)
+                b2 = b(k + 1, j)
+                b3 = b(k + 2, j)
+                do i = 1, n
+                    c(i, j) = c(i, j) + (a(i, k)*b1 + a(i, k + 1)*b2 + a(i, k + 2)*b3)
+                end do
+            end do
+            do k = m - modulo(m, 3) + 1, m
+                b1 = b(k, j)
+                do i = 1, n
+                    c(i, j) = c(i, j) + a(i, k)*b1
+                end do
+            end do
+        end do
+    end subroutine set_leading_product
 
     !> C := A B, A (l, m), B (m, n).
     subroutine set_product(a, b, c)

@@ -5,6 +5,7 @@
 !> measured factor of 2 to 4), and a threaded BLAS may start threads for it. LAPACK above.
 module tandem_linalg_lu
     use tandem_kinds, only: wp
+    use tandem_linalg_kernels, only: set_leading_product
     use tandem_linalg_lapack, only: dgecon, dgetrf, dgetrs
     use tandem_pack, only: pack_type
     implicit none (type, external)
@@ -22,7 +23,7 @@ module tandem_linalg_lu
         real(wp), allocatable :: factors(:, :), work(:)
         integer, allocatable :: pivots(:), iwork(:)
     contains
-        procedure :: allocate => allocate_lu, factor, solve, solve_transposed, invert
+        procedure :: allocate => allocate_lu, factor, factor_product, solve, solve_transposed, invert
         procedure :: reciprocal_condition, determinant_sign, smallest_pivot, pack_state
         procedure, private :: factor_small, solve_small, solve_small_transposed
     end type lu_type
@@ -57,6 +58,25 @@ contains
         end if
         if (stat == 0 .and. .not. self%norm <= huge(1.0_wp)) stat = 1
     end subroutine factor
+
+    !> Factor A B without the norm that estimates of the condition need. stat > 0 as in `factor`.
+    subroutine factor_product(self, a, b, stat)
+        class(lu_type), intent(inout) :: self
+        !> At least n rows (:, k), at least n columns (k, :).
+        real(wp), intent(in), contiguous :: a(:, :), b(:, :)
+        integer, intent(out) :: stat
+
+        stat = 0
+        if (self%n == 0) return
+        call set_leading_product(self%n, a, b, self%factors)
+        self%norm = 0.0_wp
+        if (self%n <= largest_small) then
+            call self%factor_small(stat)
+        else
+            call dgetrf(self%n, self%n, self%factors, self%n, self%pivots, stat)
+        end if
+        if (stat == 0 .and. .not. abs(self%factors(self%n, self%n)) <= huge(1.0_wp)) stat = self%n
+    end subroutine factor_product
 
     !> b := A^-1 b for a vector (n).
     subroutine solve(self, b)

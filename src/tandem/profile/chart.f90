@@ -6,7 +6,7 @@
 module tandem_profile_chart
     use tandem_kinds, only: wp
     use tandem_profile_ledger, only: mark_type, profile_type
-    use tandem_profile_parts, only: part_acceleration, part_correction, part_coupled, part_energy, part_errors, part_filter, &
+    use tandem_profile_parts, only: part_acceleration, part_correction, part_stage, part_energy, part_errors, part_filter, &
         part_health, part_matrix, part_multipliers, part_position, part_projection, part_rank, part_refresh, part_renew, &
         part_reuse, part_velocity
     use tandem_status, only: status_ok
@@ -24,8 +24,8 @@ module tandem_profile_chart
     contains
         procedure :: renew, refresh
         procedure :: restore_position, restore_velocity, solve_dynamics, restore_motion, restore_near
-        procedure :: factor_stage, reuse_stage, correct_stage
-        procedure :: find_residual, solve_real, solve_pair, move_rates, filter_error
+        procedure :: factor_stage, reuse_stage
+        procedure :: stage_residual, solve_real, solve_pair, update_stage, filter_error
         procedure :: multipliers, project_velocity, constraint_errors
         procedure :: measure_rank, measure_health, kinetic_energy, loss_ahead
     end type profiled_chart_type

@@ -11,7 +11,7 @@ module tandem_profile_parts
     public :: part_control, part_start, part_watch, part_rows, part_blocks, part_checkpoint, part_open
     public :: part_renew, part_refresh, part_position, part_velocity, part_acceleration, part_errors, part_rank, part_health, &
         part_multipliers, part_energy, part_projection
-    public :: part_matrix, part_reuse, part_correction, part_coupled, part_filter
+    public :: part_matrix, part_reuse, part_correction, part_stage, part_filter
     public :: part_single, part_terms, part_derivatives
     public :: group_model, group_chart, group_newton, group_control, group_output, group_start, group_watch
 
@@ -24,9 +24,9 @@ module tandem_profile_parts
     !> Operations of a chart.
     integer, parameter :: part_renew = 8, part_refresh = 9, part_position = 10, part_velocity = 11, part_acceleration = 12, &
         part_errors = 13, part_rank = 14, part_health = 15, part_multipliers = 16, part_energy = 17, part_projection = 18
-    !> Newton's iteration: matrices computed and factored, reused from previous steps, corrections, residuals and systems of coupled
-    !> stages, error filter by the matrix.
-    integer, parameter :: part_matrix = 19, part_reuse = 20, part_correction = 21, part_coupled = 22, part_filter = 23
+    !> Newton's iteration: matrices computed and factored, reused from previous steps, corrections, points of iterates with their
+    !> residuals and systems, error filter by the matrix.
+    integer, parameter :: part_matrix = 19, part_reuse = 20, part_correction = 21, part_stage = 22, part_filter = 23
     !> Call number i of a model (`tandem_model_timer`) is the part `part_single + i`; those of the single procedures come first
     !> (`single_name`).
     integer, parameter :: part_single = 23, n_singles = of_evaluate
@@ -50,7 +50,7 @@ module tandem_profile_parts
         'start', 'watching', 'rows', 'writing and flushing', 'state for a checkpoint', 'opening and closing', 'new charts', &
         'old charts kept', 'position', 'velocity', 'acceleration', 'constraint errors', 'rank', 'state of the chart', &
         'multipliers', 'kinetic energy', 'velocity after a jump', 'matrices', 'matrices kept', 'corrections', &
-        'stages solved together', 'error filter']
+        'points of stages', 'error filter']
 
     !> Procedures of a model with one term each, in the order of `model_type`, and the bit of the term if it is one of `term_name`.
     character(len=24), parameter :: single_name(n_singles) = [character(len=24) :: 'holonomic', 'holonomic_jacobian', &

@@ -3,7 +3,7 @@
 module tandem_profile_sparse_chart
     use tandem_kinds, only: wp
     use tandem_profile_ledger, only: mark_type, profile_type
-    use tandem_profile_parts, only: part_acceleration, part_correction, part_coupled, part_energy, part_errors, part_filter, &
+    use tandem_profile_parts, only: part_acceleration, part_correction, part_stage, part_energy, part_errors, part_filter, &
         part_matrix, part_multipliers, part_position, part_projection, part_rank, part_refresh, part_renew, part_reuse, &
         part_velocity
     use tandem_chart_sparse, only: own_chart_type => sparse_chart_type
@@ -18,8 +18,8 @@ module tandem_profile_sparse_chart
         type(profile_type), pointer :: profile => null()
     contains
         procedure :: renew, refresh, restore_position, restore_velocity, solve_dynamics
-        procedure :: factor_stage, reuse_stage, correct_stage
-        procedure :: find_residual, solve_real, solve_pair, move_rates, filter_error
+        procedure :: factor_stage, reuse_stage
+        procedure :: stage_residual, solve_real, solve_pair, update_stage, filter_error
         procedure :: restore_near, multipliers, project_velocity, constraint_errors
         procedure :: measure_rank, kinetic_energy, loss_ahead
     end type profiled_chart_type

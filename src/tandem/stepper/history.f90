@@ -17,7 +17,7 @@ module tandem_stepper_history
         private
         integer :: n_kept = 0, last = 0
         real(wp) :: t(capacity) = 0.0_wp
-        real(wp), allocatable :: qd(:, :), qdd(:, :)
+        real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :)
     contains
         procedure, public :: allocate => allocate_history, clear, continue_from, push, extrapolate
         procedure, public :: knows, difference, drop, curvature, pack_state
@@ -30,8 +30,8 @@ contains
         class(history_type), intent(inout) :: self
         integer, intent(in) :: n
 
-        if (allocated(self%qd)) deallocate (self%qd, self%qdd)
-        allocate (self%qd(n, capacity), self%qdd(n, capacity), source=0.0_wp)
+        if (allocated(self%qd)) deallocate (self%q, self%qd, self%qdd)
+        allocate (self%q(n, capacity), self%qd(n, capacity), self%qdd(n, capacity), source=0.0_wp)
         self%n_kept = 0
     end subroutine allocate_history
 
@@ -58,30 +58,33 @@ contains
         end if
         continues = .false.
         self%n_kept = 0
-        call self%push(state%t, state%qd, state%qdd)
+        call self%push(state%t, state%q, state%qd, state%qdd)
     end subroutine continue_from
 
     !> Store the rates at a new time.
-    subroutine push(self, t, qd, qdd)
+    subroutine push(self, t, q, qd, qdd)
         class(history_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        !> Velocities and accelerations (n).
-        real(wp), intent(in), contiguous :: qd(:), qdd(:)
+        !> Coordinates, velocities and accelerations (n).
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
 
         self%last = merge(1, self%last + 1, self%n_kept == 0 .or. self%last == capacity)
         self%n_kept = min(self%n_kept + 1, capacity)
         self%t(self%last) = t
+        self%q(:, self%last) = q
         self%qd(:, self%last) = qd
         self%qdd(:, self%last) = qdd
     end subroutine push
 
     !> The polynomial through the nearest rates, at t (Lagrange's form).
-    subroutine extrapolate(self, t, qd, qdd, most)
+    subroutine extrapolate(self, t, qd, qdd, most, q)
         class(history_type), intent(in) :: self
         real(wp), intent(in) :: t
         real(wp), intent(out), contiguous :: qd(:), qdd(:)
         !> Number of rates to use.
         integer, intent(in), optional :: most
+        !> Coordinates (n).
+        real(wp), intent(out), contiguous, optional :: q(:)
         integer :: nodes(most_nodes), n_most, n_nodes, i, j, k
         real(wp) :: weight
 
@@ -101,6 +104,7 @@ contains
         end do
         qd = 0.0_wp
         qdd = 0.0_wp
+        if (present(q)) q = 0.0_wp
         do i = 1, n_nodes
             weight = 1.0_wp
             do j = 1, n_nodes
@@ -108,6 +112,7 @@ contains
             end do
             qd = qd + weight*self%qd(:, nodes(i))
             qdd = qdd + weight*self%qdd(:, nodes(i))
+            if (present(q)) q = q + weight*self%q(:, nodes(i))
         end do
     end subroutine extrapolate
 
@@ -187,6 +192,6 @@ contains
 
         call pack%item(self%n_kept, self%last)
         call pack%fixed(self%t)
-        call pack%item(self%qd, self%qdd)
+        call pack%item(self%q, self%qd, self%qdd)
     end subroutine pack_state
 end module tandem_stepper_history

@@ -48,10 +48,13 @@ module tandem_stepper_newton
         logical, private :: is_fresh = .false., is_ahead = .false.
         logical :: is_worn = .true.
         type(prediction_type), private :: prediction
-        real(wp), allocatable, private :: dq(:), dqd(:), q(:), qd(:)
+        !> Coordinates and velocities of the stage (n): predicted coordinates on entry, those of the last iterate on return.
+        real(wp), allocatable :: q(:), qd(:)
+        real(wp), allocatable, private :: dq(:), dqd(:), residual(:)
     contains
         procedure :: allocate => allocate_newton, prepare, solve, renew, renew_in_step
-        procedure, private :: iterate, restore
+        procedure :: correct, restore
+        procedure, private :: iterate
         procedure :: finish, pack_state
     end type newton_type
 
@@ -66,9 +69,10 @@ contains
         real(wp), intent(in) :: tolerance
         !> Amplification of each stage's remainder at the end of the step, |b_i| / a_ii.
         real(wp), intent(in) :: amplification(:)
-        !> c^2/2 - sum a c of each stage over a_ii^2.
+        !> c^2/2 - sum a c of each stage over a_ii^2; empty if increments have no such defect.
         real(wp), intent(in) :: defect(:)
 
+        if (allocated(self%residual)) deallocate (self%residual)
         self%defect = defect
         self%error_of_steps = 0.0_wp
         self%least_tolerance = tolerance
@@ -90,6 +94,7 @@ contains
         self%dqd = self%rate_q
         self%q = self%rate_q
         self%qd = self%rate_q
+        allocate (self%residual(0))
     end subroutine allocate_newton
 
     !> Begin a step: reuse the matrix, or make one at an extrapolated point within the step, or at its start.
@@ -215,14 +220,14 @@ contains
         logical :: is_new
         integer :: failure, k
 
-        call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd)
+        call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd, self%q)
         call self%iterate(chart, stage, t, ha, stat)
         do while (stat /= status_ok)
             call self%renew_in_step(chart, history, state, h, ha, is_new, failure)
             if (.not. is_new) exit
             stat = failure
             if (stat /= status_ok) return
-            call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd)
+            call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd, self%q)
             call self%iterate(chart, stage, t, ha, stat)
         end do
         if (stat == status_ok) then
@@ -233,6 +238,7 @@ contains
         self%theta(stage) = 1.0_wp
         self%rate_q = state%qd
         self%rate_qd = state%qdd
+        self%q = state%q
         call self%iterate(chart, stage, t, ha, stat)
         do k = 1, most_matrices
             if (stat /= status_newton_failed) return
@@ -244,28 +250,10 @@ contains
         end do
     end subroutine solve
 
-    !> Iterate, and set the chart's information about the points of the iteration.
-    subroutine iterate(self, chart, stage, t, ha, stat)
-        class(newton_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
-        integer, intent(in) :: stage
-        real(wp), intent(in) :: t, ha
-        integer, intent(out) :: stat
-
-        chart%counts%implicit_stages = chart%counts%implicit_stages + 1
-        self%age(stage) = self%age(stage) + 1
-        chart%implicit_stage = stage
-        chart%is_iterate = .true.
-        chart%iterate_defect = ha**2*self%defect(stage)
-        call approach(self, chart, stage, t, ha, stat)
-        chart%is_iterate = .false.
-        chart%iterate_defect = huge(1.0_wp)
-    end subroutine iterate
-
     !> Correct the stage. One correction suffices if the last observed contraction of the stage is good enough. The observation is
     !> repeated when it is old, or when the first correction has grown since.
-    subroutine approach(self, chart, stage, t, ha, stat)
-        type(newton_type), intent(inout) :: self
+    subroutine iterate(self, chart, stage, t, ha, stat)
+        class(newton_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         integer, intent(in) :: stage
         real(wp), intent(in) :: t, ha
@@ -289,15 +277,13 @@ contains
         logical :: says, suffices
         integer :: k
 
+        chart%counts%implicit_stages = chart%counts%implicit_stages + 1
+        self%age(stage) = self%age(stage) + 1
         first_change = 0.0_wp
         last_change = 1.0_wp
         do k = 1, most_corrections
-            call self%restore(chart, t, ha, stat)
+            call self%correct(chart, stage, k == 1, t, ha, change, stat)
             if (stat /= status_ok) return
-            call chart%correct_stage(t, self%q, self%qd, ha, self%rate_q, self%rate_qd, change, stat)
-            if (stat /= status_ok) return
-            ! Only the first point has this defect.
-            chart%iterate_defect = huge(1.0_wp)
             if (k == 1) then
                 first_change = change
                 ! The contraction of a matrix grows with its age.
@@ -338,7 +324,35 @@ contains
         end do
         self%theta(stage) = 1.0_wp
         stat = status_newton_failed
-    end subroutine approach
+    end subroutine iterate
+
+    !> One correction of a stage.
+    subroutine correct(self, chart, stage, is_first, t, ha, change, stat)
+        class(newton_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        integer, intent(in) :: stage
+        !> True if `q` are predicted coordinates, not those of the last iterate.
+        logical, intent(in) :: is_first
+        real(wp), intent(in) :: t, ha
+        !> See `update_stage` of the chart.
+        real(wp), intent(out) :: change
+        integer, intent(out) :: stat
+        real(wp) :: defect
+
+        change = 0.0_wp
+        if (size(self%residual) < chart%n_residual) self%residual = spread(0.0_wp, 1, chart%n_residual)
+        defect = huge(1.0_wp)
+        if (stage <= size(self%defect)) defect = ha**2*self%defect(stage)
+        associate (residual => self%residual(:chart%n_residual))
+            self%dq = self%base_dq + ha*self%rate_q
+            self%dqd = self%base_dqd + ha*self%rate_qd
+            call chart%stage_residual(stage, is_first, defect, t, self%dq, self%dqd, &
+                self%q, self%qd, self%rate_q, self%rate_qd, residual, stat)
+            if (stat /= status_ok) return
+            call chart%solve_real(residual)
+            call chart%update_stage(stage, self%q, self%qd, ha, residual, self%rate_q, self%rate_qd, change, stat)
+        end associate
+    end subroutine correct
 
     !> Position and velocity of the stage from its rates.
     subroutine restore(self, chart, t, ha, stat)

@@ -66,7 +66,7 @@ contains
     end subroutine forget
 
     !> Start values of the rates of a stage.
-    subroutine predict(self, history, stage, t, ha, rate_q, rate_qd)
+    subroutine predict(self, history, stage, t, ha, rate_q, rate_qd, q)
         class(prediction_type), intent(inout) :: self
         type(history_type), intent(in) :: history
         !> Number of the stage, its time, and h a_ii.
@@ -74,10 +74,12 @@ contains
         real(wp), intent(in) :: t, ha
         !> Rates (n).
         real(wp), intent(out), contiguous :: rate_q(:), rate_qd(:)
+        !> Coordinates (n).
+        real(wp), intent(out), contiguous :: q(:)
         integer :: i, j, n
 
         if (stage == 1) call compare_step(self, ha)
-        call history%extrapolate(t, self%plain_q, self%plain_qd, nodes(self%way))
+        call history%extrapolate(t, self%plain_q, self%plain_qd, nodes(self%way), q)
         n = size(rate_q)
         self%new = 0.0_wp
         do j = self%order(stage), 1, -1

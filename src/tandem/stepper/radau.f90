@@ -96,7 +96,7 @@ contains
         self%wanted = self%least
         self%tableau = tableau_of(self%least)
         self%choice = choice_type()
-        call self%newton%allocate(scale, self%time_scale, newton_tolerance, [1.0_wp], [0.0_wp])
+        call self%newton%allocate(scale, self%time_scale, newton_tolerance, [1.0_wp], [real(wp) ::])
         call self%history%allocate(n)
         if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%q, self%qd, self%residual, self%transformed, &
             self%start_dq, self%start_dqd, self%start_q, self%start_qd, self%error_q, self%error_qd, self%dq, self%dqd)
@@ -165,9 +165,9 @@ contains
                 return
             end if
             do i = 1, s - 1
-                call self%history%push(state%t + m%c(i)*h, self%rate_q(:, i), self%rate_qd(:, i))
+                call self%history%push(state%t + m%c(i)*h, self%q(:, i), self%rate_q(:, i), self%rate_qd(:, i))
             end do
-            call self%history%push(next%t, next%qd, next%qdd)
+            call self%history%push(next%t, next%q, next%qd, next%qdd)
         end associate
     end subroutine advance
 
@@ -235,7 +235,7 @@ contains
 
         do i = 1, self%tableau%stages
             call self%history%extrapolate(self%t_start + self%tableau%c(i)*h, self%rate_q(:, i), self%rate_qd(:, i), &
-                self%tableau%stages + 2)
+                self%tableau%stages + 2, self%q(:, i))
         end do
     end subroutine predict
 
@@ -257,7 +257,7 @@ contains
         last_change = 1.0_wp
         chart%counts%implicit_stages = chart%counts%implicit_stages + self%tableau%stages
         do k = 1, most_corrections
-            call correct(self, chart, h, t_end, change, stat)
+            call correct(self, chart, k == 1, h, t_end, change, stat)
             if (stat /= status_ok) return
             if (k == 1) then
                 self%remainder = max(self%remainder, epsilon(1.0_wp))**0.8_wp
@@ -282,9 +282,11 @@ contains
     end subroutine iterate
 
     !> One correction of all stages.
-    subroutine correct(self, chart, h, t_end, change, stat)
+    subroutine correct(self, chart, is_first, h, t_end, change, stat)
         class(radau_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
+        !> True for the first iterates of the stages, from predicted rates and coordinates.
+        logical, intent(in) :: is_first
         !> Step size and end of the step.
         real(wp), intent(in) :: h, t_end
         !> Largest change of a stage.
@@ -305,13 +307,10 @@ contains
                 self%dqd = self%start_dqd + h*self%dqd
                 t = self%t_start + tableau%c(i)*h
                 if (i == s) t = t_end
-                call chart%restore_position(t, self%dq, self%q(:, i), stat)
-                if (stat == status_ok) call chart%restore_velocity(t, self%q(:, i), self%dqd, self%qd(:, i), stat)
-                if (stat /= status_ok) return
                 ! Components of a stage's rates that the chart ignores are changed below, for all stages.
                 self%residual(:m, i) = 0.0_wp
-                call chart%find_residual(i, t, self%q(:, i), self%qd(:, i), self%rate_q(:, i), self%rate_qd(:, i), &
-                    self%residual(:m, i), stat)
+                call chart%stage_residual(i, is_first, huge(1.0_wp), t, self%dq, self%dqd, self%q(:, i), self%qd(:, i), &
+                    self%rate_q(:, i), self%rate_qd(:, i), self%residual(:m, i), stat)
                 if (stat /= status_ok) return
             end do
             do j = 1, s
@@ -323,7 +322,7 @@ contains
             end do
             do i = 1, s
                 call combine(m, height, s, tableau%t(:, i), self%transformed, self%residual(:, i))
-                call chart%move_rates(i, self%q(:, i), self%qd(:, i), tableau%diagonal*h, self%residual(:m, i), &
+                call chart%update_stage(i, self%q(:, i), self%qd(:, i), tableau%diagonal*h, self%residual(:m, i), &
                     self%rate_q(:, i), self%rate_qd(:, i), stage_change, stat)
                 if (stat /= status_ok) return
                 change = max(change, stage_change)

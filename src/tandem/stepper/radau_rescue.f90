@@ -142,12 +142,13 @@ contains
         integer :: j, k, n
 
         n = size(self%dq)
-        chart%implicit_stage = i
         first_change = 0.0_wp
         t = self%t_start + self%tableau%c(i)*h
         if (i == 3) t = t_end
-        associate (base_q => self%newton%base_dq, base_qd => self%newton%base_dqd, rate_q => self%rate_q(:, i), &
-            rate_qd => self%rate_qd(:, i), q => self%q(:, i), qd => self%qd(:, i))
+        associate (base_q => self%newton%base_dq, base_qd => self%newton%base_dqd, rate_q => self%newton%rate_q, &
+            rate_qd => self%newton%rate_qd, q => self%newton%q, qd => self%newton%qd)
+            rate_q = self%rate_q(:, i)
+            rate_qd = self%rate_qd(:, i)
             base_q = self%start_dq
             base_qd = self%start_dqd
             do j = 1, 3
@@ -159,17 +160,20 @@ contains
                 base_qd = base_qd + h*l(j, i)*self%rate_qd(:, j)
             end do
             do k = 1, most_corrections
-                self%dq = base_q + (h*l(i, i))*rate_q
-                self%dqd = base_qd + (h*l(i, i))*rate_qd
-                call chart%restore_position(t, self%dq, q, stat)
-                if (stat == status_ok) call chart%restore_velocity(t, q, self%dqd, qd, stat)
-                if (stat == status_ok .and. k == 1) call self%newton%renew(chart, t, q, qd, rate_qd, h*l(i, i), stat)
-                if (stat /= status_ok) return
-                call chart%correct_stage(t, q, qd, h*l(i, i), rate_q, rate_qd, change, stat)
-                if (stat /= status_ok) return
+                if (k == 1) then
+                    call self%newton%restore(chart, t, h*l(i, i), stat)
+                    if (stat == status_ok) call self%newton%renew(chart, t, q, qd, rate_qd, h*l(i, i), stat)
+                    if (stat /= status_ok) exit
+                end if
+                call self%newton%correct(chart, i, k == 1, t, h*l(i, i), change, stat)
+                if (stat /= status_ok) exit
                 if (k == 1) first_change = change
-                if (change <= max(enough*first_change, self%tolerance)) return
+                if (change <= max(enough*first_change, self%tolerance)) exit
             end do
+            self%rate_q(:, i) = rate_q
+            self%rate_qd(:, i) = rate_qd
+            self%q(:, i) = q
+            self%qd(:, i) = qd
         end associate
     end subroutine solve_alone
 end submodule tandem_stepper_radau_rescue

@@ -105,12 +105,12 @@ contains
                 if (stat /= status_ok) exit
                 self%rate_q(:, i) = newton%rate_q
                 self%rate_qd(:, i) = newton%rate_qd
-                if (i < 5) call self%history%push(t, newton%rate_q, newton%rate_qd)
+                if (i < 5) call self%history%push(t, newton%q, newton%rate_q, newton%rate_qd)
             end do
             if (stat == status_ok) call newton%finish(chart, ha, next, stat)
         end associate
         if (stat == status_ok) then
-            call self%history%push(next%t, next%qd, next%qdd)
+            call self%history%push(next%t, next%q, next%qd, next%qdd)
         else
             call self%history%clear()
         end if

@@ -70,7 +70,7 @@ contains
         call self%newton%solve(chart, self%history, state, 1, next%t, h, ha, stat)
         if (stat == status_ok) call self%newton%finish(chart, ha, next, stat)
         if (stat == status_ok) then
-            call self%history%push(next%t, next%qd, next%qdd)
+            call self%history%push(next%t, next%q, next%qd, next%qdd)
         else
             call self%history%clear()
         end if

@@ -4,6 +4,7 @@ module test_friction
     use asserts, only: check_below, check_count, check_no_failure, check_true
     use differences, only: random_vector
     use mechanism_checks, only: verify
+    use stage_corrections, only: correct_stage
     use tandem, only: failure_type => error_type, mechanism_type, options_type, terms_type, wp
     use tandem_chart_dense, only: dense_chart_type
     use tandem_chart_factory, only: choose_chart, cost_type
@@ -225,9 +226,7 @@ contains
             integer :: i
 
             do i = 1, corrections
-                call chart%restore_position(ha, ha*rate_q, q, stat)
-                call chart%restore_velocity(ha, q, ha*rate_qd, qd, stat)
-                call chart%correct_stage(ha, q, qd, ha, rate_q, rate_qd, change(i), stat)
+                call correct_stage(chart, i == 1, ha, ha, q, qd, rate_q, rate_qd, change(i), stat)
             end do
             call chart%restore_position(ha, ha*rate_q, q, stat)
             call chart%restore_velocity(ha, q, ha*rate_qd, qd, stat)

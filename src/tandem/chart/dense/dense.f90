@@ -35,6 +35,7 @@ module tandem_chart_dense
     use tandem_chart_dense_velocity_basis, only: by_elimination, by_factor, by_refinement, velocity_basis_type
     use tandem_chart_dense_visited_point, only: visited_point_type
     use tandem_chart_dense_newton_matrix, only: stage_type
+    use tandem_chart_dense_stage_iterate, only: stage_iterate_type
     use tandem_chart_dense_massless_ties, only: massless_ties_type
     use tandem_chart_dense_metric, only: metric_type
     use tandem_chart_dense_health, only: length_outside, watch_type
@@ -106,6 +107,8 @@ module tandem_chart_dense
         !> The segment of the model in which the last Newton matrix was formed, and the cost of a new one in corrections.
         integer :: stage_segment = 0
         real(wp) :: cost = 0.0_wp
+        !> The last iterate of each implicit stage.
+        type(stage_iterate_type), allocatable :: iterates(:)
         !> Work space for stages.
         real(wp), allocatable :: b_phi(:, :), lambda(:), change_q(:), change_qd(:)
     contains
@@ -114,8 +117,8 @@ module tandem_chart_dense
         procedure :: hold, release
         procedure :: restore_position, restore_velocity, solve_dynamics, restore_motion
         procedure :: restore_near, keep_tangent
-        procedure :: factor_stage, reuse_stage, matrix_cost, correct_stage, expect_pairs
-        procedure :: find_residual, solve_real, solve_pair, move_rates, filter_error
+        procedure :: factor_stage, reuse_stage, matrix_cost, expect_pairs
+        procedure :: stage_residual, solve_real, solve_pair, update_stage, filter_error
         procedure :: multipliers, project_velocity, constraint_errors, inherit
         procedure :: measure_rank, loss_ahead, relative_change, contraction, measure_health, kinetic_energy, pack_state
         procedure, private, non_overridable :: place_bases, visit, move_to, refuse_infinite, find_velocity_basis
@@ -338,18 +341,6 @@ module tandem_chart_dense
             class(dense_chart_type), intent(in) :: self
         end function matrix_cost
 
-        !> One Newton correction of a stage's rates at the restored point.
-        module subroutine correct_stage(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
-            implicit none (type, external)
-            class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            real(wp), intent(in), contiguous :: q(:), qd(:)
-            real(wp), intent(in) :: ha
-            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-            real(wp), intent(out) :: change
-            integer, intent(out) :: stat
-        end subroutine correct_stage
-
         !> From now on complex pairs of systems are factored too.
         module subroutine expect_pairs(self, ratios)
             implicit none (type, external)
@@ -357,16 +348,18 @@ module tandem_chart_dense
             complex(wp), intent(in), contiguous :: ratios(:)
         end subroutine expect_pairs
 
-        !> The residual of a stage.
-        module subroutine find_residual(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
+        !> The point and the residual of an iterate of a stage.
+        module subroutine stage_residual(self, stage, is_first, defect, t, increment, increment_qd, q, qd, rate_q, rate_qd, &
+            residual, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             integer, intent(in) :: stage
-            real(wp), intent(in) :: t
-            real(wp), intent(in), contiguous :: q(:), qd(:)
-            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:), residual(:)
+            logical, intent(in) :: is_first
+            real(wp), intent(in) :: defect, t
+            real(wp), intent(in), contiguous :: increment(:), increment_qd(:)
+            real(wp), intent(inout), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:), residual(:)
             integer, intent(out) :: stat
-        end subroutine find_residual
+        end subroutine stage_residual
 
         !> The correction of the real system of stages that are solved together.
         module subroutine solve_real(self, x)
@@ -384,7 +377,7 @@ module tandem_chart_dense
         end subroutine solve_pair
 
         !> Add a correction to a stage's rates.
-        module subroutine move_rates(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        module subroutine update_stage(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             integer, intent(in) :: stage
@@ -394,7 +387,7 @@ module tandem_chart_dense
             real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
             real(wp), intent(out) :: change
             integer, intent(out) :: stat
-        end subroutine move_rates
+        end subroutine update_stage
 
         !> Filter an error by a solve with the Newton matrix.
         module subroutine filter_error(self, error_q, error_qd)

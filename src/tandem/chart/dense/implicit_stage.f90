@@ -68,18 +68,6 @@ contains
         matrix_cost = self%cost
     end procedure matrix_cost
 
-    module procedure correct_stage
-        self%failed_row = 0
-        self%may_lean = .false.
-        change = 0.0_wp
-        call self%move_with(t, q, qd, stat)
-        if (stat == status_ok) call self%find_velocity_basis(stat)
-        if (stat /= status_ok) return
-        call self%stage%correct(self%model%terms, self%velocity_basis, self%v_basis, self%v_dual, self%x_basis, self%w_basis, &
-            self%w_dual, qd, rate_q, rate_qd, self%change_q, self%change_qd)
-        call judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
-    end procedure correct_stage
-
     !> Measure the size of the last correction, and check that the rates are finite.
     subroutine judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
         class(dense_chart_type), intent(inout) :: self
@@ -106,17 +94,161 @@ contains
         call self%stage%expect_pairs(ratios)
     end procedure expect_pairs
 
-    !> The residual of a stage at the restored point. This chart stores nothing under the number of the stage.
-    module procedure find_residual
+    !> One correction a level with factors of the stage's first iterate, but for charts whose B and H are refined point by point, and
+    !> for friction on reactions, which needs exact reactions at each point.
+    module procedure stage_residual
+        !> Change of a stage's coordinates, relative to them, after which its factors are made again.
+        real(wp), parameter :: far = 1.0e-3_wp
+
         self%failed_row = 0
         self%may_lean = .false.
+        if (self%refines .or. self%friction%n > 0) then
+            call self%restore_position(t, increment, q, stat)
+            if (stat == status_ok) call self%restore_velocity(t, q, increment_qd, qd, stat)
+            if (stat == status_ok) call residual_at(self, t, q, qd, rate_q, rate_qd, residual, stat)
+            return
+        end if
+        associate (iterate => self%iterates(stage), terms => self%model%terms)
+            ! Factors are made again after large changes, which the factors of the first iterate would follow too slowly.
+            if (is_first .or. iterate%drift > far) then
+                call begin_stage(self, iterate, t, increment, q, stat)
+            else
+                call continue_stage(self, iterate, t, increment, q, stat)
+            end if
+            if (stat /= status_ok) return
+            qd = self%qd0 + increment_qd
+            if (self%m > 0) call iterate%correct_velocity(terms%jacobian, terms%nu, self%x_basis, qd)
+            call self%move_with(t, q, qd, stat)
+            if (stat /= status_ok) return
+            call self%stage%find_iterate_residual(terms, iterate, self%v_basis, self%v_dual, self%x_basis, self%w_basis, &
+                self%w_dual, qd, rate_q, rate_qd, self%change_q)
+            call self%stage%get_residual(residual)
+        end associate
+    end procedure stage_residual
+
+    !> The residual of a stage at a restored point.
+    subroutine residual_at(self, t, q, qd, rate_q, rate_qd, residual, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:), residual(:)
+        integer, intent(out) :: stat
+
         call self%move_with(t, q, qd, stat)
         if (stat == status_ok) call self%find_velocity_basis(stat)
         if (stat /= status_ok) return
         call self%stage%find_residual(self%model%terms, self%velocity_basis, self%v_basis, self%v_dual, self%x_basis, &
             self%w_basis, self%w_dual, qd, rate_q, rate_qd, self%change_q)
         call self%stage%get_residual(residual)
-    end procedure find_residual
+    end subroutine residual_at
+
+    !> The first iterate of a stage: from predicted coordinates, brought near the manifold.
+    subroutine begin_stage(self, iterate, t, increment, q, stat)
+        class(dense_chart_type), intent(inout) :: self
+        type(stage_iterate_type), intent(inout) :: iterate
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: increment(:)
+        !> Predicted coordinates (n), then those of the iterate.
+        real(wp), intent(inout), contiguous :: q(:)
+        integer, intent(out) :: stat
+        integer :: j
+
+        stat = status_ok
+        if (self%nh > 0) then
+            ! The basis of range(Phi_q') is the dual of U, which vanishes on V.
+            self%trial = (self%q0 + increment - q)/self%basis_scale
+            do j = 1, self%nh
+                self%position%u(j) = dot_product(self%basis%q(:, j), self%trial)
+            end do
+        end if
+        q = self%q0 + increment
+        if (self%nh > 0) then
+            call approach(self, iterate, t, q, stat)
+            if (stat /= status_ok) then
+                call self%restore_position(t, increment, q, stat)
+                if (stat /= status_ok) return
+                iterate%u = self%position%u(:self%nh)
+                iterate%moved_q = 0.0_wp
+            end if
+        end if
+        call self%move_to(t, q, stat)
+        if (stat /= status_ok) return
+        call iterate%factor_velocity(self%model%terms%jacobian, self%x_basis, stat)
+        iterate%moved_q = 0.0_wp
+        iterate%drift = 0.0_wp
+        self%counts%constraint_factorizations = self%counts%constraint_factorizations + min(self%m, 1)
+    end subroutine begin_stage
+
+    !> Bring predicted coordinates near the manifold, by the factor of Phi_q U there: one correction squares a small error.
+    subroutine approach(self, iterate, t, q, stat)
+        class(dense_chart_type), intent(inout) :: self
+        type(stage_iterate_type), intent(inout) :: iterate
+        real(wp), intent(in) :: t
+        !> q0 + xi, then the coordinates (n).
+        real(wp), intent(inout), contiguous :: q(:)
+        integer, intent(out) :: stat
+        !> Largest correction, in coordinate scales, of which the square is left; largest number of corrections; slowest contraction.
+        real(wp), parameter :: small = 1.0e-3_wp, slow = 0.5_wp
+        integer, parameter :: most = 8
+        real(wp) :: last_size, size_now
+        integer :: j, k
+
+        iterate%u = self%position%u(:self%nh)
+        associate (u_basis => self%position%u_basis(:, :self%nh))
+            call add_product(u_basis, iterate%u, -1.0_wp, q)
+            last_size = huge(1.0_wp)
+            do k = 1, most
+                call self%model%evaluate_phi(t, q, self%counts, stat)
+                if (stat == status_ok .and. k == 1) then
+                    call self%move_to(t, q, stat)
+                    if (stat == status_ok) call iterate%factor_position(self%model%terms%jacobian, u_basis, stat)
+                    self%counts%position_factorizations = self%counts%position_factorizations + 1
+                end if
+                if (stat /= status_ok) return
+                call iterate%correct_position(self%model%terms%phi, u_basis, q)
+                self%counts%position_corrections = self%counts%position_corrections + 1
+                size_now = 0.0_wp
+                do j = 1, self%n
+                    size_now = max(size_now, abs(iterate%moved_q(j))/self%scale(j))
+                end do
+                if (size_now <= small) exit
+                stat = status_position_diverged
+                if (.not. size_now < slow*last_size) return
+                last_size = size_now
+            end do
+        end associate
+        stat = status_ok
+        self%position%u(:self%nh) = iterate%u
+        self%point%has_phi = .false.
+    end subroutine approach
+
+    !> A later iterate.
+    subroutine continue_stage(self, iterate, t, increment, q, stat)
+        class(dense_chart_type), intent(inout) :: self
+        type(stage_iterate_type), intent(inout) :: iterate
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: increment(:)
+        real(wp), intent(inout), contiguous :: q(:)
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        q = self%q0 + increment
+        if (self%nh > 0) then
+            associate (u_basis => self%position%u_basis(:, :self%nh))
+                call add_product(u_basis, iterate%u, -1.0_wp, q)
+                call self%model%evaluate_phi(t, q, self%counts, stat)
+                if (stat /= status_ok) then
+                    call self%fail_term()
+                    return
+                end if
+                call iterate%correct_position(self%model%terms%phi, u_basis, q)
+            end associate
+            self%counts%position_corrections = self%counts%position_corrections + 1
+            self%position%u(:self%nh) = iterate%u
+            self%point%has_phi = .false.
+        end if
+        call self%move_to(t, q, stat)
+    end subroutine continue_stage
 
     module procedure solve_real
         call self%stage%solve_real(self%v_basis, self%v_dual, self%w_basis, self%w_dual, x)
@@ -126,10 +258,26 @@ contains
         call self%stage%solve_pair(self%v_basis, self%v_dual, self%w_basis, self%w_dual, k, x, y)
     end procedure solve_pair
 
-    module procedure move_rates
+    module procedure update_stage
+        real(wp) :: left, turned
+        integer :: j
+
         call self%stage%move_rates(self%v_basis, self%w_basis, correction, rate_q, rate_qd, self%change_q, self%change_qd)
         call judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
-    end procedure move_rates
+        if (self%refines .or. self%friction%n > 0) return
+        associate (iterate => self%iterates(stage))
+            left = 0.0_wp
+            turned = 0.0_wp
+            do j = 1, self%n
+                turned = max(turned, abs(ha*self%change_q(j))/max(abs(q(j)), self%scale(j)))
+                left = max(left, abs(iterate%moved_q(j))/max(abs(q(j)), self%scale(j)), &
+                    max(abs(iterate%moved_qd(j)), abs(ha*iterate%moved_qdd(j)))/max(abs(qd(j)), self%rate*self%scale(j)))
+            end do
+            ! The factors miss the part of the point's last corrections by which C has turned since.
+            change = max(change, min(iterate%drift, 1.0_wp)*left)
+            iterate%drift = iterate%drift + turned
+        end associate
+    end procedure update_stage
 
     module procedure filter_error
         call self%stage%filter(self%v_basis, self%v_dual, self%w_basis, self%w_dual, error_q, error_qd)

@@ -28,6 +28,7 @@ module tandem_chart_dense_newton_matrix
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: terms_type
     use tandem_pack, only: pack_type
+    use tandem_chart_dense_stage_iterate, only: stage_iterate_type
     use tandem_chart_dense_velocity_basis, only: velocity_basis_type
     use tandem_status, only: status_newton_failed, status_ok
     implicit none (type, external)
@@ -67,8 +68,8 @@ module tandem_chart_dense_newton_matrix
         logical, private :: is_outdated = .false.
     contains
         procedure :: allocate => allocate_stage, form, factor, adapt, enter_chart
-        procedure :: correct, expect_pairs
-        procedure :: find_residual, solve_real, solve_pair
+        procedure :: expect_pairs
+        procedure :: find_residual, find_iterate_residual, solve_real, solve_pair
         procedure :: get_residual, move_rates, filter, restore_error, reciprocal_condition, pack_state
         procedure, private :: solve, take_there, bring_back, is_near, set_carry
     end type stage_type
@@ -402,30 +403,9 @@ contains
             abs(self%nw - sum(self%carry_w*transpose(self%back_w))) <= most
     end function is_near
 
-    !> One Newton correction at the current point. The stage's rates are ambient: their coordinates vd = V' rate_q and
-    !> wd = W' rate_qd are corrected, and the parts that the chart ignores are copied from qd and qdd, which makes the rates
+    !> The residual of a stage at the current point, left in `rhs`. The stage's rates are ambient: their coordinates vd = V' rate_q
+    !> and wd = W' rate_qd are corrected, and the parts that the chart ignores are copied from qd and qdd, which makes the rates
     !> good start values for other stages, on other charts too.
-    subroutine correct(self, terms, velocity_basis, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, change_q, &
-        change_qd)
-        class(stage_type), intent(inout) :: self
-        !> The terms of the point, and R and D there.
-        type(terms_type), intent(in) :: terms
-        type(velocity_basis_type), intent(inout) :: velocity_basis
-        !> V and its dual (n, nv), X (n, m), W and its dual (n, nw).
-        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), x_basis(:, :), w_basis(:, :), w_dual(:, :)
-        !> The velocity restored at the stage (n).
-        real(wp), intent(in), contiguous :: qd(:)
-        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-        !> V times the correction of vd and W times that of wd (n). At the chart's origin W is D; elsewhere they differ by the part
-        !> that the chart ignores.
-        real(wp), intent(out), contiguous :: change_q(:), change_qd(:)
-
-        call self%find_residual(terms, velocity_basis, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, change_q)
-        call self%solve(v_basis, v_dual, w_basis, w_dual)
-        call self%move_rates(v_basis, w_basis, self%rhs, rate_q, rate_qd, change_q, change_qd)
-    end subroutine correct
-
-    !> The residual of a stage at the current point, left in `rhs`, and the parts of its rates that the chart ignores.
     subroutine find_residual(self, terms, velocity_basis, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, change_q)
         class(stage_type), intent(inout) :: self
         type(terms_type), intent(in) :: terms
@@ -457,6 +437,35 @@ contains
             call add_transposed_product(w_basis, self%force, 1.0_wp, self%rhs(nv + 1:))
         end associate
     end subroutine find_residual
+
+    !> The same at an iterate that is only near the manifold.
+    subroutine find_iterate_residual(self, terms, iterate, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, change_q)
+        class(stage_type), intent(inout) :: self
+        type(terms_type), intent(in) :: terms
+        type(stage_iterate_type), intent(inout) :: iterate
+        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), x_basis(:, :), w_basis(:, :), w_dual(:, :)
+        real(wp), intent(in), contiguous :: qd(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        !> Work space (n).
+        real(wp), intent(out), contiguous :: change_q(:)
+
+        associate (nv => self%nv)
+            change_q = qd - rate_q
+            self%rhs = 0.0_wp
+            call add_transposed_product(v_dual, change_q, 1.0_wp, self%rhs(:nv))
+            rate_q = qd
+            call add_product(v_basis, self%rhs(:nv), -1.0_wp, rate_q)
+            call add_transposed_product(w_dual, rate_qd, 1.0_wp, self%rhs(nv + 1:))
+            rate_qd = 0.0_wp
+            call add_product(w_basis, self%rhs(nv + 1:), 1.0_wp, rate_qd)
+            call iterate%correct_acceleration(terms%jacobian, terms%gamma, x_basis, rate_qd)
+            self%force = terms%force
+            call add_product(terms%mass, rate_qd, -1.0_wp, self%force)
+            call iterate%remove_reaction(terms%jacobian, x_basis, self%force)
+            self%rhs(nv + 1:) = 0.0_wp
+            call add_transposed_product(w_basis, self%force, 1.0_wp, self%rhs(nv + 1:))
+        end associate
+    end subroutine find_iterate_residual
 
     !> Add a correction of vd and wd to rates.
     subroutine move_rates(self, v_basis, w_basis, correction, rate_q, rate_qd, change_q, change_qd)

@@ -45,7 +45,8 @@ module tandem_chart_dense_position
         real(wp), private :: utol = 0.0_wp, stage_utol = 0.0_wp, btol = 0.0_wp
         !> u (width), carried from stage to stage as a start value; Phi_q U (nh, nh); weights of the rows of Phi, the reciprocals of
         !> their natural scales (width).
-        real(wp), allocatable, private :: u(:), correction(:), z(:), phi_u(:, :), weight(:)
+        real(wp), allocatable :: u(:)
+        real(wp), allocatable, private :: correction(:), z(:), phi_u(:, :), weight(:)
         !> u at the start of the step and B Phi_q qdd there (width), from which stages are predicted.
         real(wp), allocatable, private :: u_start(:), curvature(:)
         !> Error of that prediction of u, stage by stage (width, most_stages, 2): in the last accepted step, at `known`, and in the

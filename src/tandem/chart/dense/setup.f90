@@ -3,11 +3,14 @@
 submodule(tandem_chart_dense) tandem_chart_dense_setup
     implicit none (type, external)
 
+    !> Largest number of stages of an implicit method.
+    integer, parameter :: most_stages = 7
+
 contains
 
     module procedure initialize
         real(wp) :: utol
-        integer :: way
+        integer :: i, way
 
         self%refines = options%refresh == 'refine'
         self%is_implicit = implicit
@@ -85,8 +88,13 @@ contains
                 call self%metric%allocate(n, nh, m, options%relative_tolerance(), self%rate)
                 call self%derivatives%allocate(n, m)
                 self%stage_segment = 0
-                ! Measured: two and a half corrections with the model's own derivatives; differences take 2 (n + 1) evaluations.
-                self%cost = 2.5_wp
+                if (allocated(self%iterates)) deallocate (self%iterates)
+                allocate (self%iterates(most_stages))
+                do i = 1, most_stages
+                    call self%iterates(i)%allocate(n, nh, m)
+                end do
+                ! Measured: three and a half corrections with the model's own derivatives; differences take 2 (n + 1) evaluations.
+                self%cost = 3.5_wp
                 if (model%provides_derivatives /= need_all_derivatives) self%cost = self%cost + 0.35_wp*real(n + 1, wp)
                 allocate (self%b_phi(nh, n), self%lambda(m), self%change_q(n), self%change_qd(n), source=0.0_wp)
             end if

@@ -26,11 +26,13 @@ module tandem_chart_sparse_coupled_stages
         !> Number of stages with multipliers; true if all stages of the previous step have them.
         integer, private :: n_known = 0
         logical, private :: has_before = .false.
+        !> Velocities of the current iterate of a stage that is solved alone (n).
+        real(wp), allocatable, private :: stage_qd(:)
         !> Work space: forces (n) and right sides (m) of an imaginary part.
         real(wp), allocatable, private :: force_im(:), rows_im(:)
     contains
-        procedure :: initialize, expect_pairs, find_residual, solve_real, solve_pair, move_rates, pack_coupled
-        procedure, private :: allocate_stages, begin_stage
+        procedure :: initialize, expect_pairs, stage_residual, solve_real, solve_pair, update_stage, pack_coupled
+        procedure, private :: allocate_stages, begin_stage, is_alone
     end type sparse_coupled_type
 
 contains
@@ -46,6 +48,7 @@ contains
 
         call initialize_implicit(self, model, options, implicit, error, kept)
         self%n_residual = 2*model%n + model%n_constraints()
+        if (implicit) self%stage_qd = spread(0.0_wp, 1, model%n)
         if (allocated(self%t_of)) deallocate (self%t_of)
     end subroutine initialize
 
@@ -76,16 +79,34 @@ contains
         self%has_before = .false.
     end subroutine allocate_stages
 
-    !> The residual of a stage at the restored point.
+    !> The point and the residual of an iterate of a stage. An iterate meets the tolerances of stages: the next correction moves it.
+    subroutine stage_residual(self, stage, is_first, defect, t, increment, increment_qd, q, qd, rate_q, rate_qd, residual, stat)
+        class(sparse_coupled_type), intent(inout) :: self
+        integer, intent(in) :: stage
+        logical, intent(in) :: is_first
+        real(wp), intent(in) :: defect, t
+        real(wp), intent(in), contiguous :: increment(:), increment_qd(:)
+        real(wp), intent(inout), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:), residual(:)
+        integer, intent(out) :: stat
+
+        self%is_iterate = self%is_alone()
+        self%iterate_defect = merge(defect, huge(1.0_wp), is_first)
+        call self%restore_position(t, increment, q, stat)
+        if (stat == status_ok) call self%restore_velocity(t, q, increment_qd, qd, stat)
+        self%is_iterate = .false.
+        self%iterate_defect = huge(1.0_wp)
+        if (stat == status_ok) call find_residual(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
+    end subroutine stage_residual
+
+    !> The residual of a stage at a restored point.
     subroutine find_residual(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
         class(sparse_coupled_type), intent(inout) :: self
         integer, intent(in) :: stage
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:), residual(:)
+        real(wp), intent(in), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:)
+        real(wp), intent(inout), contiguous :: residual(:)
         integer, intent(out) :: stat
 
-        self%failed_row = 0
         associate (s => self%system, n => self%n)
             call s%move_with(t, q, qd, self%counts, stat)
             if (stat /= status_ok) then
@@ -93,19 +114,42 @@ contains
                 return
             end if
             call s%load()
-            call self%begin_stage(stage, t)
-            associate (here => s%factor(s%here), terms => s%model%terms)
-                residual(:n) = qd - rate_q
-                call s%pattern%multiply_mass(terms%mass, rate_qd, self%force)
-                self%force(:) = terms%force - self%force
-                call here%add_reactions(s%analysis, self%lambda_of(:, stage), self%force)
-                residual(n + 1:2*n) = self%force
-                self%rows(:) = -terms%gamma
-                call here%multiply(s%analysis, rate_qd, self%rows)
-                residual(2*n + 1:2*n + s%m) = self%rows
-            end associate
+            residual(:n) = qd - rate_q
+            if (self%is_alone()) then
+                call self%begin_multipliers(stage, t)
+                self%stage_qd(:) = qd
+                call find_forces(self, rate_qd, self%lambda, residual)
+            else
+                call self%begin_stage(stage, t)
+                call find_forces(self, rate_qd, self%lambda_of(:, stage), residual)
+            end if
         end associate
     end subroutine find_residual
+
+    !> The residuals of the equations of motion and of the rows.
+    subroutine find_forces(self, rate_qd, lambda, residual)
+        class(sparse_coupled_type), intent(inout) :: self
+        !> Accelerations (n) and multipliers (m).
+        real(wp), intent(in), contiguous :: rate_qd(:), lambda(:)
+        real(wp), intent(inout), contiguous :: residual(:)
+
+        associate (s => self%system, n => self%n, here => self%system%factor(self%system%here))
+            call s%pattern%multiply_mass(s%model%terms%mass, rate_qd, self%force)
+            self%force(:) = s%model%terms%force - self%force
+            call here%add_reactions(s%analysis, lambda, self%force)
+            residual(n + 1:2*n) = self%force
+            self%rows(:) = -s%model%terms%gamma
+            call here%multiply(s%analysis, rate_qd, self%rows)
+            residual(2*n + 1:2*n + s%m) = self%rows
+        end associate
+    end subroutine find_forces
+
+    !> True for methods whose stages are solved one by one.
+    pure logical function is_alone(self)
+        class(sparse_coupled_type), intent(in) :: self
+
+        is_alone = size(self%newton%pairs) == 0
+    end function is_alone
 
     !> Initial multipliers of a stage: extrapolated by the polynomial through the stages of the previous step.
     subroutine begin_stage(self, stage, t)
@@ -170,6 +214,13 @@ contains
             self%force(:) = x(n + 1:2*n)
             self%rows(:) = x(2*n + 1:2*n + m)
             call newton%terms%stiffness%multiply(-newton%ha, x(:n), self%force)
+            if (self%is_alone()) then
+                call self%find_correction(self%stage_qd, newton%ha)
+                x(:n) = x(:n) + newton%ha*self%total
+                x(n + 1:2*n) = self%total
+                x(2*n + 1:2*n + m) = self%total_mu
+                return
+            end if
             call newton%solve(self%force, self%rows, self%part, self%mu)
             x(:n) = x(:n) + newton%ha*self%part
             x(n + 1:2*n) = self%part
@@ -207,7 +258,7 @@ contains
     end subroutine solve_pair
 
     !> Add a correction to a stage's rates and multipliers.
-    subroutine move_rates(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+    subroutine update_stage(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
         class(sparse_coupled_type), intent(inout) :: self
         integer, intent(in) :: stage
         real(wp), intent(in), contiguous :: q(:), qd(:)
@@ -227,7 +278,11 @@ contains
                 rate_q(j) = rate_q(j) + correction(j)
                 rate_qd(j) = rate_qd(j) + correction(n + j)
             end do
-            self%lambda_of(:, stage) = self%lambda_of(:, stage) + correction(2*n + 1:2*n + m)
+            if (self%is_alone()) then
+                self%lambda(:) = self%lambda + correction(2*n + 1:2*n + m)
+            else
+                self%lambda_of(:, stage) = self%lambda_of(:, stage) + correction(2*n + 1:2*n + m)
+            end if
         end associate
         if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
             stat = status_not_finite
@@ -235,7 +290,7 @@ contains
             self%failed_term = trim(self%system%model%failed_term)
         end if
         self%counts%newton_corrections = self%counts%newton_corrections + 1
-    end subroutine move_rates
+    end subroutine update_stage
 
     !> The stages' multipliers.
     subroutine pack_coupled(self, pack)

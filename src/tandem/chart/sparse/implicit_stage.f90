@@ -49,8 +49,9 @@ module tandem_chart_sparse_implicit_stage
         !> Work space: forces, corrections and their sum (n), multipliers and right sides (m).
         real(wp), allocatable :: force(:), part(:), total(:), mu(:), total_mu(:), rows(:)
     contains
-        procedure :: initialize, factor_stage, reuse_stage, matrix_cost, correct_stage, filter_error, pack_newton
-        procedure, private :: begin_multipliers, keep_multipliers, find_correction, make_tangent
+        procedure :: initialize, factor_stage, reuse_stage, matrix_cost, filter_error, pack_newton
+        procedure :: begin_multipliers, find_correction
+        procedure, private :: keep_multipliers, make_tangent
     end type sparse_implicit_type
 
 contains
@@ -179,57 +180,13 @@ contains
         matrix_cost = 5.0_wp
     end function matrix_cost
 
-    !> One Newton correction of a stage's rates at the restored point.
-    subroutine correct_stage(self, t, q, qd, ha, rate_q, rate_qd, change, stat)
-        class(sparse_implicit_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        real(wp), intent(in) :: ha
-        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-        real(wp), intent(out) :: change
-        integer, intent(out) :: stat
-
-        self%failed_row = 0
-        change = 0.0_wp
-        associate (s => self%system)
-            call s%move_with(t, q, qd, self%counts, stat)
-            if (stat /= status_ok) then
-                self%failed_term = trim(s%model%failed_term)
-                return
-            end if
-            call s%load()
-            call self%begin_multipliers(t)
-            associate (here => s%factor(s%here), terms => s%model%terms)
-                ! Residuals of the equations of motion and of the rows.
-                call s%pattern%multiply_mass(terms%mass, rate_qd, self%force)
-                self%force(:) = terms%force - self%force
-                call here%add_reactions(s%analysis, self%lambda, self%force)
-                self%part(:) = qd - rate_q
-                call self%newton%terms%stiffness%multiply(-ha, self%part, self%force)
-                self%rows(:) = -terms%gamma
-                call here%multiply(s%analysis, rate_qd, self%rows)
-                call self%find_correction(qd, ha)
-            end associate
-            self%part(:) = (qd - rate_q) + ha*self%total
-            rate_q(:) = rate_q + self%part
-            rate_qd(:) = rate_qd + self%total
-            change = abs(ha)*max(largest_part(self%n, self%part, q, self%scale, 1.0_wp), &
-                largest_part(self%n, self%total, qd, self%scale, s%rate))
-            self%lambda(:) = self%lambda + self%total_mu
-            if (.not. (is_finite(self%n, rate_qd) .and. is_finite(self%n, rate_q))) then
-                stat = status_not_finite
-                call s%name_infinite(stat)
-                self%failed_term = trim(s%model%failed_term)
-            end if
-        end associate
-        self%counts%newton_corrections = self%counts%newton_corrections + 1
-    end subroutine correct_stage
-
     !> Initial multipliers of a stage: after equal steps extrapolated from the same stage of earlier steps, by the polynomial
     !> through their times, because a stage of low stage order has an error of its own, which stiff forces amplify; else the
     !> multipliers of the last stage. They affect the number of corrections, not the result.
-    subroutine begin_multipliers(self, t)
+    subroutine begin_multipliers(self, number, t)
         class(sparse_implicit_type), intent(inout) :: self
+        !> Number of the stage, and its time.
+        integer, intent(in) :: number
         real(wp), intent(in) :: t
         !> Larger weights would amplify errors of the stages; six equal steps have 20.
         real(wp), parameter :: most_weight = 12.0_wp, most_alike = 21.0_wp
@@ -239,7 +196,7 @@ contains
         real(wp) :: weight(most_past), x(most_past)
         integer :: at(most_past), of(most_past), i, k, most, n, n_alike, stage
 
-        stage = min(max(self%implicit_stage, 1), most_stages)
+        stage = min(max(number, 1), most_stages)
         if (stage == self%stage_lambda .and. .not. (t < self%t_lambda .or. t > self%t_lambda)) return
         call self%keep_multipliers()
         self%stage_lambda = stage

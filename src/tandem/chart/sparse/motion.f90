@@ -31,6 +31,10 @@ module tandem_chart_sparse_motion
 
     !> The chart without the operations between steps.
     type, abstract, extends(chart_type) :: sparse_motion_type
+        !> True while an iterate of an implicit stage is restored: the next correction moves it. The defect of its increment at the
+        !> first iterate, see `stage_residual`; huge for none.
+        logical :: is_iterate = .false.
+        real(wp) :: iterate_defect = huge(1.0_wp)
         type(system_type) :: system
         type(rank_type) :: rank
         !> Largest constraint errors on their natural scale: after projection; of Phi and of C qd - nu at ends of steps and at
