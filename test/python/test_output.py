@@ -1344,7 +1344,7 @@ class CommandLine(Case):
         report = self.tandem("run", "rolling_disk", *settings, "--error", "--output", "a.h5").stdout
         self.assertRegex(report, r"  error at end +q [^\n]*,\n? *estimated by a second run with a tenth of the tolerance")
         self.assertRegex(report, r"  WARNING +the error reaches \S+ times the tolerance")
-        self.assertRegex(report, r"  local error +\S+ a step at most, \S+ summed over the run")
+        self.assertRegex(report, r"  local error +\S+ per step at most, \S+ summed over the run")
         with h5py.File(self.folder / "a.h5") as file:
             attributes = file["report"].attrs
             self.assertGreater(attributes["global_error"], 0.3)
