@@ -26,7 +26,7 @@ contains
             call say(scene%name//' at t = '//to_text(it%t)//': '//trim(kind_name(it%kind))//', '//to_text(it%nv)// &
                 ' coordinates and '//to_text(it%nw)//' velocities are free')
             if (it%kind == in_steady_motion) then
-                line = 'goes on along'
+                line = 'moves along'
                 do k = 1, size(it%rates)
                     if (abs(it%rates(k)) > 0.0_wp) line = line//' '//trim(it%symmetry%motions(k)%name)//' '// &
                         to_text(it%rates(k))//','
