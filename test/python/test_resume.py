@@ -480,7 +480,7 @@ class Refused(Resume):
         self.tandem("run", "rolling_disk", *settings(["solver.step=0.02", "solver.max_steps=300", "output.every=1"]), "--no-error",
                     "--output", "run.h5", code=1)
         for end in ("3", "6", "5.9999"):
-            self.check("is at t = 6.0", "run.h5", "--set", f"time.end={end}")
+            self.check("is already at t = 6.0", "run.h5", "--set", f"time.end={end}")
             self.check("--set time.end=TIME", "run.h5", "--set", f"time.end={end}", "--error")
         with h5py.File(self.folder / "run.h5", "r+") as file:
             file.attrs["status"] = "running"
