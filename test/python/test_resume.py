@@ -489,7 +489,7 @@ class Refused(Resume):
         # A run killed between its end and its report is at its own end, and continues with the report.
         with h5py.File(self.folder / "run.h5", "r+") as file:
             file.attrs["status"] = "running"
-        self.check("is at t = 6.5", "run.h5", "--set", "time.end=6")
+        self.check("is already at t = 6.5", "run.h5", "--set", "time.end=6")
         self.tandem("resume", "run.h5", "--no-error")
         with h5py.File(self.folder / "run.h5") as file:
             self.assertEqual((file.attrs["status"], file["trajectory/time"][-1]), ("complete", 6.5))
