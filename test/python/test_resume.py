@@ -484,7 +484,7 @@ class Refused(Resume):
             self.check("--set time.end=TIME", "run.h5", "--set", f"time.end={end}", "--error")
         with h5py.File(self.folder / "run.h5", "r+") as file:
             file.attrs["status"] = "running"
-        self.check("its end was to be 40.0", "run.h5", "--set", "time.end=3")
+        self.check("its end was 40.0", "run.h5", "--set", "time.end=3")
         self.tandem("resume", "run.h5", *settings(["time.end=6.5", "solver.max_steps=1000"]), "--no-error")
         # A run killed between its end and its report is at its own end, and continues with the report.
         with h5py.File(self.folder / "run.h5", "r+") as file:
