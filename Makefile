@@ -33,82 +33,82 @@ unexport GIT_DIR GIT_WORK_TREE GIT_INDEX_FILE GIT_PREFIX GIT_COMMON_DIR GIT_OBJE
 .PHONY: help setup build optimised mpi run test test-all sanitize coverage docs python plots bench bench-count install uninstall wheel dist clean
 .DEFAULT_GOAL := help
 
-run: build ## run a scene anew, e.g. make run SCENE=articulated_vehicle ARGS='--set time.end=5'
+run: build ## run a scene, e.g. make run SCENE=articulated_vehicle ARGS='--set time.end=5'
 	@build/tandem run $(SCENE) --force $(ARGS)
-	@echo 'Next: make python && build/tandem view $(notdir $(basename $(SCENE))).h5    (the motion in a browser); make help lists the rest'
+	@echo 'Next: make python && build/tandem view $(notdir $(basename $(SCENE))).h5    (animation in a browser); make help lists the other targets'
 
-test: ## all that verifies the project; the last line is "N passed, N failed" (PARTS='lint python' for some)
+test: ## run all tests; the last line is "N passed, N failed" (PARTS='lint python' selects parts)
 	@tools/setup.sh test
 	@tools/setup.sh docs
 	@python3 tools/verify.py $(PARTS)
 
-test-all: ## make test, and what takes long: the suites of the optimised build, pages in a browser, OpenMPI
+test-all: ## make test and slow tests: suites of the optimised build, animations in a browser, OpenMPI
 	@tools/setup.sh test
 	@tools/setup.sh docs
 	@python3 tools/verify.py --all
 
-sanitize: ## look for wrong use of memory and undefined behaviour, by sanitizers and valgrind; takes its time
+sanitize: ## detect memory errors and undefined behaviour by sanitizers and valgrind (slow)
 	@tools/setup.sh test
 	@tools/sanitize.py
 
-coverage: ## which lines of src/ the tests run, as a table; those that they do not are in build/coverage/coverage.txt
+coverage: ## line coverage of src/ by the tests; uncovered lines are in build/coverage/coverage.txt
 	@tools/setup.sh test
 	@tools/coverage.py
 
-plots: optimised ## measure what README and doc/ show, and make their figures and tables anew (some minutes)
+plots: optimised ## repeat the measurements of README and doc/, and update figures and tables (some minutes)
 	@tools/setup.sh plot
 	@tools/plots.sh
 
-bench: optimised ## measure tandem beside other solvers, for doc/performance.md (some minutes; CORE=1 for another core)
+bench: optimised ## compare tandem with other solvers, for doc/performance.md (some minutes; CORE=1 for another core)
 	@tools/setup.sh plot
 	@tools/setup.sh bench
 	@tools/bench.sh
 
-bench-count: setup ## compare the instructions of short runs with those on record (needs valgrind)
+bench-count: setup ## compare instruction counts of short runs with recorded ones (requires valgrind)
 	@tools/setup.sh bench
 	@tools/bench.sh count
 
-build: setup ## the program, compiled in a minute or two: build/tandem
+build: setup ## build the program in a minute or two: build/tandem
 	@$(BUILD_FAST) || { echo 'build: once more, from the start'; rm -rf build/gfortran_*; $(BUILD_FAST); }
 
-optimised: setup ## the program with link-time optimisation, for measurements and installation: build/optimised/tandem
+optimised: setup ## build the program with link-time optimisation, for measurements and installation: build/optimised/tandem
 	@$(BUILD_OPTIMISED) || { echo 'build: once more, from the start'; rm -rf build/gfortran_*; $(BUILD_OPTIMISED); }
 
-mpi: build ## build/tandem-mpi: sweeps over several machines, with Debian's OpenMPI (doc/sweep.md)
+mpi: build ## build build/tandem-mpi for sweeps over several machines, with Debian's OpenMPI (doc/sweep.md)
 	@tools/setup.sh mpi
 	@cd mpi && ../$(FPM) run tandem-mpi --flag "$$(cat ../tools/flags/optimised) $(ARCH)" --runner install -- \
 		../build/tandem-mpi
 
-setup: ## bring compiler, libraries, fpm and dependencies, as far as they are missing
+setup: ## install missing requirements: compiler, libraries, fpm and dependencies
 	@tools/setup.sh
 
-install: $(INSTALL_NEEDS) ## program with scenes, and libraries, below PREFIX (/usr/local); PARTS=library needs no fpm
+install: $(INSTALL_NEEDS) ## install program, scenes and libraries below PREFIX (/usr/local); PARTS=library requires no fpm
 	@python3 tools/library.py install --prefix "$(PREFIX)" --destdir "$(DESTDIR)" --parts $(INSTALLED)
 
-uninstall: ## remove what `make install` put below PREFIX (PARTS for some of it)
+uninstall: ## remove files of `make install` below PREFIX (PARTS selects parts)
 	@python3 tools/library.py uninstall --prefix "$(PREFIX)" --destdir "$(DESTDIR)" --parts $(REMOVED)
 
-wheel: setup ## dist/*.whl: the package for Python with library and program, for any Linux on x86-64 (doc/installation.md)
+wheel: setup ## build dist/*.whl: Python package with library and program, for any x86-64 Linux (doc/installation.md)
 	@tools/setup.sh wheel
 	@rm -rf build/wheel python/build dist/*.whl
 	@TANDEM_PORTABLE=1 .venv/bin/python -m pip wheel --quiet --no-deps --no-build-isolation -w build/wheel ./python
 	@PATH=$(CURDIR)/.venv/bin:$(PATH) auditwheel repair -z 9 $(foreach name,libtandem.so.1 libtandem-blas.so.1 libgfortran.so.5 libquadmath.so.0,--exclude $(name)) \
 		-w dist build/wheel/*.whl
 
-dist: setup ## dist/tandem-VERSION-linux-x86_64.tar.xz: program, libraries, scenes and documents, to unpack anywhere
+dist: setup ## build dist/tandem-VERSION-linux-x86_64.tar.xz: relocatable archive of program, libraries, scenes and documents
 	@tools/setup.sh wheel
 	@rm -f dist/*.tar.xz
 	@python3 tools/library.py archive
 
-python: build ## the package for Python in an environment of its own, build/python; also for tandem plot and view
+python: build ## install the Python package into a separate environment, build/python; also for tandem plot and view
 	@tools/python.sh
 
-docs: ## the reference of the library with the pages of doc/, left at build/docs/index.html
+docs: ## build the reference of the library with the pages of doc/: build/docs/index.html
 	@tools/setup.sh docs
 	@python3 tools/docs.py
 
-clean: ## remove all that was built
+clean: ## remove all build products
 	@rm -rf build
 
-help: ## this list
+help: ## print this list
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 14

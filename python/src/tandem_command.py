@@ -19,7 +19,7 @@ def other_package() -> bool:
 
 
 def main() -> None:
-    """Become the program, whose pictures and pages are then drawn by this Python."""
+    """Become the program; this Python then makes its plots and animations."""
     program = Path(__file__).parent / "tandem" / "program" / "bin" / "tandem"
     os.environ.setdefault("TANDEM_PYTHON", sys.executable)
     try:
@@ -30,7 +30,7 @@ def main() -> None:
 
 
 def draw() -> None:
-    """Run the package with the words of the command line: what the program calls for plot, view and import."""
+    """Run the package with the words of the command line: called by the program for plot, view and import."""
     if other_package():
         print(f"tandem: {CLASH}", file=sys.stderr)
         sys.exit(2)

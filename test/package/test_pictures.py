@@ -173,7 +173,7 @@ class Plots(Folder):
         done = subprocess.run([tandem.program_path(), "plot", "a.h5", "--output", "with blank.png"], cwd=self.folder, env=environment,
                               capture_output=True, text=True)
         self.assertEqual((done.returncode, done.stdout), (0, "with blank.png\n"), done.stderr)
-        for python, told in (("/nowhere/python3", "no Python to draw with"), (None, "needs the package tandem")):
+        for python, told in (("/nowhere/python3", "Python cannot be started"), (None, "needs the package tandem")):
             if python is None:
                 # An interpreter of its own, which has no packages.
                 bare = self.folder / "bare"

@@ -220,7 +220,7 @@ class Disk(Running):
         """The last state is saved as a scene, from which a run can continue."""
         self.assertIn("output_failed", err)
         self.assertIn("is saved: tandem run ", err)
-        saved = Path(self.folder, err.split("is saved: tandem run ")[1].split(" goes on")[0])
+        saved = Path(self.folder, err.split("is saved: tandem run ")[1].split(" continues from it")[0])
         self.assertEqual(saved.parent.resolve(), (folder or self.folder).resolve())
         start = tomllib.loads(saved.read_text())
         t = start["time"]["start"]
@@ -342,7 +342,7 @@ class Disk(Running):
         (self.folder / "a.last.toml.new").mkdir()
         process = self.start("rolling_disk", *LONG, "--output", "a.h5", "--force", limit=2_000_000)
         _, err = self.end(process, 1)
-        self.assertIn("cannot be saved in a file either", err)
+        self.assertIn("cannot be saved in a file", err)
         start = tomllib.loads(err[err.index("[scene]"):])
         self.assertEqual(len(start["initial"]["qd"]), 9)
         self.assertGreater(start["time"]["start"], 0)

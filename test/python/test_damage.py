@@ -216,7 +216,7 @@ class Verify(Damaged):
                         file[name][3] += 1
                 says = f"the rows of /{name} are not those that were written"
                 self.assertIn(f"run.h5 is damaged: {says}", self.tandem("verify", "run.h5", code=1).stderr)
-                self.assertIn(f"cannot go on from run.h5: it is damaged: {says}",
+                self.assertIn(f"cannot resume from run.h5: it is damaged: {says}",
                               self.tandem("resume", "run.h5", *ON, code=2).stderr)
 
     def test_a_changed_letter(self):
@@ -272,7 +272,7 @@ class Verify(Damaged):
         self.tandem("run", "rolling_disk", "--set", "time.end=0.6", "--set", "output.every=10", "--no-error", "--quiet", "--output", "whole.h5")
         with h5py.File(self.folder / "run.h5", "r+") as file:
             del file["checksums"]
-        self.assertIn("it has no checksums", self.tandem("verify", "run.h5", code=2).stderr)
+        self.assertIn("has no checksums", self.tandem("verify", "run.h5", code=2).stderr)
         self.tandem("resume", "run.h5", *ON)
         self.assertEqual(rows_of(self.folder / "run.h5"), rows_of(self.folder / "whole.h5"))
         self.limited()

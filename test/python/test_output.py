@@ -1261,7 +1261,7 @@ class CommandLine(Case):
             with self.subTest(words), open("/dev/full", "w", encoding="utf-8") as full:
                 done = subprocess.run([TANDEM, *words], cwd=self.folder, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
                 self.assertEqual(done.returncode, 1, done.stderr)
-                self.assertIn("stdout could not all be written: No space left on device; ", done.stderr)
+                self.assertIn("stdout could not be written completely: No space left on device; ", done.stderr)
                 # Faulty input takes precedence.
                 self.assertEqual(subprocess.run([TANDEM, "show", "nothing"], stdout=full, stderr=subprocess.PIPE).returncode, 2)
         with h5py.File(self.folder / "a.h5") as file:
@@ -1275,8 +1275,8 @@ class CommandLine(Case):
         self.refused("--hlep", says='Did you mean "--help"?')
         self.refused("run", "rolling_disk", "--quite", says=["no option --quite", "did you mean --quiet?"])
         self.refused("show", "rolling_disk", "--quiet", says="no option --quiet")
-        self.refused("list", "rolling_disk", says="does not know what to do")
-        self.refused("run", "rolling_disk", "articulated_vehicle", says="does not know what to do")
+        self.refused("list", "rolling_disk", says="has an unexpected argument")
+        self.refused("run", "rolling_disk", "articulated_vehicle", says="has an unexpected argument")
         self.refused("run", says="needs a SCENE")
         self.refused("run", "rolling_disk", "--set", says="needs a value after --set")
         self.refused("run", "rolling_disk", "--output", says="needs a value after --output")
@@ -1344,7 +1344,7 @@ class CommandLine(Case):
         report = self.tandem("run", "rolling_disk", *settings, "--error", "--output", "a.h5").stdout
         self.assertRegex(report, r"  error at end +q [^\n]*,\n? *estimated by a second run with a tenth of the tolerance")
         self.assertRegex(report, r"  WARNING +the error reaches \S+ times the tolerance")
-        self.assertRegex(report, r"  local error +\S+ a step at most, \S+ summed over the run")
+        self.assertRegex(report, r"  local error +\S+ per step at most, \S+ summed over the run")
         with h5py.File(self.folder / "a.h5") as file:
             attributes = file["report"].attrs
             self.assertGreater(attributes["global_error"], 0.3)

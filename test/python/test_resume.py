@@ -404,7 +404,7 @@ value = 97.0
         path = self.disk(time="end = 30.0", output=events.replace('0.999', '0.999\naction = "stop"'))
         self.tandem("run", path, "--output", "stopped.h5")
         done = self.tandem("resume", "stopped.h5", "--set", "time.end=40", code=2)
-        self.assertIn('"dips" has stopped it', done.stderr)
+        self.assertIn('"dips" stopped it', done.stderr)
 
     def test_an_assembled_start(self):
         self.random = random.Random(SEED)
@@ -443,7 +443,7 @@ class Refused(Resume):
         self.check("time.end", "run.h5", "--set", "time.end=-1")
         for length in (0, 40, 100, 1000, len(whole)//2, len(whole) - 1):
             (self.folder / "run.h5").write_bytes(whole[:length])
-            self.check("cannot go on from run.h5")
+            self.check("cannot resume from run.h5")
 
         def change(action):
             (self.folder / "run.h5").write_bytes(whole)
@@ -480,16 +480,16 @@ class Refused(Resume):
         self.tandem("run", "rolling_disk", *settings(["solver.step=0.02", "solver.max_steps=300", "output.every=1"]), "--no-error",
                     "--output", "run.h5", code=1)
         for end in ("3", "6", "5.9999"):
-            self.check("is at t = 6.0", "run.h5", "--set", f"time.end={end}")
+            self.check("is already at t = 6.0", "run.h5", "--set", f"time.end={end}")
             self.check("--set time.end=TIME", "run.h5", "--set", f"time.end={end}", "--error")
         with h5py.File(self.folder / "run.h5", "r+") as file:
             file.attrs["status"] = "running"
-        self.check("its end was to be 40.0", "run.h5", "--set", "time.end=3")
+        self.check("its end was 40.0", "run.h5", "--set", "time.end=3")
         self.tandem("resume", "run.h5", *settings(["time.end=6.5", "solver.max_steps=1000"]), "--no-error")
         # A run killed between its end and its report is at its own end, and continues with the report.
         with h5py.File(self.folder / "run.h5", "r+") as file:
             file.attrs["status"] = "running"
-        self.check("is at t = 6.5", "run.h5", "--set", "time.end=6")
+        self.check("is already at t = 6.5", "run.h5", "--set", "time.end=6")
         self.tandem("resume", "run.h5", "--no-error")
         with h5py.File(self.folder / "run.h5") as file:
             self.assertEqual((file.attrs["status"], file["trajectory/time"][-1]), ("complete", 6.5))
@@ -515,7 +515,7 @@ class Refused(Resume):
                     words[4] = checksum(words[5:used])
                     place[:] = words
             if other != own:
-                self.check(f"cannot go on from run.h5: tandem {other} wrote it, and this is {own}")
+                self.check(f"cannot resume from run.h5: tandem {other} wrote it, and this is {own}")
         # Writing the same version back changes nothing.
         self.tandem("resume", "run.h5", "--set", "solver.max_steps=100000", "--no-error")
 

@@ -441,7 +441,7 @@ class Runners(Case):
             self.sweep("--output", "array.h5", "--jobs", "1", "--cases", f"{15 * i + 1}:{15 * i + 15}", "--quiet")
         parts = [path.name for path in self.folder.glob("array.h5.*-*.journal")]
         self.assertEqual(len(parts), 4)
-        self.sweep("--output", "array.h5", "--merge", *parts[:3], "--quiet", code=2, says="15 of 60 cases are in none")
+        self.sweep("--output", "array.h5", "--merge", *parts[:3], "--quiet", code=2, says="15 of 60 cases are missing")
         (self.folder / "array.h5.journal").unlink()
         self.sweep("--output", "array.h5", "--merge", *parts, "--quiet")
         self.assertEqual(table(self.folder / "array.h5"), self.expected)
@@ -684,7 +684,7 @@ WRONG = [
     (HEAD + "set = [1.0]\n" + VARY, "set must be a list of texts"),
     (HEAD + 'set = ["time.ende=1.0"]\n' + VARY, 'did you mean "end"'),
     (HEAD + 'csv = "none.csv"\n', "csv names a file that cannot be read"),
-    (HEAD + "draws = 5\n[[vary]]\nkey = \"model.mass\"\nvalues = [1.0]\n", "draws are asked for"),
+    (HEAD + "draws = 5\n[[vary]]\nkey = \"model.mass\"\nvalues = [1.0]\n", "draws have no effect"),
     (HEAD + "[vary]\nkey = \"model.mass\"\n", "write [[vary]]"),
     (HEAD + "[vary]\n[[vary]]\n", "vary"),
     (HEAD + "[extra]\n" + VARY, 'unknown table or key "extra"'),

@@ -87,7 +87,7 @@ contains
                     self%about = trim(self%about//' '//word)
                     self%about = trim(adjustl(self%about))
                 else if ((allocated(self%scene) .and. .not. takes_many) .or. command%operand == '') then
-                    call set_usage_error(error, self%command, 'does not know what to do with "'//word//'"')
+                    call set_usage_error(error, self%command, 'has an unexpected argument "'//word//'"')
                 else
                     self%scene = word
                     call add_text(self%scenes, word)
@@ -96,7 +96,7 @@ contains
             if (self%command == 'equilibrium') call add_text(self%settings, 'initial.equilibrium=true')
             if (allocated(error) .or. self%help) return
             if (command%operand == 'SWEEP...' .and. size(self%scenes) > 1 .and. .not. self%merges) then
-                call set_usage_error(error, self%command, 'takes one SWEEP; with --merge, the journals behind it')
+                call set_usage_error(error, self%command, 'takes one SWEEP, followed by journals with --merge')
                 return
             end if
             if (allocated(self%scene)) return
@@ -240,7 +240,7 @@ contains
         if (text == '') return
         call read_number(text, value, is_read)
         if (is_read .and. value >= 1 .and. value <= most) return
-        call set_usage_error(error, self%command, 'needs a whole number from 1 to '//to_text(most)//' after '//name// &
+        call set_usage_error(error, self%command, 'needs an integer from 1 to '//to_text(most)//' after '//name// &
             ', not "'//text//'"')
     end subroutine count_of
 

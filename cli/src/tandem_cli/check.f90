@@ -75,7 +75,7 @@ contains
             call say(scene%name//': n = '//to_text(model%n)//', '//to_text(model%n_holonomic)// &
                 ' holonomic and '//to_text(model%n_nonholonomic)//' nonholonomic constraints'//verdict)
         end associate
-        call say('procedures against differences at '//to_text(n_states)//' random states:')
+        call say('procedures compared with differences at '//to_text(n_states)//' random states:')
         do i = 1, size(findings)
             associate (finding => findings(i))
                 if (finding%passed) then

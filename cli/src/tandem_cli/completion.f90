@@ -28,7 +28,7 @@ contains
             call say_bash()
         case default
             code = input_wrong
-            call complain('completion knows bash and zsh, not "'//arguments%about//'"'//new_line('a')// &
+            call complain('completion supports bash and zsh, not "'//arguments%about//'"'//new_line('a')// &
                 'See tandem help completion.')
         end select
     end subroutine completion

@@ -58,16 +58,16 @@ contains
         integer :: i, width
 
         associate (settling => scene%settling, spectrum => linearisation%spectrum)
-            call say(scene%name//' rests; found in '//to_text(settling%iterations)//' iterations and '// &
+            call say(scene%name//' is in equilibrium; found in '//to_text(settling%iterations)//' iterations and '// &
                 to_text(settling%relaxations)//' steps along the forces, '//brief(settling%moved)//' from the start at most')
             if (allocated(spectrum%values)) then
                 call say('linear stability: '//trim(stability_name(spectrum%stability())))
             else
-                call say('linear stability: not asked of so many coordinates; see tandem linearise --near')
+                call say('linear stability: not computed for so many coordinates; see tandem linearise --near')
             end if
             if (settling%n_free > 0) call say('free: '//to_text(settling%n_free)//' directions lead to other equilibria; '// &
                 'this one is the nearest')
-            if (linearisation%depends_on_time) call say('functions of time stand still at t = '//to_text(scene%t_start))
+            if (linearisation%depends_on_time) call say('functions of time are held constant at t = '//to_text(scene%t_start))
             call say('')
             width = maxval([24, (len(scene%model%coordinate_label(i)), i=1, min(size(scene%q), most_names))])
             do i = 1, min(size(scene%q), most_names)

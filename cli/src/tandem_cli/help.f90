@@ -41,11 +41,11 @@ contains
             call say(padded('  '//usage(commands(i)), usage_width)//trim(commands(i)%summary))
         end do
         call say('')
-        call say('tandem help COMMAND, or tandem COMMAND --help, says which options it takes.')
+        call say('tandem help COMMAND, or tandem COMMAND --help, prints the options of a subcommand.')
         call say('')
         call say_scene()
         call say('')
-        call say('Exit codes: 0 done, 1 the run failed, 2 the input was wrong, 128 + n ended by signal n.')
+        call say('Exit codes: 0 success, 1 the run failed, 2 invalid input, 128 + n ended by signal n.')
         call say('')
         call say('Examples:')
         call say('  tandem run rolling_disk --set time.end=10 --set solver.step=2e-3 --output disk.h5')
@@ -80,7 +80,7 @@ contains
     !> Print notes on a subcommand.
     subroutine say_notes(name)
         character(len=*), intent(in) :: name
-        character(len=*), parameter :: continues = 'A study that was interrupted continues when it is called again.'
+        character(len=*), parameter :: continues = 'An interrupted study continues when it is called again.'
 
         select case (name)
         case ('resume')
@@ -88,15 +88,15 @@ contains
         case ('study precision', 'study tables')
             call say(continues)
         case ('study stability')
-            call say('CASE is a case or a group of them: stiff, disk, vehicle, masses, units, steps, parallel, kinks, million;')
-            call say('all where none is given (some minutes). Exit code 1 where a run is wrong and nobody was warned.')
+            call say('CASE is a case or a group of cases: stiff, disk, vehicle, masses, units, steps, parallel, kinks, million.')
+            call say('Default: all cases (some minutes). Exit code 1 if a run is wrong without a warning.')
             call say(continues)
         case ('sweep')
-            call say('SWEEP is a TOML file that names a scene, what varies, and what is kept: doc/sweep.md. A sweep that was ended')
-            call say('goes on when it is called again. With --merge, the journals of the tasks of an array follow it.')
+            call say('SWEEP is a TOML file of a scene, varied inputs and kept results: doc/sweep.md. An interrupted sweep')
+            call say('continues when it is called again. With --merge, add the journals of the tasks of an array.')
         case ('completion')
             call say('bash: tandem completion bash > ~/.local/share/bash-completion/completions/tandem')
-            call say('zsh: tandem completion zsh > a file _tandem in a folder of $fpath')
+            call say('zsh: tandem completion zsh > FOLDER/_tandem, with a FOLDER of $fpath')
         case default
             continue
         end select
@@ -104,8 +104,8 @@ contains
 
     !> Print the description of a scene.
     subroutine say_scene()
-        call say('SCENE is the path of a TOML file, or a name that tandem list shows. Named scenes are looked for in the')
-        call say('folder that TANDEM_SCENES names, in ./scenes, and where the program was built or installed.')
+        call say('SCENE is the path of a TOML file, or a name listed by tandem list. Named scenes are searched in the')
+        call say('folder TANDEM_SCENES, in ./scenes, and where the program was built or installed.')
     end subroutine say_scene
 
     !> Usage of a subcommand.
@@ -125,7 +125,7 @@ contains
 
         code = input_wrong
         if (command == 'study') then
-            call complain('study needs to know which one: study precision SCENE..., study stability, or study tables'// &
+            call complain('study requires a kind: study precision SCENE..., study stability, study tables, or study modes SCENE'// &
                 new_line('a')//'See tandem help.')
             return
         end if

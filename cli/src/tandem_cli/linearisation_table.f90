@@ -26,19 +26,19 @@ contains
             call say(scene%name//' at t = '//to_text(it%t)//': '//trim(kind_name(it%kind))//', '//to_text(it%nv)// &
                 ' coordinates and '//to_text(it%nw)//' velocities are free')
             if (it%kind == in_steady_motion) then
-                line = 'goes on along'
+                line = 'moves along'
                 do k = 1, size(it%rates)
                     if (abs(it%rates(k)) > 0.0_wp) line = line//' '//trim(it%symmetry%motions(k)%name)//' '// &
                         to_text(it%rates(k))//','
                 end do
                 call say(line(:len(line) - 1)//' (per second)')
             else if (it%kind == at_an_instant) then
-                call say('no equilibrium and no steady motion: the eigenvalues are those of this instant, and what grows or '// &
-                    'decays need not follow them; see tandem equilibrium, and --steady')
-                call say('what is left of the rates: '//brief(it%residual)//' of the size of their terms')
+                call say('no equilibrium and no steady motion: the eigenvalues are instantaneous and need not describe '// &
+                    'growth or decay; see tandem equilibrium, and --steady')
+                call say('residual of the rates: '//brief(it%residual)//' relative to their terms')
             end if
-            if (it%depends_on_time) call say('the equations depend on the time, which stands still here')
-            if (.not. it%has_gradients) call say('differences stand in for derivatives that the model does not give: expect '// &
+            if (it%depends_on_time) call say('the equations depend on time, which is held constant')
+            if (.not. it%has_gradients) call say('finite differences replace missing derivatives of the model: expect '// &
                 'some 10 digits')
             call say('')
             call print_eigenvalues(scene, it)
@@ -166,7 +166,7 @@ contains
             do mode = 1, size(values)
                 if (aimag(values(mode)) < 0.0_wp) cycle
                 call say('')
-                call say('motions of bodies at '//trim(eigenvalue_text(values(mode), .true.))//': x, y, z in m, turns in rad')
+                call say('motions of bodies at '//trim(eigenvalue_text(values(mode), .true.))//': x, y, z in m, rotations in rad')
                 line = padded('body', width)
                 do k = 1, 6
                     line = line//padded(heads(k), 12)
@@ -187,7 +187,7 @@ contains
             end do
         class default
             call say('')
-            call say('the model is no mechanism: its modes are those of its coordinates')
+            call say('the model is not a mechanism: modes are given by coordinates only')
         end select
     end subroutine print_body_motions
 
@@ -208,20 +208,20 @@ contains
             if (all(spectrum%cause == of_motion)) return
             call say('')
             if (any(spectrum%cause == of_symmetry)) then
-                line = to_text(count(spectrum%cause == of_symmetry))//' of symmetries, which move it to where it is the same:'
+                line = to_text(count(spectrum%cause == of_symmetry))//' of symmetries, which leave the equations unchanged:'
                 do k = 1, size(it%symmetry%rates, 2)
                     line = line//' '//it%symmetry%name_of(it%symmetry%rates(:, k))//','
                 end do
                 call say(line(:len(line) - 1))
                 do i = 1, size(spectrum%values)
                     if (spectrum%cause(i) /= of_symmetry .or. .not. aimag(spectrum%values(i)) > 0.0_wp) cycle
-                    call say('  +- '//to_text(aimag(spectrum%values(i)))//' i among them: the frame turns')
+                    call say('  +- '//to_text(aimag(spectrum%values(i)))//' i among them: the frame rotates')
                 end do
             end if
             k = count(spectrum%cause == of_family .and. .not. abs(spectrum%values) > 0.0_wp)
             if (k > 0) call say(to_text(k)//' zeros of families: '//family_text(it))
             k = count(spectrum%cause == of_family) - k
-            if (k > 0) call say(to_text(k)//' of drift, at the rate of the frame that turns: free bodies go on beside their paths')
+            if (k > 0) call say(to_text(k)//' of drift, at the rate of the rotating frame: free bodies move parallel to paths')
             if (spectrum%n_zeros == 0) return
             line = 'zeros in Jordan blocks:'
             do k = 1, size(spectrum%blocks)
@@ -229,7 +229,7 @@ contains
                 if (k < size(spectrum%blocks)) i = i - spectrum%blocks(k + 1)
                 if (i > 0) line = line//' '//to_text(i)//' of size '//to_text(k)//','
             end do
-            call say(line(:len(line) - 1)//'; computed with the others, they would come out as up to '// &
+            call say(line(:len(line) - 1)//'; not separated, they would appear as eigenvalues of up to '// &
                 brief(maxval(merge(spectrum%error, 0.0_wp, spectrum%cause /= of_motion))))
         end associate
     end subroutine print_zeros
@@ -242,11 +242,11 @@ contains
         if (it%kind == at_an_instant) then
             text = 'the matrix is singular at this instant'
         else if (it%kind == in_steady_motion) then
-            text = 'steady motions with other rates lie beside this one'
+            text = 'there are neighbouring steady motions with other rates'
         else if (it%nv > it%nw) then
-            text = 'equilibria lie beside this one, as '//to_text(it%nv - it%nw)//' nonholonomic rows leave them'
+            text = 'there are neighbouring equilibria, due to '//to_text(it%nv - it%nw)//' nonholonomic rows'
         else
-            text = 'equilibria or steady motions lie beside this one'
+            text = 'there are neighbouring equilibria or steady motions'
         end if
     end function family_text
 end module tandem_cli_linearisation_table

@@ -41,7 +41,7 @@ contains
         if (.not. allocated(error)) call arguments%number_of('--at', scene%t_start, time, error)
         if (.not. allocated(error)) call arguments%number_of('--period', 0.0_wp, period, error)
         if (.not. allocated(error) .and. arguments%value_of('--period', '') /= '' .and. .not. period > 0.0_wp) call set_error( &
-            error, status_invalid_option, 'the period is not a positive number')
+            error, status_invalid_option, 'the period must be a positive number')
         if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call check_target( &
             arguments%value_of('--output', ''), arguments%force, is_new, error)
         if (.not. allocated(error) .and. arguments%value_of('--near', '') /= '') then

@@ -104,8 +104,8 @@ contains
         has_pairs = .not. abs(aimag(it%shift)) > 0.0_wp
         call say(scene%name//trim(merge(' in a steady motion', ' at rest           ', it%frame%moves))// &
             ': the eigenvalues nearest to '//complex_text(it%shift))
-        if (it%frame%moves) call say('goes on along '//rates_text(it))
-        if (it%n_redundant > 0) call say(to_text(it%n_redundant)//' redundant rows are left out')
+        if (it%frame%moves) call say('moves along '//rates_text(it))
+        if (it%n_redundant > 0) call say(to_text(it%n_redundant)//' redundant rows are omitted')
         call say('')
         call say(padded('eigenvalue [1/s]', 46)//padded('frequency', 14)//padded('damping', 12)//padded('error', 10)//'shape')
         do i = 1, size(it%values)

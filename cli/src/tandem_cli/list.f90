@@ -46,7 +46,7 @@ contains
 
         allocate (paths, source=shipped_scenes())
         if (size(paths) == 0) then
-            call say('No scenes were found; set TANDEM_SCENES to the folder that holds them.')
+            call say('No scenes were found; set TANDEM_SCENES to their folder.')
             return
         end if
         call say(row('scene', 'model', 'description'))

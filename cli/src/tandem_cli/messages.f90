@@ -54,8 +54,8 @@ contains
             reason(i:i) = letters(i)
         end do
         if (reason == '') return
-        call complain('what belongs on stdout could not all be written: '//trim(reason)// &
-            '; send it elsewhere. Result files are not affected')
+        call complain('stdout could not be written completely: '//trim(reason)// &
+            '; redirect it. Result files are not affected')
         if (code == done) code = run_failed
     end subroutine finish_output
 

@@ -10,8 +10,8 @@ module tandem_cli_pictures
 
     character(len=*), parameter :: line_end = new_line('a')
     !> Installation of the package.
-    character(len=*), parameter :: advice = '"pip install" with the wheel brings it; in a checkout of tandem, "make python" '// &
-        'installs it into an environment of its own; TANDEM_PYTHON names the python3 that has it'
+    character(len=*), parameter :: advice = 'install it by "pip install" with the wheel, or by "make python" in a checkout; '// &
+        'set TANDEM_PYTHON to a python3 that has it'
     !> Python code: the current folder is removed from the search path of packages.
     character(len=*), parameter :: code = 'import sys'//line_end// &
         'sys.path[:] = [path for path in sys.path if path]'//line_end// &
@@ -62,7 +62,7 @@ contains
         do i = 1, length
             reason(i:i) = letters(i)
         end do
-        call complain('there is no Python to draw with ('//trim(reason)//')'//line_end//advice)
+        call complain('Python cannot be started ('//trim(reason)//')'//line_end//advice)
         code_out = input_wrong
     end subroutine call_package
 end module tandem_cli_pictures

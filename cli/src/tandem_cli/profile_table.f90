@@ -23,7 +23,7 @@ contains
         integer :: parts(n_parts), i, group, n
         character(len=line_width) :: line
 
-        write (line, '(2x, a44, a12, a13, a9, a15)') padded('where the time went', name_width), 'calls', 'seconds', 'share', &
+        write (line, '(2x, a44, a12, a13, a9, a15)') padded('part of the run', name_width), 'calls', 'seconds', 'share', &
             'ns a call'
         call say(trim(line))
         do group = 1, n_part_groups
@@ -42,25 +42,25 @@ contains
                 call print_row(profile, '  '//part_name(parts(i)), parts(i:i))
             end do
         end do
-        write (line, row) padded('all without the clock', name_width), '', profile%total(), 100.0_wp, ''
+        write (line, row) padded('total without the clock', name_width), '', profile%total(), 100.0_wp, ''
         call say(trim(line))
         associate (bare => profile%bare_seconds(), output => profile%output_seconds())
             call print_line('output', short(100*output/bare, 2)//' % of the '//short(bare, 3)//' s without it, '// &
-                'whatever the model and the chart did for it included')
+                'including work of model and chart for it')
         end associate
         call print_line('the clock', 'read '//count_text(2*profile%pairs)//' times, '// &
-            nanoseconds(profile%cost_within + profile%cost_around)//' ns for two were taken off, '// &
-            short(profile%clock_seconds(), 2)//' s in all, which the run time above has in it')
+            nanoseconds(profile%cost_within + profile%cost_around)//' ns were subtracted for two readings, '// &
+            short(profile%clock_seconds(), 2)//' s in total, included in the run time above')
         if (profile%plain > 0.0_wp) then
             call print_line('uncertain', 'by up to '//nanoseconds(profile%cost_within + profile%cost_around - &
-                profile%cost_in_loop)//' ns a call (two readings take '//nanoseconds(profile%cost_in_loop)// &
+                profile%cost_in_loop)//' ns per call (two readings take '//nanoseconds(profile%cost_in_loop)// &
                 ' ns in a loop, but the run took '//short(profile%clocked, 2)//' s with clocks against '// &
                 short(profile%plain, 2)//' s)')
         else
-            call print_line('uncertain', 'by about as much again a call, since the run was not compared with one without clocks')
+            call print_line('uncertain', 'by about the same amount per call, since the run was not compared without clocks')
         end if
-        if (profile%processor < disturbed*profile%measured) call print_line('disturbed', 'the processor worked for this run '// &
-            count_text(nint(100*profile%processor/profile%measured, long))//' % of the time: shares hold better than seconds')
+        if (profile%processor < disturbed*profile%measured) call print_line('disturbed', 'the processor was available for '// &
+            count_text(nint(100*profile%processor/profile%measured, long))//' % of the time: shares are more accurate than seconds')
     end subroutine print_profile
 
     !> Print a line of the table, for one part or several.

@@ -70,17 +70,17 @@ contains
             ' steps implicit')
         call print_line('charts', charts(s))
         call print_line('run time', short(s%wall_seconds, 3)//' s, CPU '//short(s%cpu_seconds, 3)//' s, '// &
-            short(1.0e6_wp*s%wall_seconds/real(max(1_long, s%steps), wp), 3)//' microseconds a step')
+            short(1.0e6_wp*s%wall_seconds/real(max(1_long, s%steps), wp), 3)//' microseconds per step')
         call print_line('largest errors', 'position '//short(s%position_error, 2)//', velocity '// &
             short(s%velocity_error, 2)//', acceleration '//short(s%acceleration_error, 2)// &
             ' over all steps (tolerance '//to_toml(scene%options%constraint_tolerance)//", on each row's natural scale)")
-        if (s%local_error_steps > 0) call print_line('local error', short(s%local_error, 2)//' a step at most, '// &
-            short(s%local_error_sum, 2)//' summed over the run, not counting how the motion amplifies it')
+        if (s%local_error_steps > 0) call print_line('local error', short(s%local_error, 2)//' per step at most, '// &
+            short(s%local_error_sum, 2)//' summed over the run, without amplification by the motion')
         if (allocated(estimate_error)) call print_line('error at end', 'not known: '//estimate_error%message)
         if (global_error%is_known) then
             call print_line('error at end', error_at_end(global_error, scene))
         else if (.not. (allocated(estimate_error) .or. allocated(error) .or. simulation%is_stopped)) then
-            call print_line('error at end', 'not estimated; --error does that by a second run')
+            call print_line('error at end', 'not estimated; use --error for a second run')
         end if
         call print_warnings(simulation)
         call print_doubts(simulation, global_error, estimate_error)
@@ -183,11 +183,11 @@ contains
         logical, intent(in) :: is_adaptive
         character(len=:), allocatable :: text
 
-        text = 'steps are shorter than the motion asks for'
+        text = 'steps are shorter than the motion requires'
         if (s%is_stiff) text = 'from t = '//short(s%stiff_from, 4)//' s, steps are limited by stability, not by accuracy'
         if (s%advised /= '') then
             text = text//', '//trim(s%advised)//' would take about '//count_text(int(max(1, nint(100*s%implicit_part)), long))// &
-                ' % of the work by how smooth the motion was'
+                ' % of the work, estimated from the smoothness of the motion'
         else if (is_adaptive) then
             text = text//', but an implicit stepper would hardly be faster'
         else
@@ -251,7 +251,7 @@ contains
 
         text = counted(trajectory%rows, 'row')
         if (.not. allocated(error)) return
-        if (error%stat == status_output_failed) text = 'INCOMPLETE: it could not be written to its end'
+        if (error%stat == status_output_failed) text = 'INCOMPLETE: the file could not be completed'
     end function rows_text
 
     !> Print energy and its drift, if written.
@@ -343,8 +343,8 @@ contains
             end select
         end do
         if (scene%model%constant_mass) call phrase%add('further evaluations of the mass matrix (it is constant)')
-        if (s%multipliers == 0) call phrase%add('multipliers (not asked for)')
-        if (s%kinetic_energies + s%potential_energies == 0) call phrase%add('energies (not asked for)')
+        if (s%multipliers == 0) call phrase%add('multipliers (not requested)')
+        if (s%kinetic_energies + s%potential_energies == 0) call phrase%add('energies (not requested)')
         call new_stepper(scene%options%stepper, stepper)
         properties = stepper%properties()
         if (properties%implicit .or. s%implicit_steps > 0) then
@@ -375,7 +375,7 @@ contains
         character(len=:), allocatable :: text
 
         text = 'estimated from the pattern of C and M: '//short(simulation%cost%sparse/simulation%cost%dense, 2)// &
-            ' on a sparse chart for 1 on a dense one'
+            ' on a sparse chart relative to a dense one'
     end function cost_text
 
     !> Add an item if its count is not zero.

@@ -37,11 +37,11 @@ contains
             if (allocated(error)) call write_new(trim(folder)//'/'//name, text, path, error)
         end associate
         if (allocated(error)) then
-            call complain('the last state cannot be saved in a file either; this scene starts from it:')
+            call complain('the last state cannot be saved in a file; this scene starts from it:')
             write (error_unit, '(a)') text
         else
             call complain('the last state, t = '//to_text(simulation%state%t)//', is saved: tandem run '//path// &
-                ' goes on from there')
+                ' continues from it')
         end if
     end subroutine save_last_state
 

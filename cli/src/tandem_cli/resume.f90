@@ -56,7 +56,7 @@ contains
                 if (any(settings(i) (len('--unset ') + 1:) == may_change(2:))) cycle
             end if
             call set_error(error, status_invalid_option, 'resume cannot set '//settings(i) (:length)// &
-                ', which would make another run of it', 'set '//listed(may_change)//' only')
+                ', which would change the run', 'set '//listed(may_change)//' only')
             return
         end do
     end subroutine check_settings
@@ -86,7 +86,7 @@ contains
         call pack%begin_reading('watcher', snapshot%watcher, problem)
         if (problem == '') call global_error%pack_state(pack)
         if (problem /= '' .or. pack%has_failed) then
-            call set_error(error, status_invalid_checkpoint, 'cannot go on from '//arguments%scene//': its checkpoint is damaged')
+            call set_error(error, status_invalid_checkpoint, 'cannot resume from '//arguments%scene//': its checkpoint is damaged')
             return
         end if
         call check_end(arguments, scene, snapshot, simulation, error)
@@ -132,14 +132,14 @@ contains
         here = to_text(simulation%state%t)
         if (snapshot%is_complete .and. simulation%is_stopped) then
             if (.not. arguments%error) call set_error(error, status_invalid_option, run//'complete: "'// &
-                trim(simulation%stopped_by)//'" has stopped it at t = '//here, &
-                'there is nothing to go on with; --error estimates its error')
+                trim(simulation%stopped_by)//'" stopped it at t = '//here, &
+                'there is nothing to continue; --error estimates its error')
         else if (simulation%state%t >= scene%t_end .and. scene%t_end < saved%t_end) then
-            call set_error(error, status_invalid_option, run//'at t = '//here//' already, which is not before the end '// &
-                to_text(scene%t_end), 'give it a later end by --set time.end=TIME; its end was to be '//to_text(saved%t_end))
+            call set_error(error, status_invalid_option, run//'already at t = '//here//', which is not before the end '// &
+                to_text(scene%t_end), 'set a later end by --set time.end=TIME; its end was '//to_text(saved%t_end))
         else if (snapshot%is_complete .and. simulation%state%t >= scene%t_end .and. .not. arguments%error) then
             call set_error(error, status_invalid_option, run//'complete: t = '//here, &
-                'give it a later end by --set time.end=TIME; --error estimates its error')
+                'set a later end by --set time.end=TIME; --error estimates its error')
         end if
     end subroutine check_end
 

@@ -46,7 +46,7 @@ contains
             code = merge(input_wrong, run_failed, is_input_error(error%stat))
             return
         end if
-        if (is_constant(study)) call complain('the eigenvalues do not change with '//study%key//'; is it the key that was meant?')
+        if (is_constant(study)) call complain('the eigenvalues do not change with '//study%key//'; check the key')
         if (arguments%json) then
             call print_json(study)
         else

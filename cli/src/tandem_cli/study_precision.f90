@@ -228,7 +228,7 @@ contains
                 text = text//'; these runs differ from it by '//brief(reference%agreement_q)//' in q and '// &
                     brief(reference%agreement_qd)//' in qd at most: errors of less than ten times that are not quoted'
             else
-                text = text//', whose accuracy it does not state'
+                text = text//', without stated accuracy'
             end if
         end associate
     end function about

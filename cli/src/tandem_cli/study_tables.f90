@@ -37,7 +37,7 @@ contains
         integer, intent(out) :: code
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: about = 'the results of E. J. Haug, Mechanics Based Design of Structures and Machines, '// &
-            '2016, sections 7 to 9, beside ours; constraint errors are max-norms over all steps, in the units of their rows'
+            '2016, sections 7 to 9, and those of tandem; constraint errors are max-norms over all steps, in the units of their rows'
         type(paper_type) :: study
         type(study_progress_type) :: progress
         character(len=:), allocatable :: what

@@ -103,7 +103,7 @@ contains
             error)
         if (allocated(error)) return
         setup%progress%quiet = arguments%quiet
-        if (setup%journal%resumed > 0) call setup%progress%remark('goes on: '//to_text(int(setup%journal%resumed))// &
+        if (setup%journal%resumed > 0) call setup%progress%remark('continued: '//to_text(int(setup%journal%resumed))// &
             ' cases are done already')
         if (arguments%merges) call merge_parts(arguments, setup, error)
     end subroutine prepare_sweep
@@ -163,7 +163,7 @@ contains
         else if (arguments%merges) then
             call refuse('tandem sweep takes --cases or --merge, not both', error)
         else if (range(1) > setup%last) then
-            call refuse('tandem sweep --cases '//text//' asks for cases that are not there; there are '// &
+            call refuse('tandem sweep --cases '//text//': no such cases; there are '// &
                 to_text(int(setup%last)), error)
         else
             setup%first = range(1)
@@ -184,7 +184,7 @@ contains
             call setup%journal%take_from(trim(arguments%scenes(i)), settings_of(setup%plan), is_ours, error)
             if (allocated(error)) return
             if (.not. is_ours) then
-                call refuse(trim(arguments%scenes(i))//' holds no cases of this sweep, or cases of another build of tandem', error)
+                call refuse(trim(arguments%scenes(i))//' has no cases of this sweep, or those of another build of tandem', error)
                 return
             end if
         end do
@@ -205,8 +205,8 @@ contains
             return
         end if
         if (missing > 0) then
-            call refuse(to_text(int(missing))//' of '//to_text(int(setup%last))//' cases are in none of the journals, the '// &
-                'first '//first_missing(setup)//'; run them, or leave out --merge', error)
+            call refuse(to_text(int(missing))//' of '//to_text(int(setup%last))//' cases are missing in the journals, the '// &
+                'first '//first_missing(setup)//'; run them, or omit --merge', error)
             return
         end if
         call write_table(setup%output, setup%plan, setup%journal, error)

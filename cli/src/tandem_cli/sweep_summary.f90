@@ -54,7 +54,7 @@ contains
                 if (summary%n > 1) call say('  '//bars(summary%histogram))
             end do
         end do
-        if (lines > most_lines) call say('and '//to_text(lines - most_lines)//' numbers more, which the table has')
+        if (lines > most_lines) call say('and '//to_text(lines - most_lines)//' more numbers in the table')
         if (plan%is_for_indices .and. .not. allocated(error)) call print_indices(table, plan, error)
     end subroutine print_summary
 

@@ -63,7 +63,7 @@ contains
             call complain(arguments%scene//' is damaged: '//finding%problem)
             code = run_failed
         else if (.not. finding%has_checksums) then
-            call complain('cannot verify '//arguments%scene//': all of it can be read, but it has no checksums, since an '// &
+            call complain('cannot verify '//arguments%scene//': it is readable, but has no checksums, since an '// &
                 'earlier program wrote it')
             code = input_wrong
         else
@@ -76,7 +76,7 @@ contains
             if (finding%events > 0) events = ' and '//counted(finding%events, 'event')
             call say(arguments%scene//': '//counted(finding%rows, 'row')//events//' as they were written, in '// &
                 to_text(finding%datasets)//' datasets; status "'//status//'"')
-            if (finding%rows_behind > 0) call say('rows behind the last state that was saved, without checksums: '// &
+            if (finding%rows_behind > 0) call say('rows after the last saved state, without checksums: '// &
                 count_text(finding%rows_behind))
             code = done
         end if

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""python3 -m tandem plot | view | import urdf | mjcf FILE...: what the program `tandem` calls."""
+"""python3 -m tandem plot | view | import urdf | mjcf FILE...: called by the program `tandem`."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import sys
 
 
 def main(words: list[str] | None = None) -> int:
-    """The exit code: 0 done, 2 the input was wrong."""
+    """Exit code: 0 success, 2 invalid input."""
     words = sys.argv[1:] if words is None else words
     if words[:1] == ["import"]:
         # Without what pictures need.
         from . import mjcf, urdf
 
         return (mjcf if words[1:2] == ["mjcf"] else urdf).main(words[1:])
-    parser = argparse.ArgumentParser(prog="tandem", description="Pictures of result files, and pages that play them.")
+    parser = argparse.ArgumentParser(prog="tandem", description="Plots and animations of result files.")
     commands = parser.add_subparsers(dest="command", required=True)
     from .plot import command as plot_command
     from .viewer import command as view_command
 
-    plot_command.add_arguments(commands.add_parser("plot", help="pictures of result files", description=plot_command.__doc__,
+    plot_command.add_arguments(commands.add_parser("plot", help="plots of result files", description=plot_command.__doc__,
                                                    formatter_class=argparse.RawDescriptionHelpFormatter))
-    view_command.add_arguments(commands.add_parser("view", help="a page that plays the motion, and a .glb",
+    view_command.add_arguments(commands.add_parser("view", help="animation for browsers, and a .glb",
                                                    description=view_command.__doc__,
                                                    formatter_class=argparse.RawDescriptionHelpFormatter))
     given = parser.parse_args(words)

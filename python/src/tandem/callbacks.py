@@ -22,7 +22,7 @@ MOST_VIEWS = 512
 
 
 class Views:
-    """Arrays that look at the library's memory, by their addresses. The library calls with few addresses again and again."""
+    """Array views of the library's memory, by their addresses. The library calls with few addresses again and again."""
 
     def __init__(self, *shape: int):
         self.shape = shape
@@ -41,7 +41,7 @@ class Views:
 
 
 def put(name: str, view: np.ndarray, result: Any) -> None:
-    """Copy what a function has returned, after a look at its shape and kind."""
+    """Copy the result of a function after a check of its shape and kind."""
     if result.__class__ is np.ndarray and result.shape == view.shape and result.dtype.kind in "fiu":
         view[...] = result
         return
@@ -59,7 +59,7 @@ def put(name: str, view: np.ndarray, result: Any) -> None:
 
 
 def address_of(function: Any) -> int | None:
-    """The address of a function that is compiled: of numba's `cfunc`, of ctypes, or a `ctypes.c_void_p`; None for one of Python. A
+    """Address of a compiled function: of numba's `cfunc`, of ctypes, or a `ctypes.c_void_p`; None for one of Python. A
     plain number is none: it is a term that never changes."""
     if isinstance(function, ctypes._CFuncPtr):
         return ctypes.cast(function, ctypes.c_void_p).value
@@ -70,7 +70,7 @@ def address_of(function: Any) -> int | None:
 
 
 class Guard:
-    """Makes functions for one problem, and keeps the exceptions that they raise."""
+    """Creates functions for one problem, and stores the exceptions that they raise."""
 
     def __init__(self, n: int):
         self.n = n

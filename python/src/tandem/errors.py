@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""How a call can end: every status of the library as an exception that a Python user expects."""
+"""Exceptions for the statuses of the library."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ class InvalidInput(TandemError, ValueError):
 
 
 class RunFailed(TandemError):
-    """A run that could not go on. The state is that of the last accepted step."""
+    """A run that cannot continue. The state is that of the last accepted step."""
 
 
 class ProgramError(TandemError):
-    """The program `tandem` is missing, or has refused a request; `code` is its exit code."""
+    """The program `tandem` is missing or failed; `code` is its exit code."""
 
 
 class NotEvaluable(Exception):
-    """Raise this in a function of a model where it has no value at this point, so that a smaller step is worth a try."""
+    """Raised by a function of a model that is undefined at this point; requests a smaller step."""
 
 
 def error_of(code: int, message: str) -> TandemError:

@@ -65,7 +65,7 @@ FUNCTIONS = {
 
 
 def library_path() -> str:
-    """The file that is loaded: TANDEM_LIBRARY, the one in this package, or what the dynamic linker finds. A wheel holds one for newer
+    """Path of the library: TANDEM_LIBRARY, the one in this package, or the one found by the dynamic linker. A wheel holds one for newer
     processors too, and a file that makes the dynamic linker choose."""
     named = os.environ.get("TANDEM_LIBRARY")
     if named:

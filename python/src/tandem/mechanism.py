@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Mechanisms from bodies and joints, in the words of scene files."""
+"""Mechanisms from bodies and joints, with the keys of scene files."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Mechanism:
         return self._with_file(lambda file: run_scene(file, settings, output, error=error))
 
     def model(self, settings: Mapping[str, Any] | None = None, t_span: tuple[float, float] | None = None) -> DrawnModel:
-        """The mechanism as a model for `tandem.Simulation` and `tandem.solve`, which need no program then."""
+        """The mechanism as a model for `tandem.Simulation` and `tandem.solve`, without the program."""
         made = Mechanism()
         made.tables = copy.deepcopy(self.tables)
         for key, value in (settings or {}).items():
@@ -109,7 +109,7 @@ class Mechanism:
 
     def simulation(self, settings: Mapping[str, Any] | None = None, *, t_span: tuple[float, float] | None = None, q: Any = None,
                    qd: Any = None, events: Any = None, **options: Any) -> Simulation:
-        """A run in this process, step by step: see `tandem.Simulation`. It starts as the scene says, or from q and qd; its events are
+        """A run in this process, step by step: see `tandem.Simulation`. It starts from the initial state of the scene, or from q and qd; its events are
         those of the scene and `events`; options of the scene's [solver] count where they are not given here."""
         model = self.model(settings, t_span)
         return Simulation(model, q, qd, model.times[0], events=[*scene_events(model.scene), *listed(events)],
@@ -123,11 +123,11 @@ class Mechanism:
                      **solver_options(model.scene, options))
 
     def check(self, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Rows, degrees of freedom, and every derivative against differences; `ProgramError` where something is wrong."""
+        """Rows, degrees of freedom, and a comparison of all derivatives with differences; `ProgramError` on a wrong result."""
         return self._with_file(lambda file: json.loads(run_program("check", file, *settings_words(settings), "--json")))
 
     def show(self, settings: Mapping[str, Any] | None = None) -> str:
-        """The complete scene, every default filled in."""
+        """The complete scene, with all defaults."""
         return self._with_file(lambda file: run_program("show", file, *settings_words(settings)))
 
     def equilibrium(self, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -153,7 +153,7 @@ KINDS = ("parameters", "gravity", "ground", "results", "function", "body", "join
 
 
 def refuse_unknown(tables: Mapping[str, Any]) -> None:
-    """Tables that no scene has, and keys of the run that it would not look at."""
+    """Unknown tables, and keys of the run without effect."""
     for kind, table in tables.items():
         if kind not in KINDS and kind not in RUN:
             raise ValueError(f'there is no table "{kind}" in a scene{question(kind, (*KINDS, *RUN))}')
@@ -163,7 +163,7 @@ def refuse_unknown(tables: Mapping[str, Any]) -> None:
 
 
 def question(word: str, names: Any) -> str:
-    """The name that was meant, if one is near."""
+    """The most similar name, if there is one."""
     near = difflib.get_close_matches(word, names, 1)
     return f' (did you mean "{near[0]}"?)' if near else ""
 

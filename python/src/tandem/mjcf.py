@@ -532,11 +532,11 @@ def main(words=None) -> int:
     import argparse
 
     parser = argparse.ArgumentParser(prog="tandem import", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("format", choices=["mjcf"], help="what the file is")
+    parser.add_argument("format", choices=["mjcf"], help="format of the file")
     parser.add_argument("file", metavar="FILE")
     parser.add_argument("--output", metavar="PATH", help="the scene (the name of the file, .toml)")
-    parser.add_argument("--at", metavar="JOINT=X,...", help="draw joints there (rad, m), not at their references")
-    parser.add_argument("--force", action="store_true", help="overwrite a file that exists")
+    parser.add_argument("--at", metavar="JOINT=X,...", help="positions of joints (rad, m) in the reference configuration")
+    parser.add_argument("--force", action="store_true", help="overwrite an existing file")
     given = parser.parse_args(words)
     return guarded(lambda: run(given))
 

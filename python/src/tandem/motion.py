@@ -23,7 +23,7 @@ RATES = {"position": "velocity", "velocity": "acceleration", "angle": "rate", "w
 
 
 def frame_times(first: float, last: float, per_second: float = 60.0, most: int = MOST_FRAMES) -> np.ndarray:
-    """Equal times from the first to the last one, about so many a second; at least 2."""
+    """Equidistant times from the first to the last one, with about the given number per second; at least 2."""
     count = min(most, max(1, round((last - first) * per_second))) if last > first else 1
     return np.linspace(first, last, count + 1)
 

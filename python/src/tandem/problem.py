@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A problem of the library: its handle, with the model's functions, options and events given to it."""
+"""A problem of the library: its handle, with the functions, options and events of a model."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Event:
 
 
 def as_state(name: str, values: Any, n: int) -> np.ndarray:
-    """Coordinates or velocities as the library takes them: a copy, of whatever kind and order the numbers were."""
+    """Coordinates or velocities for the library: a copy, from numbers of any kind and order."""
     array = np.asarray(values)
     if array.dtype.kind not in "fiub":
         raise TypeError(f"{name} holds {array.dtype} numbers: it must hold real ones")
@@ -80,7 +80,7 @@ def pointer(array: np.ndarray | None) -> int | None:
 
 
 class Problem:
-    """A model in the hands of the library. Two threads that use it at the same time are refused."""
+    """A model used by the library. Simultaneous use by two threads is an error."""
 
     def __init__(self, model: Model, options: Mapping[str, Any] | None = None, events: Sequence[Any] | Callable | None = None):
         if not isinstance(model, Model):
@@ -302,14 +302,14 @@ class Problem:
         return q, qd
 
     def find_equilibrium(self, q: Any, t: float = 0.0) -> np.ndarray:
-        """The nearest place of rest, stable or not."""
+        """The nearest equilibrium, stable or not."""
         q = as_state("q", q, self.n)
         with self.interruptible():
             self.call("find_equilibrium", float(t), pointer(q))
         return q
 
     def find_steady_motion(self, q: Any, qd: Any, motions: Sequence[str] = ("any",), t: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest steady motion along symmetries that are named; "NAME=RATE" holds a rate (rad/s, m/s)."""
+        """The nearest steady motion along the named symmetries; "NAME=RATE" fixes a rate (rad/s, m/s)."""
         q, qd = as_state("q", q, self.n), as_state("qd", qd, self.n)
         words = [motions] if isinstance(motions, str) else motions
         with self.interruptible():
@@ -327,7 +327,7 @@ class Problem:
         return parts[0, :k] + 1j*parts[1, :k], matrix[:k*k].reshape(k, k).T.copy()
 
     def number(self, name: str, kind: type = ctypes.c_int, *arguments: Any):
-        """A number that a function of the library gives by its last argument."""
+        """A number returned by the last argument of a function of the library."""
         value = kind()
         self.call(name, *arguments, ctypes.byref(value))
         return value.value

@@ -29,7 +29,7 @@ def program_path() -> str:
 
 
 def run_program(*words: Any, cwd: str | Path | None = None) -> str:
-    """Run `tandem WORDS...` and return what it prints; `ProgramError` with its message where it fails.
+    """Run `tandem WORDS...` and return its output; `ProgramError` with its message if it fails.
 
     Ctrl-C reaches the program too, which then ends its run with a whole file."""
     environment = {"OPENBLAS_NUM_THREADS": "1"} | dict(os.environ)
@@ -43,7 +43,7 @@ def run_program(*words: Any, cwd: str | Path | None = None) -> str:
 
 
 def toml_value(value: Any) -> str:
-    """A value as TOML writes it."""
+    """A value in TOML notation."""
     import numpy as np
 
     if isinstance(value, (bool, np.bool_)):

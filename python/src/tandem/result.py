@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Result files of the program: all that doc/output.md lists, as arrays."""
+"""Result files of the program: all contents listed in doc/output.md, as arrays."""
 
 from __future__ import annotations
 
@@ -111,13 +111,13 @@ class Result:
         return xarray.Dataset(made, coords={"time": ("time", self.time, {"units": "s"})}, attrs={"status": self.status})
 
     def plot(self, *arguments: Any, **options: Any):
-        """A figure of the motion, see `tandem.plot`."""
+        """A plot of the motion, see `tandem.plot`."""
         from .plot import overview
 
         return overview(self, *arguments, **options)
 
     def view(self, path: str | Path | None = None, **options: Any):
-        """A page that plays the motion, see `tandem.view`."""
+        """An animation of the motion, see `tandem.view`."""
         from .viewer import view
 
         return view(self, path, **options)
@@ -163,7 +163,7 @@ def opened(path: str | Path):
 
 
 def rows_for_pictures(path: str | Path) -> int:
-    """Every how many rows are read for a picture or a page: 1, but for files that memory might not hold."""
+    """Stride of the rows read for a plot or an animation: 1, except for files that are too large for the memory."""
     sizes = []
 
     def look(_, item):

@@ -504,12 +504,12 @@ def parse_coordinates(text: str | None) -> dict:
 
 
 def add_arguments(parser) -> None:
-    parser.add_argument("format", choices=["urdf", "mjcf"], help="what the file is")
+    parser.add_argument("format", choices=["urdf", "mjcf"], help="format of the file")
     parser.add_argument("file", metavar="FILE")
     parser.add_argument("--output", metavar="PATH", help="the scene (the name of the file, .toml)")
     parser.add_argument("--floating", action="store_true", help="the root is a free body, not the ground")
-    parser.add_argument("--at", metavar="JOINT=X,...", help="draw joints there (rad, m), not at 0")
-    parser.add_argument("--force", action="store_true", help="overwrite a file that exists")
+    parser.add_argument("--at", metavar="JOINT=X,...", help="positions of joints (rad, m) in the reference configuration (0)")
+    parser.add_argument("--force", action="store_true", help="overwrite an existing file")
 
 
 def run(given) -> None:

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> doc/options.md lists exactly the options with their descriptions in the program, and the figures of a run.
+!> doc/options.md lists exactly the options with their descriptions in the program, and the statistics of a run.
 module test_lists
     use asserts, only: check_count, check_true
     use tandem, only: figure_reader_type, long, option_row_type, option_visitor_type, options_type, statistics_type, tell_figures, &
@@ -64,13 +64,13 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(figure_finder_type) :: finder
 
-        call read_rows('## Figures', finder%rows)
+        call read_rows('## Statistics', finder%rows)
         call tell_figures(statistics_type(), finder)
         if (allocated(finder%missing)) then
             call test_failed(error, page//' has no line for '//finder%missing)
             return
         end if
-        call check_count(error, size(finder%rows), finder%n_found, 'figures in '//page)
+        call check_count(error, size(finder%rows), finder%n_found, 'statistics in '//page)
     end subroutine test_figures
 
     !> The rows of the table below a heading, without its head.

@@ -65,7 +65,7 @@ contains
         integer :: i
 
         call file%add_group(place)
-        call file%attach(place, 'meaning', 'what "tandem resume" goes on from; only the same version of tandem can read it')
+        call file%attach(place, 'meaning', 'state for "tandem resume"; readable by the same version of tandem only')
         do i = 1, size(paths)
             call file%add_words(trim(paths(i)), chunk, self%datasets(i))
         end do
@@ -173,7 +173,7 @@ contains
         subroutine refuse(reason)
             character(len=*), intent(in) :: reason
 
-            call set_error(error, status_invalid_checkpoint, 'cannot go on from '//path//': '//reason)
+            call set_error(error, status_invalid_checkpoint, 'cannot resume from '//path//': '//reason)
         end subroutine refuse
     end subroutine read_snapshot
 

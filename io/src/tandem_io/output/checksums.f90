@@ -68,7 +68,7 @@ contains
         allocate (self%words(head + count_of(names) + 1))
         self%words = 0
         call file%add_group(place)
-        call file%attach(place, 'meaning', 'sums of all rows, of which "tandem verify" tells whether they are as they were written')
+        call file%attach(place, 'meaning', 'checksums of all rows, for "tandem verify"')
         call file%attach(place, 'datasets', names)
         do i = 1, size(paths)
             call file%add_words(trim(paths(i)), size(self%words), self%datasets(i))

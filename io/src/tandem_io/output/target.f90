@@ -139,7 +139,7 @@ contains
                 call set_error(error, status_invalid_checkpoint, 'cannot '//purpose//' '//path//': '//reason, &
                     'give the result of a run')
             else
-                call set_error(error, status_invalid_checkpoint, 'cannot go on from '//path//': '//reason, &
+                call set_error(error, status_invalid_checkpoint, 'cannot resume from '//path//': '//reason, &
                     'give the result of a run; one that was killed before its first row must be started anew')
             end if
         end subroutine refuse

@@ -317,7 +317,7 @@ contains
         subroutine refuse(reason)
             character(len=*), intent(in) :: reason
 
-            call set_error(error, status_invalid_checkpoint, 'cannot go on from '//self%path//': '//reason)
+            call set_error(error, status_invalid_checkpoint, 'cannot resume from '//self%path//': '//reason)
             call self%close_datasets()
             call self%file%close()
             call self%file_claim%drop()

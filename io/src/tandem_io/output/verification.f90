@@ -43,7 +43,7 @@ contains
         call file%get_text('/', 'status', status)
         call examine(file, finding)
         call check_places(file, problem)
-        if (finding%lost_texts > 0) problem = 'texts among its attributes cannot be read'
+        if (finding%lost_texts > 0) problem = 'some text attributes cannot be read'
         if (allocated(file%problem)) problem = file%problem
         ! A run that was killed may have left one of these half written.
         if (finding%problem == '' .and. (status /= 'running' .or. allocated(file%problem))) finding%problem = problem

@@ -243,9 +243,9 @@ contains
     !> Remark on hidden breakpoints for a case's description; empty if they are declared.
     pure function told(name) result(text)
         character(len=*), intent(in) :: name
-        character(len=merge(24, 0, index(name, 'hidden') == 1)) :: text
+        character(len=merge(12, 0, index(name, 'hidden') == 1)) :: text
 
-        text = ', of which nobody is told'
+        text = ', undeclared'
     end function told
 
     !> Keep the breakpoints of a case to the reference.

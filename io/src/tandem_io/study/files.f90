@@ -55,7 +55,7 @@ contains
         if (exists) return
         stat = c_mkdir(c_text(path), int(for_all, c_int))
         if (stat /= 0) call set_error(error, status_output_failed, 'the folder '//path//' cannot be made', &
-            'choose a folder whose own folder exists and that no file stands in the place of')
+            'choose a folder whose parent exists and whose name is not that of a file')
     end subroutine make_folder
 
     !> The contents of a regular file; not allocated if it is unreadable.

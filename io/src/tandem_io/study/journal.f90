@@ -70,7 +70,7 @@ contains
         if (exists .and. .not. force) then
             if (.not. allocated(found)) then
                 call set_error(error, status_output_failed, self%path//'.csv exists, but not the '//name// &
-                    '.toml that a study leaves beside it', 'choose another folder, or overwrite with --force')
+                    '.toml of a study', 'choose another folder, or overwrite with --force')
                 return
             end if
             if (found == self%settings) call self%read_rows()

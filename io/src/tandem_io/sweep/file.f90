@@ -157,7 +157,7 @@ contains
         if (reader%failed()) return
         call reader%open_table('sweep')
         if (plan%n_drawn == 0 .and. reader%source_of('draws') >= 0 .and. plan%draws > 1) then
-            call reader%refuse('draws', 'are asked for, but no input is drawn: vary one by uniform, log_uniform or normal')
+            call reader%refuse('draws', 'have no effect, since no input is drawn: vary one by uniform, log_uniform or normal')
         end if
         if (plan%is_for_indices .and. plan%n_drawn < 1) call reader%refuse('indices', 'need inputs that are drawn')
         if (plan%is_for_indices .and. plan%n_places*plan%n_rows > 1) then

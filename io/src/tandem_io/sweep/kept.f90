@@ -233,7 +233,7 @@ contains
                 before = before + max(1, quantity%width)
             end associate
         end do
-        problem = 'names nothing that a sensor tells; there are '//listed(model%quantities(:min(30, size(model%quantities)))%path)
+        problem = 'is not a quantity of a sensor; there are '//listed(model%quantities(:min(30, size(model%quantities)))%path)
         if (nearest_name(path, model%quantities%path) /= '') problem = problem//'; did you mean "'// &
             nearest_name(path, model%quantities%path)//'"?'
     end subroutine find_sensor

@@ -115,7 +115,7 @@ contains
             if (watcher%stops()) then
                 call set_error(error, status_interrupted, 'the sweep was ended from outside with '//to_text(int(journal%done))// &
                     ' of '//to_text(int(journal%last - journal%first + 1))//' cases done', &
-                    'the same command goes on with the others')
+                    'the same command continues with the others')
                 exit
             end if
             ! Short cases would wake this process at each of them.

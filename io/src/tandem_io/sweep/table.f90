@@ -102,9 +102,9 @@ contains
         call remove_file(path//'.new')
         if (allocated(error)) return
         if (allocated(file%problem)) then
-            call set_error(error, status_output_failed, path//': '//file%problem, 'make room, then start again: no case is lost')
+            call set_error(error, status_output_failed, path//': '//file%problem, 'free space and start again; no case is lost')
         else
-            call set_error(error, status_output_failed, csv//' cannot be written', 'make room, then start again: no case is lost')
+            call set_error(error, status_output_failed, csv//' cannot be written', 'free space and start again; no case is lost')
         end if
     end subroutine write_table
 

@@ -17,10 +17,10 @@ from pathlib import Path
 def add_arguments(parser) -> None:
     kinds = "overview, tracks, coordinates, sensors, reactions, errors, energies, phase; of a table scatter, histogram, surface, bands; of studies precision"
     parser.add_argument("files", nargs="+", metavar="FILE")
-    parser.add_argument("--output", metavar="PATH", help="the picture: .png, .svg or .pdf (the name of the first file, .png)")
+    parser.add_argument("--output", metavar="PATH", help="file of the plot: .png, .svg or .pdf (default: name of the first file with .png)")
     parser.add_argument("--kind", default="overview", metavar="KIND", help=kinds)
-    parser.add_argument("--names", metavar="A,B...", help="what is drawn: coordinates, d(coordinate), sensors, points")
-    parser.add_argument("--plane", metavar="XY", help="of tracks: two of x, y and z")
+    parser.add_argument("--names", metavar="A,B...", help="plotted quantities: coordinates, d(coordinate), sensors, points")
+    parser.add_argument("--plane", metavar="XY", help="plane of tracks: two of x, y and z")
     parser.add_argument("--title", metavar="TEXT")
 
 

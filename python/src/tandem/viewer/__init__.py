@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Pages that play a motion in a browser, and glTF files of it."""
+"""Animations for browsers, and glTF files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .modes import Modes, draw_modes, is_modes, read_modes
 
 
 class Page:
-    """A page in memory, which shows itself in a notebook."""
+    """An animation in memory; displayed in a notebook."""
 
     def __init__(self, text: str, path: Path | None = None):
         self.text, self.path = text, path
@@ -36,7 +36,7 @@ class Page:
 
 def view(given: Any, path: str | Path | None = None, *, glb: str | Path | None = None, per_second: float = 60.0,
          names: list[str] | None = None, look: Callable | None = None, meshes: dict[str, Any] | None = None) -> Page:
-    """A page that plays a motion: a result, its file, or a solution; or the modes in a file of `tandem linearise`; written to `path`,
+    """An animation of a motion: a result, its file, or a solution; or the modes in a file of `tandem linearise`; written to `path`,
     and the motion as glTF to `glb`.
 
     `names` are series that can be plotted beside it. `look(result, times, values)` makes a `Drawing` of a model of your own, from a
@@ -58,7 +58,7 @@ def view(given: Any, path: str | Path | None = None, *, glb: str | Path | None =
 
 
 def drawing_of(given: Any, *, per_second: float = 60.0, names: list[str] | None = None, look: Callable | None = None) -> Drawing:
-    """The drawing of what can be viewed."""
+    """The drawing of an object that can be viewed."""
     if isinstance(given, (str, Path)) and is_modes(given):
         given = read_modes(given)
     if isinstance(given, Modes):

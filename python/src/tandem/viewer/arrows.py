@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Forces and torques of a mechanism as arrows, where the file has them: on which body they act, and where."""
+"""Forces and torques of a mechanism as arrows, if the file contains them: bodies and points on which they act."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Writes a page that plays the motion of a result file in any browser, without a network; and a .glb, glTF 2.0 with animated nodes,
+"""Writes an animation of a result file for any browser, without a network; and a .glb, glTF 2.0 with animated nodes,
 for Blender and other viewers.
 
     tandem view run.h5                              run.html and run.glb
@@ -16,11 +16,11 @@ from pathlib import Path
 
 def add_arguments(parser) -> None:
     parser.add_argument("file", metavar="FILE")
-    parser.add_argument("--output", metavar="PATH", help=".html or .glb, both by default, named as the file; or .vtkhdf for ParaView")
+    parser.add_argument("--output", metavar="PATH", help=".html or .glb (default: both, with the name of the file), or .vtkhdf for ParaView")
     parser.add_argument("--names", metavar="A,B...", help="series that can be plotted: coordinates, d(coordinate), sensors")
     parser.add_argument("--mesh", metavar="BODY=FILE", action="append", default=[],
-                        help="a body looks as an STL or OBJ file says; BODY=FILE:0.001 where that is in millimetres")
-    parser.add_argument("--frames", metavar="N", type=float, default=60.0, help="frames a second (60)")
+                        help="show a body by an STL or OBJ file; BODY=FILE:0.001 if it is in millimetres")
+    parser.add_argument("--frames", metavar="N", type=float, default=60.0, help="frames per second (60)")
 
 
 def run(given) -> int:

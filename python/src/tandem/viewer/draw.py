@@ -33,7 +33,7 @@ def draw(result, *, per_second: float = 60.0, names: list[str] | None = None, lo
 
 
 def looks(result, times: np.ndarray, values: dict[str, np.ndarray], look: Callable | None = None) -> tuple[Drawing, str]:
-    """The bodies and what belongs to them at the times, by the coordinates there; and words about what was not understood."""
+    """The bodies and their parts at the given times, from the coordinates; and notes on ignored contents."""
     if look is not None:
         return look(result, times, values), ""
     if result.model in DRAW:

@@ -105,7 +105,7 @@ class Curve:
 
 @dataclass
 class Drawing:
-    """All of it."""
+    """The complete drawing."""
 
     name: str
     times: np.ndarray
@@ -168,7 +168,7 @@ def bar(start, end, radius: float, colour: str) -> Piece:
 
 
 def wheel(radius: float, colour: str, axis=(0.0, 0.0, 1.0), at=(0.0, 0.0, 0.0), width: float = 0.0) -> list[Piece]:
-    """A rim with spokes, so that one sees it turn."""
+    """A rim with spokes, which make rotation visible."""
     from .rotations import carrying, product
 
     turn, at = carrying(axis), np.asarray(at, dtype=float)

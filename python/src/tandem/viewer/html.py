@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A drawing as one page that plays it, without any other file and without a network."""
+"""A drawing as an animation in a single file, without a network."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def channels_of(drawing: Drawing, least: float) -> tuple[np.ndarray, np.ndarray]
 
 
 def frame_of(drawing: Drawing) -> dict:
-    """How to look at it: the size of what is there at one time, the centre, the camera's direction, what it follows."""
+    """Initial view: size of the scene at one time, centre, direction of the camera, followed body."""
     low, high = drawing.bounds()
     moving = [body for body in drawing.bodies if np.ptp(body.place, axis=0).max() > 0 or len(drawing.bodies) == 1]
     reach = [max([float(np.linalg.norm(piece.at)) + radius_of(piece) for piece in body.pieces] or [0.0]) for body in drawing.bodies]
@@ -143,7 +143,7 @@ def page(drawing: Drawing) -> str:
 
 
 def largest_of(drawing: Drawing) -> str:
-    """How large forces and torques become, in words."""
+    """Text with the largest forces and torques."""
     found = {word: max([arrow.largest for arrow in drawing.arrows if arrow.turns == turns] or [0.0])
              for word, turns in (("forces", False), ("torques", True))}
     units = {"forces": "N", "torques": "N m"}

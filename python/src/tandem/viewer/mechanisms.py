@@ -180,7 +180,7 @@ def find_joints(found: Mechanism) -> list[tuple[str, dict, list[tuple[str, np.nd
 
 
 def extent(found: Mechanism, anchors: Sequence[np.ndarray] = ()) -> float:
-    """How large the mechanism is in its drawing, without what it travels; with the places at which it is joined to the ground."""
+    """Size of the mechanism in the reference configuration, without its travel; and the positions of its joints on the ground."""
     places = [*anchors, *(found.drawn[name][0] for name in found.drawn)]
     places += [found.in_world(name) + turned(found.drawn[name][1], place) for name in found.attached for place in found.attached[name]]
     places += [np.array(found.drawn[name][0]) + reach for name, keys in found.elements["body"].items() for reach in shape_reach(found, keys)]

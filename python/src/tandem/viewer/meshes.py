@@ -46,7 +46,7 @@ def read_mesh(path: str | Path) -> np.ndarray:
 
 
 def stl(data: bytes) -> np.ndarray:
-    """Binary files say how many triangles they have, 50 bytes each; others are text."""
+    """Binary files contain the number of triangles, 50 bytes each; others are text."""
     if len(data) >= 84:
         count = int.from_bytes(data[80:84], "little")
         if len(data) == 84 + 50*count:
@@ -62,7 +62,7 @@ def stl(data: bytes) -> np.ndarray:
 
 
 def refuse_more(count: int) -> None:
-    """Stop at more triangles than a page shows, before they fill the memory."""
+    """Reject more triangles than an animation shows, before they fill the memory."""
     if count > MOST_TRIANGLES:
         raise ValueError(f"it has more than {MOST_TRIANGLES} triangles; make it simpler")
 

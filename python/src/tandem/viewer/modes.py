@@ -29,7 +29,7 @@ MOST_MODES = 40
 
 
 def swing() -> np.ndarray:
-    """Once round at the frames (nf)."""
+    """Phases of one period at the frames (nf)."""
     return np.exp(2j*np.pi*TIMES/PERIOD)
 
 
@@ -95,7 +95,7 @@ def is_modes(path: str | Path) -> bool:
 
 
 def read_modes(path: str | Path) -> Modes:
-    """Read what `tandem linearise` has written."""
+    """Read a file of `tandem linearise`."""
     with opened(path) as file:
         try:
             group = file["linearisation"]
@@ -144,7 +144,7 @@ def draw_modes(modes: Modes, look=None) -> Drawing:
 
 
 def bodies_swinging(bodies: list[Body], swings: dict[str, tuple[np.ndarray, np.ndarray]]) -> list[Body]:
-    """Bodies at rest as they are in a mode; those that it does not name stay where they are."""
+    """Bodies in the configuration of a mode; bodies not named in the mode do not move."""
     still = np.zeros((len(TIMES), 3)), np.zeros((len(TIMES), 3))
     made = []
     for body in bodies:

@@ -75,7 +75,7 @@ def spring_of(spring: Spring) -> Strand:
 
 
 def force_of(arrow: Arrow, number: int, scale: float) -> Strand:
-    """From where it acts to as far as it is large."""
+    """A line from the point of action with the length of the force."""
     def places(_, frames: np.ndarray) -> np.ndarray:
         place = np.nan_to_num(arrow.places[frames])
         return np.stack([place, place + scale*np.nan_to_num(arrow.vectors[frames])], axis=1)
@@ -99,7 +99,7 @@ def torque_of(arrow: Arrow, number: int, scale: float) -> Strand:
 
 
 def track_of(track: Track, number: int) -> Strand:
-    """It grows: what is still to come lies where the motion is."""
+    """A growing track: future points are placed at the current position."""
     whole = filled(track.places)
     at = np.unique(np.linspace(0, len(whole) - 1, min(len(whole), MOST_PLACES)).round().astype(int))
 
