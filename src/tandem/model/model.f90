@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The model: sizes, names and procedure pointers. A scene extends `model_type` with its parameters and associates its procedures;
-!> an unassociated pointer means that the scene has no such term.
+!> The model: sizes, names, and one procedure for any set of its terms. A scene extends `model_type` with its parameters and
+!> associates `evaluate`. A model with one procedure for each term extends `procedure_model_type`, which calls these instead.
 !>
 !> Every procedure is a subroutine whose last argument is a status: 0 ok, > 0 this point cannot be evaluated (a smaller step may
 !> help), < 0 stop. The passed object is `intent(inout)`, so that a model may keep intermediate results; one model instance belongs
@@ -17,7 +17,7 @@ module tandem_model
     use tandem_model_pattern, only: pattern_type
     use tandem_model_quantity, only: label_length, quantity_type
     use tandem_model_stiffness, only: stiffness_type
-    use tandem_model_terms, only: terms_type
+    use tandem_model_terms, only: need_jacobian, need_mass, need_phi, terms_type
     use tandem_model_timer, only: timer_type
     use tandem_pack, only: pack_type
     implicit none (type, external)
@@ -25,9 +25,8 @@ module tandem_model
 
     public :: model_type, quantity_type, label_length
     public :: name_of_coordinate, name_of_row, its_unit, unit_of_its_multiplier
-    public :: vector_of_position, matrix_of_position, vector_of_motion, mass_interface, inertia_interface
-    public :: energy_of_motion, energy_of_position, evaluate_interface
-    public :: direction_derivative, mass_derivative_interface, matrix_of_motion, evaluate_derivatives_interface
+    public :: vector_of_motion, matrix_of_motion, energy_of_motion, energy_of_position
+    public :: evaluate_interface, evaluate_derivatives_interface
     public :: measure_interface, integrand_interface, change_interface, list_motions_interface, normal_forces_interface
 
     !> Arguments of `composed`.
@@ -106,34 +105,14 @@ module tandem_model
         !> Timer of the calls, see `profile_type`; not associated: none.
         class(timer_type), pointer :: timer => null()
 
-        !> Phi(t, q) (nh); required if nh > 0.
-        procedure(vector_of_position), pointer :: holonomic => null()
-        !> Phi_q(t, q) (nh, n); required if nh > 0.
-        procedure(matrix_of_position), pointer :: holonomic_jacobian => null()
-        !> Phi_t(t, q) (nh); only if Phi depends on time.
-        procedure(vector_of_position), pointer :: holonomic_rate => null()
-        !> E(t, q) (nd, n); required if nd > 0.
-        procedure(matrix_of_position), pointer :: nonholonomic_jacobian => null()
-        !> e(t, q) (nd); only if e is not zero.
-        procedure(vector_of_position), pointer :: nonholonomic_rhs => null()
-        !> gamma(t, q, qd) (nh + nd) of C qdd = -gamma (8); if missing, differences of C and nu along the motion replace it, and
-        !> their noise, which is in the report, limits the accuracy.
-        procedure(vector_of_motion), pointer :: constraint_acceleration => null()
-        !> M(q) (n, n), symmetric; required.
-        procedure(mass_interface), pointer :: mass_matrix => null()
-        !> S(q, qd) (n); only if it is not zero.
-        procedure(inertia_interface), pointer :: inertia_force => null()
-        !> Q_A(t, q, qd) (n); only if it is not zero.
-        procedure(vector_of_motion), pointer :: applied_force => null()
         !> T(q, qd) for reports; default qd' M qd / 2.
         procedure(energy_of_motion), pointer :: kinetic_energy => null()
         !> V(t, q) for reports.
         procedure(energy_of_position), pointer :: potential_energy => null()
-        !> Any set of terms at one point in one call, for models with common work for several terms; preferred to the single
-        !> procedures for the terms in `provides`.
+        !> Any set of terms at one point in one call: those in `provides`.
         procedure(evaluate_interface), pointer :: evaluate => null()
-        !> Terms provided by `evaluate`, a sum of need bits (see `tandem_model_terms`). A term that is neither in `provides` nor has
-        !> a procedure of its own is zero.
+        !> Terms provided by `evaluate`, a sum of need bits (see `tandem_model_terms`). A term that neither `evaluate` nor a single
+        !> procedure (see `procedure_model_type`) provides is zero; Phi, C and M are required.
         integer :: provides = 0
 
         !> Values of `quantities`, one after the other, at a state of the motion with its accelerations; for files only.
@@ -144,21 +123,8 @@ module tandem_model
         !> Changes of the model by events, described by texts of the model. Only if there are any.
         procedure(change_interface), pointer :: change => null()
 
-        !> C2(q, x) = (C x)_q (nh + nd, n) for a constant x (72). This and the next seven are for implicit steppers only;
-        !> differences replace a missing one.
-        procedure(direction_derivative), pointer :: jacobian_derivative => null()
-        !> nu_q (nh + nd, n).
-        procedure(matrix_of_position), pointer :: nu_derivative => null()
-        !> gamma_q and gamma_qd (nh + nd, n) (71).
-        procedure(matrix_of_motion), pointer :: gamma_q => null(), gamma_qd => null()
-        !> M2(q, x) = (M x)_q (n, n) for a constant x (60).
-        procedure(mass_derivative_interface), pointer :: mass_derivative => null()
-        !> (C' lambda)_q (n, n) for constant multipliers (64).
-        procedure(direction_derivative), pointer :: reaction_derivative => null()
-        !> (S + Q_A)_q and (S + Q_A)_qd (n, n).
-        procedure(matrix_of_motion), pointer :: force_q => null(), force_qd => null()
-        !> Any set of the five sums in `tandem_model_derivatives` at one point in one call; preferred for those in
-        !> `provides_derivatives`.
+        !> Any set of the five sums in `tandem_model_derivatives` at one point in one call: those in `provides_derivatives`. For
+        !> implicit steppers only; differences replace the others.
         procedure(evaluate_derivatives_interface), pointer :: evaluate_derivatives => null()
         !> Derivatives provided by `evaluate_derivatives`, a sum of need bits (see `tandem_model_derivatives`).
         integer :: provides_derivatives = 0
@@ -180,35 +146,10 @@ module tandem_model
         procedure :: n_constraints, row_name, coordinate_label, unit_of_coordinate, unit_of_multiplier, has_units, composed
         procedure :: scales, largest_on_scales, set_magnitudes, set_time_scale, note_blocks, pack_state, arrive, is_idle
         procedure :: know_breakpoints, hides, list_imposed
+        procedure :: has_terms, gives, evaluate_single, evaluate_part
     end type model_type
 
     abstract interface
-        !> A vector that depends on time and position.
-        subroutine vector_of_position(self, t, q, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            !> Time.
-            real(wp), intent(in) :: t
-            !> Coordinates (n).
-            real(wp), intent(in) :: q(:)
-            !> The complete vector.
-            real(wp), intent(out) :: value(:)
-            !> 0 ok, > 0 cannot be evaluated here, < 0 stop.
-            integer, intent(out) :: stat
-        end subroutine vector_of_position
-
-        !> A matrix that depends on time and position: one row per constraint, one column per coordinate.
-        subroutine matrix_of_position(self, t, q, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            real(wp), intent(in) :: t, q(:)
-            !> The complete matrix, including zeros.
-            real(wp), intent(out) :: value(:, :)
-            integer, intent(out) :: stat
-        end subroutine matrix_of_position
-
         !> A vector that depends on time, position and velocity.
         subroutine vector_of_motion(self, t, q, qd, value, stat)
             import :: model_type, wp
@@ -219,26 +160,6 @@ module tandem_model
             real(wp), intent(out) :: value(:)
             integer, intent(out) :: stat
         end subroutine vector_of_motion
-
-        !> The mass matrix.
-        subroutine mass_interface(self, q, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            real(wp), intent(in) :: q(:)
-            real(wp), intent(out) :: value(:, :)
-            integer, intent(out) :: stat
-        end subroutine mass_interface
-
-        !> The inertia force, which does not depend on time.
-        subroutine inertia_interface(self, q, qd, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            real(wp), intent(in) :: q(:), qd(:)
-            real(wp), intent(out) :: value(:)
-            integer, intent(out) :: stat
-        end subroutine inertia_interface
 
         !> An energy that depends on the velocity.
         subroutine energy_of_motion(self, q, qd, value, stat)
@@ -325,27 +246,6 @@ module tandem_model
             integer, intent(out) :: stat
         end subroutine evaluate_interface
 
-        !> A derivative of C x or C' x with respect to q for a constant x.
-        subroutine direction_derivative(self, t, q, x, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            !> Time, coordinates (n), and x: (n) for C x, (nh + nd) for C' x.
-            real(wp), intent(in) :: t, q(:), x(:)
-            real(wp), intent(out) :: value(:, :)
-            integer, intent(out) :: stat
-        end subroutine direction_derivative
-
-        !> The derivative of M x with respect to q for a constant x.
-        subroutine mass_derivative_interface(self, q, x, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            real(wp), intent(in) :: q(:), x(:)
-            real(wp), intent(out) :: value(:, :)
-            integer, intent(out) :: stat
-        end subroutine mass_derivative_interface
-
         !> A matrix that depends on time, position and velocity.
         subroutine matrix_of_motion(self, t, q, qd, value, stat)
             import :: model_type, wp
@@ -400,6 +300,56 @@ contains
 
         n_constraints = self%n_holonomic + self%n_nonholonomic
     end function n_constraints
+
+    !> Terms of the model, a sum of need bits: those of `evaluate`, and the required ones.
+    pure integer function has_terms(self)
+        class(model_type), intent(in) :: self
+
+        has_terms = ior(self%provides, need_mass)
+        if (self%n_holonomic > 0) has_terms = ior(has_terms, need_phi)
+        if (self%n_constraints() > 0) has_terms = ior(has_terms, need_jacobian)
+    end function has_terms
+
+    !> Evaluate terms that `evaluate` does not provide, by single procedures: see `procedure_model_type`. Without any, this fails.
+    subroutine evaluate_single(self, wanted, t, q, qd, terms, part, failed_term, stat)
+        class(model_type), intent(inout) :: self
+        !> Terms, a sum of need bits.
+        integer, intent(in) :: wanted
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        !> Work space (n).
+        real(wp), intent(inout) :: part(:)
+        !> Index of the term whose procedure failed.
+        integer, intent(out) :: failed_term
+        !> Status of the procedure.
+        integer, intent(out) :: stat
+
+        failed_term = trailz(wanted) + 1
+        stat = -1
+    end subroutine evaluate_single
+
+    !> True if there is a single procedure for a part of the five derivatives, see `procedure_model_type`.
+    pure logical function gives(self, part)
+        class(model_type), intent(in) :: self
+        !> Its number in `tandem_model_timer`, from `of_jacobian_derivative` to `of_force_qd`.
+        integer, intent(in) :: part
+
+        gives = .false.
+    end function gives
+
+    !> Evaluate a part of the derivatives that the model gives.
+    subroutine evaluate_part(self, part, t, q, v, value, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: part
+        !> Time, coordinates (n), and what the part depends on besides: velocities or accelerations (n), or multipliers (nh + nd).
+        real(wp), intent(in) :: t, q(:), v(:)
+        !> Rows of C or coordinates, by coordinates.
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        value = 0.0_wp
+        stat = -1
+    end subroutine evaluate_part
 
     !> Name of a row, padded with blanks.
     pure function padded_name(self, row) result(name)

@@ -2,13 +2,13 @@
 !> Beads in the plane, strung on rods from the origin: n = 2 beads, nh = beads. A user-defined model with a pattern of C and M, with
 !> all terms from one procedure or, with `is_single`, by procedures that ignore the pattern.
 module model_beads
-    use tandem, only: model_type, need_force, need_gamma, need_jacobian, need_mass, need_phi, terms_type, wp
+    use tandem, only: model_type, procedure_model_type, need_force, need_gamma, need_jacobian, need_mass, need_phi, terms_type, wp
     implicit none (type, external)
     private
 
     public :: beads_type
 
-    type, extends(model_type) :: beads_type
+    type, extends(procedure_model_type) :: beads_type
         real(wp) :: length = 0.3_wp, g = 9.81_wp
         !> True if the terms come from single procedures.
         logical :: is_single = .false.
