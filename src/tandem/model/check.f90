@@ -91,10 +91,8 @@ contains
         class(model_type), intent(in) :: model
         type(error_type), allocatable, intent(out) :: error
 
-        if (model%n_frictions < 0 .or. (model%n_frictions > 0 .neqv. associated(model%friction_directions)) .or. &
-            (associated(model%friction_directions) .neqv. associated(model%normal_forces))) then
-            call refuse('n_frictions = '//to_text(model%n_frictions)//' does not fit to friction_directions and normal_forces', &
-                'associate both where there is friction on reactions, and none where there is none', error)
+        if (model%n_frictions < 0) then
+            call refuse('n_frictions = '//to_text(model%n_frictions), 'numbers of frictions are not negative', error)
         else if (model%n_frictions > 0 .and. (model%gives(of_force_q) .or. model%gives(of_force_qd))) then
             call refuse('force_q and force_qd know nothing of friction on reactions', &
                 'let evaluate_derivatives give the sums, or nothing', error)

@@ -137,14 +137,14 @@ contains
         missing_qd = 0
         associate (model => self%model, fused => self%model%provides_derivatives)
             if (fused /= 0) then
-                if (associated(model%timer)) call model%timer%begin_call(of_evaluate_derivatives + fused)
+                if (associated(model%state%timer)) call model%state%timer%begin_call(of_evaluate_derivatives + fused)
                 call model%evaluate_derivatives(fused, t, q, qd, qdd, lambda, derivatives, stat)
                 do i = 1, n_derivatives
                     if (btest(fused, i - 1)) counts%derivatives(i) = counts%derivatives(i) + 1
                 end do
             end if
             if (stat == 0) call self%add_single(fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
-            if (associated(model%timer)) call model%timer%end_call()
+            if (associated(model%state%timer)) call model%state%timer%end_call()
             if (stat /= 0) then
                 stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
                 return

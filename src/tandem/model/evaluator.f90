@@ -116,7 +116,7 @@ contains
         else
             call self%take_blocks()
         end if
-        self%direct = merge(0, model%provides, present(kept) .or. associated(model%timer))
+        self%direct = merge(0, model%provides, present(kept) .or. associated(model%state%timer))
         if (allocated(self%directions)) deallocate (self%directions, self%normals, self%normals_gradient)
         if (model%n_frictions > 0) allocate (self%directions(model%n, model%n_frictions), self%normals(model%n_frictions), &
             self%normals_gradient(model%n_frictions, model%n_constraints()), source=0.0_wp)
@@ -161,9 +161,9 @@ contains
         !> A status code.
         integer, intent(out) :: stat
 
-        if (associated(self%model%timer)) call self%model%timer%begin_call(of_applied_force)
+        if (associated(self%model%state%timer)) call self%model%state%timer%begin_call(of_applied_force)
         call self%model%friction_directions(t, q, qd, self%directions, stat)
-        if (associated(self%model%timer)) call self%model%timer%end_call()
+        if (associated(self%model%state%timer)) call self%model%state%timer%end_call()
         if (stat == 0 .and. .not. sum(abs(self%directions)) <= huge(t)) stat = 1
         if (stat == 0) return
         self%failed_term = 'friction'
@@ -210,9 +210,9 @@ contains
         integer, intent(out) :: stat
         integer :: i
 
-        if (associated(self%model%timer)) call self%model%timer%begin_call(of_evaluate_derivatives + need_dynamics)
+        if (associated(self%model%state%timer)) call self%model%state%timer%begin_call(of_evaluate_derivatives + need_dynamics)
         call self%model%evaluate_stiffness(t, q, qd, qdd, lambda, stiffness, stat)
-        if (associated(self%model%timer)) call self%model%timer%end_call()
+        if (associated(self%model%state%timer)) call self%model%state%timer%end_call()
         do i = 1, n_derivatives
             if (btest(need_dynamics, i - 1)) counts%derivatives(i) = counts%derivatives(i) + 1
         end do
@@ -319,11 +319,11 @@ contains
         failed_term = 0
         fused = iand(wanted, model%provides)
         if (fused /= 0) then
-            if (associated(model%timer)) call model%timer%begin_call(of_evaluate + fused)
+            if (associated(model%state%timer)) call model%state%timer%begin_call(of_evaluate + fused)
             call model%evaluate(fused, t, q, qd, terms, stat)
         end if
         if (stat == 0 .and. wanted /= fused) call model%evaluate_single(wanted - fused, t, q, qd, terms, part, failed_term, stat)
-        if (associated(model%timer)) call model%timer%end_call()
+        if (associated(model%state%timer)) call model%state%timer%end_call()
     end subroutine evaluate_terms
 
     !> Check a mass matrix after its evaluation: the first one, or a constant one.

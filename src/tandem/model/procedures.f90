@@ -6,7 +6,7 @@
 !> derivatives: differences replace those that neither `evaluate_derivatives` nor a single procedure provides.
 module tandem_model_procedures
     use tandem_kinds, only: wp
-    use tandem_model, only: matrix_of_motion, model_type, vector_of_motion
+    use tandem_model, only: model_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use tandem_model_timer, only: of_applied_force, of_constraint_acceleration, of_force_q, of_force_qd, of_gamma_q, of_gamma_qd, &
         of_holonomic, of_holonomic_jacobian, of_holonomic_rate, of_inertia_force, of_jacobian_derivative, of_mass_derivative, &
@@ -80,6 +80,27 @@ module tandem_model_procedures
             real(wp), intent(out) :: value(:, :)
             integer, intent(out) :: stat
         end subroutine matrix_of_position
+
+        !> A vector that depends on time, position and velocity.
+        subroutine vector_of_motion(self, t, q, qd, value, stat)
+            import :: model_type, wp
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            !> Time, coordinates (n), velocities (n).
+            real(wp), intent(in) :: t, q(:), qd(:)
+            real(wp), intent(out) :: value(:)
+            integer, intent(out) :: stat
+        end subroutine vector_of_motion
+
+        !> A matrix that depends on time, position and velocity.
+        subroutine matrix_of_motion(self, t, q, qd, value, stat)
+            import :: model_type, wp
+            implicit none (type, external)
+            class(model_type), intent(inout) :: self
+            real(wp), intent(in) :: t, q(:), qd(:)
+            real(wp), intent(out) :: value(:, :)
+            integer, intent(out) :: stat
+        end subroutine matrix_of_motion
 
         !> The mass matrix.
         subroutine mass_interface(self, q, value, stat)
@@ -161,7 +182,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        if (associated(self%timer)) call self%timer%begin_call(part)
+        if (associated(self%state%timer)) call self%state%timer%begin_call(part)
         select case (part)
         case (of_jacobian_derivative); call self%jacobian_derivative(self, t, q, v, value, stat)
         case (of_nu_derivative); call self%nu_derivative(self, t, q, value, stat)
@@ -190,7 +211,7 @@ contains
         failed_term = 0
         if (iand(wanted, need_phi) /= 0) then
             failed_term = 1
-            if (associated(self%timer)) call self%timer%begin_call(of_holonomic)
+            if (associated(self%state%timer)) call self%state%timer%begin_call(of_holonomic)
             call self%holonomic(self, t, q, terms%phi, stat)
             if (stat /= 0) return
         end if
@@ -206,13 +227,13 @@ contains
         end if
         if (iand(wanted, need_gamma) /= 0) then
             failed_term = 4
-            if (associated(self%timer)) call self%timer%begin_call(of_constraint_acceleration)
+            if (associated(self%state%timer)) call self%state%timer%begin_call(of_constraint_acceleration)
             call self%constraint_acceleration(self, t, q, qd, terms%gamma, stat)
             if (stat /= 0) return
         end if
         if (iand(wanted, need_mass) /= 0) then
             failed_term = 5
-            if (associated(self%timer)) call self%timer%begin_call(of_mass_matrix)
+            if (associated(self%state%timer)) call self%state%timer%begin_call(of_mass_matrix)
             call self%mass_matrix(self, q, terms%mass, stat)
             if (stat /= 0) return
         end if
@@ -232,11 +253,11 @@ contains
         stat = 0
         associate (nh => self%n_holonomic)
             if (nh > 0) then
-                if (associated(self%timer)) call self%timer%begin_call(of_holonomic_jacobian)
+                if (associated(self%state%timer)) call self%state%timer%begin_call(of_holonomic_jacobian)
                 call self%holonomic_jacobian(self, t, q, c(:nh, :), stat)
             end if
             if (stat /= 0 .or. self%n_nonholonomic == 0) return
-            if (associated(self%timer)) call self%timer%begin_call(of_nonholonomic_jacobian)
+            if (associated(self%state%timer)) call self%state%timer%begin_call(of_nonholonomic_jacobian)
             call self%nonholonomic_jacobian(self, t, q, c(nh + 1:, :), stat)
         end associate
     end subroutine evaluate_jacobian
@@ -251,12 +272,12 @@ contains
         stat = 0
         associate (nh => self%n_holonomic)
             if (associated(self%holonomic_rate)) then
-                if (associated(self%timer)) call self%timer%begin_call(of_holonomic_rate)
+                if (associated(self%state%timer)) call self%state%timer%begin_call(of_holonomic_rate)
                 call self%holonomic_rate(self, t, q, nu(:nh), stat)
                 nu(:nh) = -nu(:nh)
             end if
             if (stat /= 0 .or. .not. associated(self%nonholonomic_rhs)) return
-            if (associated(self%timer)) call self%timer%begin_call(of_nonholonomic_rhs)
+            if (associated(self%state%timer)) call self%state%timer%begin_call(of_nonholonomic_rhs)
             call self%nonholonomic_rhs(self, t, q, nu(nh + 1:), stat)
         end associate
     end subroutine evaluate_nu
@@ -269,14 +290,14 @@ contains
         integer, intent(out) :: stat
 
         if (.not. associated(self%inertia_force)) then
-            if (associated(self%timer)) call self%timer%begin_call(of_applied_force)
+            if (associated(self%state%timer)) call self%state%timer%begin_call(of_applied_force)
             call self%applied_force(self, t, q, qd, force, stat)
             return
         end if
-        if (associated(self%timer)) call self%timer%begin_call(of_inertia_force)
+        if (associated(self%state%timer)) call self%state%timer%begin_call(of_inertia_force)
         call self%inertia_force(self, q, qd, force, stat)
         if (stat /= 0 .or. .not. associated(self%applied_force)) return
-        if (associated(self%timer)) call self%timer%begin_call(of_applied_force)
+        if (associated(self%state%timer)) call self%state%timer%begin_call(of_applied_force)
         call self%applied_force(self, t, q, qd, part, stat)
         force = force + part
     end subroutine evaluate_force

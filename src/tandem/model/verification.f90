@@ -123,7 +123,7 @@ contains
         else
             ! Single procedures set matrices that are not compressed.
             call structure%take_pattern(model%pattern, model%n > most_full .and. iand(model%provides, of_pattern) == of_pattern &
-                .and. .not. has_single(model) .and. (model%provides_derivatives == 0 .or. model%compresses_derivatives))
+                .and. .not. has_single(model) .and. (model%provides_derivatives == 0 .or. model%derives_by_bodies))
         end if
     end subroutine choose_structure
 

@@ -546,7 +546,7 @@ contains
         call new_scene('motorcycle', two)
         call get_start('motorcycle', q, qd)
         call profile%begin()
-        two%timer => profile
+        two%state%timer => profile
         chart%profile => profile
         options = options_type(stepper='radau', rtol=1.0e-10_wp)
         call plain%initialize(one, options, 0.0_wp, q, qd, failure)

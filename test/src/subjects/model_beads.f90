@@ -29,7 +29,7 @@ contains
         self%n = 2*beads
         self%n_holonomic = beads
         self%constant_mass = .true.
-        allocate (self%impulses(beads), source=0.0_wp)
+        allocate (self%state%impulses(beads), source=0.0_wp)
         allocate (self%pattern)
         call self%pattern%build([(2*i - 1, i=1, beads + 1)], spread(1, 1, 2*beads), beads, &
             [(i, i=1, beads), (i, i=2, beads)], [(i, i=1, beads), (i - 1, i=2, beads)], spread(0, 1, beads))
