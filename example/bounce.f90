@@ -83,9 +83,9 @@ end module bead_on_wire
 !> From rest 1 m up the wire: each flight takes 0.7 of the time of the one before. The run ends at the top of the fourth.
 program main
     use bead_on_wire, only: angle, gravity, masses, stop_type, weight, wire, wire_acceleration, wire_jacobian
-    use tandem, only: error_type, model_type, options_type, simulation_type, wp
+    use tandem, only: error_type, options_type, procedure_model_type, simulation_type, wp
     implicit none (type, external)
-    type(model_type), target :: model
+    type(procedure_model_type), target :: model
     type(stop_type), target :: stop_at_foot
     type(simulation_type) :: simulation
     type(error_type), allocatable :: error

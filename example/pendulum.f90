@@ -65,9 +65,9 @@ end module pendulum_terms
 !> The ball circles at a constant height with the rod at 60 degrees; then omega^2 = gravity/(length cos(angle)).
 program main
     use pendulum_terms, only: gravity, length, masses, rod, rod_acceleration, rod_jacobian, weight
-    use tandem, only: error_type, model_type, options_type, simulation_type, wp
+    use tandem, only: error_type, options_type, procedure_model_type, simulation_type, wp
     implicit none (type, external)
-    type(model_type), target :: model
+    type(procedure_model_type), target :: model
     type(simulation_type) :: simulation
     type(error_type), allocatable :: error
     real(wp), parameter :: angle = acos(-1.0_wp)/3, omega = sqrt(gravity/(length*cos(angle))), t = 10.0_wp

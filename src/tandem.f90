@@ -29,6 +29,7 @@ module tandem
     use tandem_model_derivatives, only: derivative_name, derivatives_type, n_derivatives, need_acceleration_q, &
         need_acceleration_qd, need_all_derivatives, need_dynamics_q, need_dynamics_qd, need_velocity_q
     use tandem_model_pattern, only: pattern_type
+    use tandem_model_procedures, only: procedure_model_type
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, term_name, &
         terms_type
     use tandem_model_verification, only: finding_type, verify_model
@@ -65,7 +66,7 @@ module tandem
 
     public :: wp, long
     public :: error_type, set_error, to_text, is_input_error, status_name, status_ok, status_output_failed
-    public :: model_type, pattern_type, quantity_type, label_length, terms_type, n_terms, term_name
+    public :: model_type, procedure_model_type, pattern_type, quantity_type, label_length, terms_type, n_terms, term_name
     public :: need_phi, need_jacobian, need_nu, need_gamma, need_mass, need_force
     public :: derivatives_type, n_derivatives, derivative_name, need_all_derivatives
     public :: need_velocity_q, need_acceleration_q, need_acceleration_qd, need_dynamics_q, need_dynamics_qd

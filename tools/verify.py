@@ -271,6 +271,7 @@ PARTS = [
     Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text, needs="build", expected=3.5),
     Part("optimised", [FPM, "test", *flags("optimised")], test_drive, long=True, expected=8),
     Part("mpi", ["tools/check_mpi.sh"], unittest_text, long=True, expected=10),
+    Part("frozen", [PYTHON, "test/frozen/frozen.py"], ok_lines, needs="build", expected=0.2),
     Part("package", ["tools/check_package.sh"], unittest_text, needs="build", expected=3.5),
     Part("page", ["tools/check_package.sh", "page"], unittest_text, needs="build", long=True, expected=5),
     Part("examples", ["tools/check_examples.sh"], ok_lines, expected=3),

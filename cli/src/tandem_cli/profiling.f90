@@ -33,7 +33,7 @@ contains
 
         call self%profile%begin()
         call new_profiled_chart(model, options, t, q, qd, self%profile, chart)
-        model%timer => self%profile
+        model%state%timer => self%profile
     end subroutine begin
 
     !> Measure the time of observers.

@@ -1,13 +1,13 @@
 !> A mass on a rod that turns about the origin: q = (x, y), y upward.
 module pendulum
-    use tandem, only: label_length, model_type, wp
+    use tandem, only: label_length, model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: pendulum_type
 
     !> The model with its parameters.
-    type, extends(model_type) :: pendulum_type
+    type, extends(procedure_model_type) :: pendulum_type
         !> Mass (kg), length of the rod (m), gravity (m/s2).
         real(wp) :: mass = 1.0_wp, length = 1.0_wp, gravity = 9.81_wp
     contains

@@ -80,8 +80,8 @@ contains
     subroutine reset(model)
         class(model_type), intent(inout) :: model
 
-        if (allocated(model%input)) deallocate (model%input)
-        model%input_version = model%input_version + 1
+        if (allocated(model%state%input)) deallocate (model%state%input)
+        model%state%input_version = model%state%input_version + 1
     end subroutine reset
 
     !> A column of B, if it is not zero.
@@ -137,18 +137,18 @@ contains
         s_qdd = point%qdd/point%scale
         by_input = 0.0_wp
         associate (model => point%model)
-            if (.not. allocated(model%input)) allocate (model%input(0:2, size(model%input_name)), source=0.0_wp)
+            if (.not. allocated(model%state%input)) allocate (model%state%input(0:2, size(model%input_name)), source=0.0_wp)
             reference = residuals()
             do i = 1, 4
-                model%input(order, number) = place(i)*h
-                model%input_version = model%input_version + 1
+                model%state%input(order, number) = place(i)*h
+                model%state%input_version = model%state%input_version + 1
                 call point%evaluate(t, q, qd, stat)
                 if (stat /= status_ok) exit
                 ! Terms independent of the input cancel exactly.
                 by_input = by_input + weight(i)/h*(residuals() - reference)
             end do
-            model%input = 0.0_wp
-            model%input_version = model%input_version + 1
+            model%state%input = 0.0_wp
+            model%state%input_version = model%state%input_version + 1
         end associate
         if (stat == status_ok) call point%evaluate(t, q, qd, stat)
 

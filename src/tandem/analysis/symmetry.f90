@@ -110,10 +110,8 @@ contains
         type(affine_motion_type) :: motion
         integer :: i, j
 
-        if (associated(model%list_motions)) then
-            call model%list_motions(motions)
-            return
-        end if
+        call model%list_motions(motions)
+        if (allocated(motions)) return
         allocate (motions(0))
         do i = 1, model%n
             call motion%initialize(model%coordinate_label(i), .false.)
@@ -312,14 +310,14 @@ contains
         real(wp), intent(out) :: of_time(:)
         integer, intent(out) :: stat
         real(wp) :: qd(point%n), lambda(point%m), rates(point%n), w(point%n, point%nw), by_time(point%m, point%n)
+        logical :: is_given
 
         stat = status_ok
         qd = point%qd
         lambda = point%lambda
         w = point%w
-        rates = 0.0_wp
-        if (associated(point%model%force_rate)) then
-            call point%model%force_rate(point%t, point%q, qd, rates, stat)
+        call point%model%force_rate(point%t, point%q, qd, rates, is_given, stat)
+        if (is_given) then
             if (stat /= 0) stat = status_callback_failed
         else
             call difference_forces(point, rates, stat)

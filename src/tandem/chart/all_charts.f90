@@ -27,7 +27,7 @@ contains
         if (is_sparse) return
         call estimate_cost(model, implicit, cost)
         is_sparse = cost%sparse < merge(gain, 1.0_wp, implicit)*cost%dense
-        if (.not. is_sparse .or. model%n >= many .or. .not. associated(model%evaluate_stiffness)) return
+        if (.not. is_sparse .or. model%n >= many .or. .not. model%derives_by_bodies) return
         if (.not. (implicit .or. options%stepper == 'auto')) return
         call stiffness_of(model, t, q, qd, stiffness)
         is_sparse = stiffness < very_stiff

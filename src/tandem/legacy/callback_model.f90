@@ -14,6 +14,7 @@ module tandem_legacy_callback_model
         a_nonholonomic_jacobian, a_nonholonomic_rhs, a_nu_derivative, a_potential_energy, a_reaction_derivative, &
         an_applied_force, an_inertia_force, n_callbacks, of_motion, terms
     use tandem_model, only: model_type
+    use tandem_model_procedures, only: procedure_model_type
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     use, intrinsic :: iso_c_binding, only: c_associated, c_funptr, c_loc, c_null_funptr, c_null_ptr, c_ptr
@@ -23,7 +24,7 @@ module tandem_legacy_callback_model
     public :: callback_model_type
 
     !> A model of a caller from another language; set the sizes first, then attach procedures one by one.
-    type, abstract, extends(model_type) :: callback_model_type
+    type, abstract, extends(procedure_model_type) :: callback_model_type
         !> True for languages that store matrices by rows, such as C.
         logical :: by_rows = .false.
         !> User procedures by their index in `tandem_legacy_terms`, and the fused one.

@@ -12,29 +12,24 @@ submodule(tandem_mechanism) tandem_mechanism_analysed
 contains
 
     module procedure list_motions
-        select type (self)
-        class is (mechanism_type)
-            call make_poses(self)
-            call list_rigid_motions(self%planar, self%bodies, self%pose(:size(self%bodies)), motions)
-        end select
+        call make_poses(self)
+        call list_rigid_motions(self%planar, self%bodies, self%pose(:size(self%bodies)), motions)
     end procedure list_motions
 
     module procedure force_rate
         integer :: i
 
+        is_given = .true.
         stat = 0
         value = 0.0_wp
-        select type (self)
-        class is (mechanism_type)
-            ! Set only the poses and the functions of time; evaluate no term.
-            call self%evaluate(0, t, q, qd, self%at_row, stat)
-            if (stat /= 0) return
-            do i = 1, size(self%bodies)
-                call set_rates(self%pose(i), qd)
-            end do
-            call set_slides(self%massless_wheels, 1, qd, self%pose)
-            call add_rates(self, t, value, stat)
-        end select
+        ! Set only the poses and the functions of time; evaluate no term.
+        call self%evaluate(0, t, q, qd, self%at_row, stat)
+        if (stat /= 0) return
+        do i = 1, size(self%bodies)
+            call set_rates(self%pose(i), qd)
+        end do
+        call set_slides(self%massless_wheels, 1, qd, self%pose)
+        call add_rates(self, t, value, stat)
     end procedure force_rate
 
     !> Apply every force element with the partial time derivative of its force in place of the force.

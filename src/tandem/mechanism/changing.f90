@@ -10,33 +10,21 @@ submodule(tandem_mechanism) tandem_mechanism_changing
 
 contains
 
-    module procedure allow_changes
-        self%change => change
-    end procedure allow_changes
-
     !> One change.
-    subroutine change(self, what, is_trial, t, q, problem)
-        class(model_type), intent(inout) :: self
-        character(len=*), intent(in) :: what
-        logical, intent(in) :: is_trial
-        real(wp), intent(in) :: t, q(:)
-        character(len=*), intent(out) :: problem
+    module procedure change
         character(len=len(what)) :: text
 
         text = adjustl(what)
-        select type (self)
-        class is (mechanism_type)
-            if (index(text, 'lock ') == 1) then
-                call switch(self, trim(adjustl(text(6:))), .true., is_trial, t, q, problem)
-            else if (index(text, 'free ') == 1) then
-                call switch(self, trim(adjustl(text(6:))), .false., is_trial, t, q, problem)
-            else if (index(text, 'force.') == 1 .and. index(text, '=') > 0) then
-                call set_number(self, text, is_trial, problem)
-            else
-                problem = '"'//trim(text)//'" is no change: write "lock NAME", "free NAME" or "force.NAME.KEY = NUMBER"'
-            end if
-        end select
-    end subroutine change
+        if (index(text, 'lock ') == 1) then
+            call switch(self, trim(adjustl(text(6:))), .true., is_trial, t, q, problem)
+        else if (index(text, 'free ') == 1) then
+            call switch(self, trim(adjustl(text(6:))), .false., is_trial, t, q, problem)
+        else if (index(text, 'force.') == 1 .and. index(text, '=') > 0) then
+            call set_number(self, text, is_trial, problem)
+        else
+            problem = '"'//trim(text)//'" is no change: write "lock NAME", "free NAME" or "force.NAME.KEY = NUMBER"'
+        end if
+    end procedure change
 
     !> Lock or free a coupling. Locking a locked coupling keeps its value.
     subroutine switch(self, name, locks, is_trial, t, q, problem)
@@ -154,10 +142,10 @@ contains
         do i = 1, size(self%sensors)
             call pack_sensor(self%sensors(i), pack)
         end do
-        if (allocated(self%impulses)) call pack%item(self%impulses)
-        if (.not. allocated(self%integrals)) return
-        do i = 1, size(self%integrals)
-            call pack%item(self%integrals(i))
+        if (allocated(self%state%impulses)) call pack%item(self%state%impulses)
+        if (.not. allocated(self%state%integrals)) return
+        do i = 1, size(self%state%integrals)
+            call pack%item(self%state%integrals(i))
         end do
     end procedure pack_state
 end submodule tandem_mechanism_changing

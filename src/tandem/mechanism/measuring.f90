@@ -30,7 +30,6 @@ contains
         integer :: i, k, m, n
 
         if (size(self%sensors) == 0) return
-        self%measure => measure
         allocate (all_of_them(16))
         n = 0
         do i = 1, size(self%sensors)
@@ -60,73 +59,65 @@ contains
             k = self%n
             if (allocated(self%pattern)) k = self%pattern%width
             allocate (self%at_row%jacobian(m, k), source=0.0_wp)
-            self%begin_measuring => find_undetermined
         end if
-        if (any(self%sensors%can_be_freed)) allocate (self%impulses(m), source=0.0_wp)
+        if (any(self%sensors%can_be_freed)) allocate (self%state%impulses(m), source=0.0_wp)
         if (.not. any(self%sensors%kind == sensed_balance)) return
-        self%integrands => powers
-        self%integrals = [0.0_wp, 0.0_wp]
+        self%state%integrals = [0.0_wp, 0.0_wp]
     end procedure list_quantities
 
     !> Evaluate the sensors.
-    subroutine measure(self, t, q, qd, qdd, values, stat, lambda)
-        class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
-        real(wp), intent(inout) :: values(:)
-        integer, intent(out) :: stat
-        real(wp), intent(in), optional :: lambda(:)
+    module procedure measure
         logical :: with_reactions
         integer :: i, n
 
         stat = 0
-        select type (self)
-        class is (mechanism_type)
-            call set_poses(self, t, q, qd, stat)
-            if (stat /= 0) return
-            if (.not. allocated(self%asked)) then
-                do i = 1, size(self%bodies)
-                    call set_curve(self%pose(i), qdd)
-                end do
-                call set_slides(self%massless_wheels, 2, qdd, self%pose)
-            end if
-            with_reactions = present(lambda) .and. any(self%sensors%kind == sensed_reaction)
-            if (with_reactions .and. allocated(self%asked)) with_reactions = any(self%asked .and. self%quantities%of_multipliers)
-            if (with_reactions) then
-                call self%evaluate(iand(self%provides, need_jacobian + need_nu), t, q, qd, self%at_row, stat)
-                if (stat /= 0) return
-            end if
-            n = 0
-            do i = 1, size(self%sensors)
-                associate (sensor => self%sensors(i), shown => values(n + 1:n + self%sensors(i)%width))
-                    n = n + sensor%width
-                    if (.not. is_asked_for(self, sensor)) cycle
-                    if ((sensor%kind == sensed_reaction .or. sensor%is_pressed) .and. .not. present(lambda)) then
-                        shown = ieee_value(t, ieee_quiet_nan)
-                    else if (sensor%kind == sensed_reaction) then
-                        call measure_reaction(self, sensor, lambda, shown)
-                    else if (sensor%is_pressed) then
-                        call measure_force(self, sensor, t, lambda, shown)
-                    else if (sensor%kind == sensed_force) then
-                        call measure_force(self, sensor, t, [real(wp) ::], shown)
-                    else if (sensor%kind == sensed_balance) then
-                        call measure_balance(self, sensor, t, q, shown, stat)
-                    else
-                        call measure_sensor(sensor, t, self%pose, self%f, energies_of(self, sensor, t, q, stat), &
-                            shown)
-                    end if
-                end associate
-                if (stat /= 0) return
+        call set_poses(self, t, q, qd, stat)
+        if (stat /= 0) return
+        if (.not. allocated(self%state%asked)) then
+            do i = 1, size(self%bodies)
+                call set_curve(self%pose(i), qdd)
             end do
-        end select
-    end subroutine measure
+            call set_slides(self%massless_wheels, 2, qdd, self%pose)
+        end if
+        with_reactions = present(lambda) .and. any(self%sensors%kind == sensed_reaction)
+        if (with_reactions .and. allocated(self%state%asked)) then
+            with_reactions = any(self%state%asked .and. self%quantities%of_multipliers)
+        end if
+        if (with_reactions) then
+            call self%evaluate(iand(self%provides, need_jacobian + need_nu), t, q, qd, self%at_row, stat)
+            if (stat /= 0) return
+        end if
+        n = 0
+        do i = 1, size(self%sensors)
+            associate (sensor => self%sensors(i), shown => values(n + 1:n + self%sensors(i)%width))
+                n = n + sensor%width
+                if (.not. is_asked_for(self, sensor)) cycle
+                if ((sensor%kind == sensed_reaction .or. sensor%is_pressed) .and. .not. present(lambda)) then
+                    shown = ieee_value(t, ieee_quiet_nan)
+                else if (sensor%kind == sensed_reaction) then
+                    call measure_reaction(self, sensor, lambda, shown)
+                else if (sensor%is_pressed) then
+                    call measure_force(self, sensor, t, lambda, shown)
+                else if (sensor%kind == sensed_force) then
+                    call measure_force(self, sensor, t, [real(wp) ::], shown)
+                else if (sensor%kind == sensed_balance) then
+                    call measure_balance(self, sensor, t, q, shown, stat)
+                else
+                    call measure_sensor(sensor, t, self%pose, self%f, energies_of(self, sensor, t, q, stat), &
+                        shown)
+                end if
+            end associate
+            if (stat /= 0) return
+        end do
+    end procedure measure
 
     !> True if all quantities are requested, or one of this sensor.
     pure logical function is_asked_for(self, sensor)
         type(mechanism_type), intent(in) :: self
         type(sensor_type), intent(in) :: sensor
 
-        is_asked_for = .not. allocated(self%asked)
-        if (.not. is_asked_for) is_asked_for = any(self%asked(sensor%first:sensor%first + sensor%n_quantities - 1))
+        is_asked_for = .not. allocated(self%state%asked)
+        if (.not. is_asked_for) is_asked_for = any(self%state%asked(sensor%first:sensor%first + sensor%n_quantities - 1))
     end function is_asked_for
 
     !> Set the poses with their rates, and the functions of time.
@@ -212,7 +203,7 @@ contains
                 values(1) = -lambda(rows(1))
                 n = 1
                 if (sensor%can_be_freed) then
-                    values(2) = -self%impulses(rows(1))
+                    values(2) = -self%state%impulses(rows(1))
                     n = 2
                 end if
             end select
@@ -277,101 +268,85 @@ contains
         integer, intent(inout) :: stat
 
         values(1:2) = energies_of(self, sensor, t, q, stat)
-        values(3:4) = self%integrals
-        if (.not. sensor%has_begun) sensor%first_energy = sum(values(1:2)) - sum(self%integrals)
+        values(3:4) = self%state%integrals
+        if (.not. sensor%has_begun) sensor%first_energy = sum(values(1:2)) - sum(self%state%integrals)
         sensor%has_begun = .true.
-        values(5) = values(1) + values(2) - sensor%first_energy - sum(self%integrals)
+        values(5) = values(1) + values(2) - sensor%first_energy - sum(self%state%integrals)
     end subroutine measure_balance
 
     !> Power of imposed motions, and power of forces without a potential.
-    subroutine powers(self, t, q, qd, lambda, values, stat)
-        class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
-        real(wp), intent(out) :: values(:)
-        integer, intent(out) :: stat
+    module procedure integrands
         type(effort_type) :: effort
         integer :: i
 
         stat = 0
         values = 0.0_wp
-        select type (self)
-        class is (mechanism_type)
-            if (iand(self%provides, need_nu) /= 0) then
-                call self%evaluate(need_nu, t, q, qd, self%at_row, stat)
-                if (stat /= 0) return
-                values(1) = -dot_product(lambda, self%at_row%nu)
-            end if
-            call set_poses(self, t, q, qd, stat)
+        if (iand(self%provides, need_nu) /= 0) then
+            call self%evaluate(need_nu, t, q, qd, self%at_row, stat)
             if (stat /= 0) return
-            do i = 1, size(self%springs)
-                effort = spring_effort(self%springs(i), t, self%pose, self%f, self%laws)
-                values(2) = values(2) + effort%power
-            end do
-            do i = 1, size(self%torsions)
-                call torsion_effort(self%torsions(i), t, self%pose, self%f, self%laws, lambda, effort)
-                values(2) = values(2) + effort%power
-            end do
-            do i = 1, size(self%bushings)
-                call bushing_effort(self%bushings(i), self%pose, effort)
-                values(2) = values(2) + effort%power
-            end do
-            do i = 1, size(self%loads)
-                call load_effort(self%loads(i), t, self%pose, self%f, self%formulas, self%coordinates, effort)
-                values(2) = values(2) + effort%power
-            end do
-        end select
-    end subroutine powers
+            values(1) = -dot_product(lambda, self%at_row%nu)
+        end if
+        call set_poses(self, t, q, qd, stat)
+        if (stat /= 0) return
+        do i = 1, size(self%springs)
+            effort = spring_effort(self%springs(i), t, self%pose, self%f, self%laws)
+            values(2) = values(2) + effort%power
+        end do
+        do i = 1, size(self%torsions)
+            call torsion_effort(self%torsions(i), t, self%pose, self%f, self%laws, lambda, effort)
+            values(2) = values(2) + effort%power
+        end do
+        do i = 1, size(self%bushings)
+            call bushing_effort(self%bushings(i), self%pose, effort)
+            values(2) = values(2) + effort%power
+        end do
+        do i = 1, size(self%loads)
+            call load_effort(self%loads(i), t, self%pose, self%f, self%formulas, self%coordinates, effort)
+            values(2) = values(2) + effort%power
+        end do
+    end procedure integrands
 
     !> Report the components of reactions that redundant rows leave undetermined: those that a combination of multipliers with C'
     !> lambda = 0 changes.
-    subroutine find_undetermined(self, t, q, qd, lambda, values, stat)
-        class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
-        !> Not used.
-        real(wp), intent(out) :: values(:)
-        integer, intent(out) :: stat
+    module procedure begin_measuring
         type(terms_type) :: full
         real(wp), allocatable :: combination(:, :), z(:), shown(:)
         integer, allocatable :: kept(:), dropped(:)
         integer :: i, k, n
 
-        values = 0.0_wp
         stat = 0
-        select type (self)
-        class is (mechanism_type)
-            if (size(lambda) == 0) return
-            if (real(size(lambda), wp)*self%n > most_examined) then
-                where (self%quantities%of_multipliers) self%quantities%undetermined = 'not examined'
-                return
-            end if
-            allocate (full%jacobian(size(lambda), self%n), full%nu(size(lambda)), source=0.0_wp)
-            call self%evaluate(iand(self%provides, need_jacobian), t, q, qd, full, stat)
-            if (stat /= 0) return
-            call split_rows(full%jacobian, [(1.0_wp, i=1, self%n)], self%n_holonomic, dependent, kept, dropped, combination)
-            if (size(dropped) == 0) return
-            call set_poses(self, t, q, qd, stat)
-            if (stat == 0) call self%evaluate(iand(self%provides, need_jacobian + need_nu), t, q, qd, self%at_row, stat)
-            if (stat /= 0) return
-            allocate (z(size(lambda)))
-            do k = 1, size(dropped)
-                z = 0.0_wp
-                z(dropped(k)) = 1.0_wp
-                z(kept) = -combination(k, :)
-                n = 0
-                do i = 1, size(self%sensors)
-                    associate (sensor => self%sensors(i))
-                        if (sensor%kind == sensed_reaction) then
-                            if (allocated(shown)) deallocate (shown)
-                            allocate (shown(sensor%width))
-                            call measure_reaction(self, sensor, z, shown)
-                            call mark(self, n, sensor, shown, open*maxval(abs(z))*maxval(abs(self%at_row%jacobian)))
-                        end if
-                        n = n + size(quantities_of(sensor))
-                    end associate
-                end do
+        if (size(lambda) == 0 .or. .not. allocated(self%at_row%jacobian)) return
+        if (real(size(lambda), wp)*self%n > most_examined) then
+            where (self%quantities%of_multipliers) self%quantities%undetermined = 'not examined'
+            return
+        end if
+        allocate (full%jacobian(size(lambda), self%n), full%nu(size(lambda)), source=0.0_wp)
+        call self%evaluate(iand(self%provides, need_jacobian), t, q, qd, full, stat)
+        if (stat /= 0) return
+        call split_rows(full%jacobian, [(1.0_wp, i=1, self%n)], self%n_holonomic, dependent, kept, dropped, combination)
+        if (size(dropped) == 0) return
+        call set_poses(self, t, q, qd, stat)
+        if (stat == 0) call self%evaluate(iand(self%provides, need_jacobian + need_nu), t, q, qd, self%at_row, stat)
+        if (stat /= 0) return
+        allocate (z(size(lambda)))
+        do k = 1, size(dropped)
+            z = 0.0_wp
+            z(dropped(k)) = 1.0_wp
+            z(kept) = -combination(k, :)
+            n = 0
+            do i = 1, size(self%sensors)
+                associate (sensor => self%sensors(i))
+                    if (sensor%kind == sensed_reaction) then
+                        if (allocated(shown)) deallocate (shown)
+                        allocate (shown(sensor%width))
+                        call measure_reaction(self, sensor, z, shown)
+                        call mark(self, n, sensor, shown, open*maxval(abs(z))*maxval(abs(self%at_row%jacobian)))
+                    end if
+                    n = n + size(quantities_of(sensor))
+                end associate
             end do
-        end select
-    end subroutine find_undetermined
+        end do
+    end procedure begin_measuring
 
     !> Report the components of the force, torque and multipliers of a reaction that are not small.
     subroutine mark(self, before, sensor, shown, small)

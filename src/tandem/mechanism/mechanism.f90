@@ -93,7 +93,9 @@ module tandem_mechanism
         type(derivatives_type), private :: window
     contains
         procedure :: define, start, composed, note_blocks, find_body_motions, pack_state, arrive, is_idle, hides, list_imposed
-        procedure :: set_magnitudes, set_time_scale
+        procedure :: set_magnitudes, set_time_scale, measure, integrands, begin_measuring, change, list_motions, force_rate
+        procedure :: evaluate_stiffness, friction_directions, normal_forces
+        procedure, private :: set_motion
     end type mechanism_type
 
     interface
@@ -193,12 +195,6 @@ module tandem_mechanism
             class(mechanism_type), intent(inout) :: self
         end subroutine list_frictions
 
-        !> Let events change the mechanism.
-        module subroutine allow_changes(self)
-            implicit none (type, external)
-            class(mechanism_type), intent(inout) :: self
-        end subroutine allow_changes
-
         !> List the pairs of bodies with coupled forces, and allocate the gradient blocks of one element.
         module subroutine list_coupled(self)
             implicit none (type, external)
@@ -242,29 +238,86 @@ module tandem_mechanism
             class(mechanism_type), intent(inout) :: self
         end subroutine follow_turns
 
-        !> Add the blocks of the elements at the current poses.
-        module subroutine add_stiffness(self, t, lambda, stiffness)
+        !> Blocks of the elements.
+        module subroutine evaluate_stiffness(self, t, q, qd, qdd, lambda, stiffness, stat)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
-            real(wp), intent(in) :: t, lambda(:)
+            real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
             type(stiffness_type), intent(inout) :: stiffness
-        end subroutine add_stiffness
+            integer, intent(out) :: stat
+        end subroutine evaluate_stiffness
 
         !> Rigid motions of the world and of the bodies.
         module subroutine list_motions(self, motions)
             implicit none (type, external)
-            class(model_type), intent(inout) :: self
+            class(mechanism_type), intent(inout) :: self
             type(affine_motion_type), allocatable, intent(out) :: motions(:)
         end subroutine list_motions
 
         !> Partial time derivative of the forces, exact.
-        module subroutine force_rate(self, t, q, qd, value, stat)
+        module subroutine force_rate(self, t, q, qd, value, is_given, stat)
             implicit none (type, external)
-            class(model_type), intent(inout) :: self
+            class(mechanism_type), intent(inout) :: self
             real(wp), intent(in) :: t, q(:), qd(:)
             real(wp), intent(out) :: value(:)
+            logical, intent(out) :: is_given
             integer, intent(out) :: stat
         end subroutine force_rate
+
+        !> Evaluate the sensors.
+        module subroutine measure(self, t, q, qd, qdd, values, stat, lambda)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+            real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
+            real(wp), intent(inout) :: values(:)
+            integer, intent(out) :: stat
+            real(wp), intent(in), optional :: lambda(:)
+        end subroutine measure
+
+        !> Power of imposed motions, and power of forces without a potential.
+        module subroutine integrands(self, t, q, qd, lambda, values, stat)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+            real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+            real(wp), intent(out) :: values(:)
+            integer, intent(out) :: stat
+        end subroutine integrands
+
+        !> Report the components of reactions that redundant rows leave undetermined: those that a combination of multipliers
+        !> with C' lambda = 0 changes.
+        module subroutine begin_measuring(self, t, q, qd, lambda, stat)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+            real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+            integer, intent(out) :: stat
+        end subroutine begin_measuring
+
+        !> One change by an event.
+        module subroutine change(self, what, is_trial, t, q, problem)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+            character(len=*), intent(in) :: what
+            logical, intent(in) :: is_trial
+            real(wp), intent(in) :: t, q(:)
+            character(len=*), intent(out) :: problem
+        end subroutine change
+
+        !> B of friction on reactions.
+        module subroutine friction_directions(self, t, q, qd, value, stat)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+            real(wp), intent(in) :: t, q(:), qd(:)
+            real(wp), intent(out) :: value(:, :)
+            integer, intent(out) :: stat
+        end subroutine friction_directions
+
+        !> p of friction on reactions, and its gradient.
+        module subroutine normal_forces(self, lambda, value, gradient)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+            real(wp), intent(in) :: lambda(:)
+            real(wp), intent(out) :: value(:), gradient(:, :)
+        end subroutine normal_forces
 
         !> True for the slacks of locked couplings.
         pure module function is_idle(self)
@@ -320,19 +373,15 @@ contains
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
-        self%list_motions => list_motions
-        self%force_rate => force_rate
         self%input_name = [character(len=label_length) :: self%motions%name]
         if (allocated(self%pattern)) then
             call list_coupled(self)
-            self%evaluate_stiffness => evaluate_stiffness
-            self%compresses_derivatives = .true.
+            self%derives_by_bodies = .true.
         end if
         call list_quantities(self)
         self%counts_turns = .not. self%planar .and. (size(self%torsions) + size(self%formulas) + size(self%couplings) > 0 .or. &
             any(self%sensors%kind == sensed_joint))
         call list_frictions(self)
-        call allow_changes(self)
         if (.not. self%keeps_poses) deallocate (self%pose)
         ! Elements along joint coordinates have copies of them; only expressions use the list.
         if (size(self%formulas) == 0) self%coordinates = [coordinate_type ::]
@@ -344,13 +393,13 @@ contains
         real(wp), intent(in) :: t
         integer :: i
 
-        if (.not. (t < self%time_of_f .or. t > self%time_of_f) .and. self%inputs_of_f == self%input_version) return
+        if (.not. (t < self%time_of_f .or. t > self%time_of_f) .and. self%inputs_of_f == self%state%input_version) return
         self%time_of_f = t
-        self%inputs_of_f = self%input_version
+        self%inputs_of_f = self%state%input_version
         do i = 1, size(self%motions)
             call self%motions(i)%f%evaluate(t, self%f(:, i))
         end do
-        if (allocated(self%input)) self%f = self%f + self%input
+        if (allocated(self%state%input)) self%f = self%f + self%state%input
     end subroutine evaluate_functions
 
     !> True if there may be forces: gravity, force elements, or inertia forces of bodies rotating in space. Events add none.
@@ -595,25 +644,9 @@ contains
         end select
     end subroutine evaluate_derivatives
 
-    !> Derivatives of the forces by blocks of bodies.
-    subroutine evaluate_stiffness(self, t, q, qd, qdd, lambda, stiffness, stat)
-        class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
-        type(stiffness_type), intent(inout) :: stiffness
-        integer, intent(out) :: stat
-
-        stat = 0
-        call stiffness%clear()
-        select type (self)
-        class is (mechanism_type)
-            call set_motion(self, t, q, qd, qdd)
-            call add_stiffness(self, t, lambda, stiffness)
-        end select
-    end subroutine evaluate_stiffness
-
     !> Set the poses with all derivatives, and the functions of time.
     subroutine set_motion(self, t, q, qd, qdd)
-        type(mechanism_type), intent(inout) :: self
+        class(mechanism_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
         integer :: i
 

@@ -17,54 +17,38 @@ contains
             end associate
         end do
         self%n_frictions = count(self%torsions%press%n > 0)
-        if (self%n_frictions == 0) return
-        self%friction_directions => find_directions
-        self%normal_forces => find_normal_forces
     end procedure list_frictions
 
     !> B.
-    subroutine find_directions(self, t, q, qd, value, stat)
-        class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(:), qd(:)
-        real(wp), intent(out) :: value(:, :)
-        integer, intent(out) :: stat
+    module procedure friction_directions
         integer :: i
 
         stat = 0
         value = 0.0_wp
-        select type (self)
-        class is (mechanism_type)
-            ! Set only the positions and the current piece of each law; evaluate no term.
-            call self%evaluate(0, t, q, qd, self%at_row, stat)
-            do i = 1, size(self%bodies)
-                call set_rates(self%pose(i), qd)
-            end do
-            call add_press_directions(self%torsions, t, self%pose, self%laws, value)
-        end select
-    end subroutine find_directions
+        ! Set only the positions and the current piece of each law; evaluate no term.
+        call self%evaluate(0, t, q, qd, self%at_row, stat)
+        do i = 1, size(self%bodies)
+            call set_rates(self%pose(i), qd)
+        end do
+        call add_press_directions(self%torsions, t, self%pose, self%laws, value)
+    end procedure friction_directions
 
     !> p and its gradient.
-    subroutine find_normal_forces(self, lambda, value, gradient)
-        class(model_type), intent(inout) :: self
-        real(wp), intent(in) :: lambda(:)
-        real(wp), intent(out) :: value(:), gradient(:, :)
+    module procedure normal_forces
         integer :: i, j, k
 
         gradient = 0.0_wp
         k = 0
-        select type (self)
-        class is (mechanism_type)
-            do i = 1, size(self%torsions)
-                associate (press => self%torsions(i)%press)
-                    if (press%n == 0) cycle
-                    k = k + 1
-                    value(k) = normal_force(press, lambda)
-                    if (.not. value(k) > 0.0_wp) cycle
-                    do j = 1, press%n
-                        gradient(k, press%rows(j)) = press%weights(j)**2*lambda(press%rows(j))/value(k)
-                    end do
-                end associate
-            end do
-        end select
-    end subroutine find_normal_forces
+        do i = 1, size(self%torsions)
+            associate (press => self%torsions(i)%press)
+                if (press%n == 0) cycle
+                k = k + 1
+                value(k) = normal_force(press, lambda)
+                if (.not. value(k) > 0.0_wp) cycle
+                do j = 1, press%n
+                    gradient(k, press%rows(j)) = press%weights(j)**2*lambda(press%rows(j))/value(k)
+                end do
+            end associate
+        end do
+    end procedure normal_forces
 end submodule tandem_mechanism_rubbing

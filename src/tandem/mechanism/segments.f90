@@ -17,11 +17,11 @@ contains
         n = size(self%motions) + size(self%laws) + size(self%formulas)
         if (n == 0 .or. .not. self%times(2) > self%times(1)) return
         self%searched = spread(self%times(1), 1, n)
-        self%breakpoints_until = self%times(1)
+        self%state%breakpoints_until = self%times(1)
         allocate (self%breakpoints(0), self%nu_jumps(0), self%ahead(0), self%jumps_ahead(0))
         call search(self, huge(n), n + some, error)
         if (allocated(error)) return
-        if (size(self%breakpoints) > 0 .or. self%breakpoints_until < self%times(2)) return
+        if (size(self%breakpoints) > 0 .or. self%state%breakpoints_until < self%times(2)) return
         deallocate (self%breakpoints, self%nu_jumps)
     end procedure begin_breakpoints
 
@@ -33,8 +33,8 @@ contains
         if (size(self%breakpoints) >= number) return
         call search(self, number, most + size(self%searched), error)
         if (allocated(error)) return
-        if (size(self%breakpoints) < number .and. self%breakpoints_until < self%times(2)) call set_error(error, &
-            status_invalid_model, 'kinks of functions of time are sought from t = '//to_text(self%breakpoints_until)// &
+        if (size(self%breakpoints) < number .and. self%state%breakpoints_until < self%times(2)) call set_error(error, &
+            status_invalid_model, 'kinks of functions of time are sought from t = '//to_text(self%state%breakpoints_until)// &
             ' on without an end', 'make the argument of abs, sign, step, ramp, min, max or smooth_step slower, or simpler '// &
             'where it is zero for a while')
     end procedure know_breakpoints
@@ -51,14 +51,14 @@ contains
         integer :: i, n_searches
 
         do n_searches = 1, most
-            if (size(self%breakpoints) >= number .or. .not. self%breakpoints_until < self%times(2)) return
+            if (size(self%breakpoints) >= number .or. .not. self%state%breakpoints_until < self%times(2)) return
             i = minloc(self%searched, dim=1)
             call search_function(self, i, places, jumps, error)
             if (allocated(error)) return
             self%ahead = [self%ahead, places]
             self%jumps_ahead = [self%jumps_ahead, jumps]
-            if (.not. minval(self%searched) > self%breakpoints_until) cycle
-            self%breakpoints_until = minval(self%searched)
+            if (.not. minval(self%searched) > self%state%breakpoints_until) cycle
+            self%state%breakpoints_until = minval(self%searched)
             call take_ahead(self)
         end do
     end subroutine search
@@ -108,7 +108,7 @@ contains
         logical, allocatable :: jumps(:)
         integer :: i, n
 
-        order = pack([(i, i=1, size(self%ahead))], self%ahead <= self%breakpoints_until)
+        order = pack([(i, i=1, size(self%ahead))], self%ahead <= self%state%breakpoints_until)
         call sort(order)
         allocate (places(size(order)), source=self%ahead(order))
         allocate (jumps(size(order)), source=self%jumps_ahead(order))
@@ -127,8 +127,8 @@ contains
         end do
         self%breakpoints = [self%breakpoints, places(:n)]
         self%nu_jumps = [self%nu_jumps, jumps(:n)]
-        self%jumps_ahead = pack(self%jumps_ahead, self%ahead > self%breakpoints_until)
-        self%ahead = pack(self%ahead, self%ahead > self%breakpoints_until)
+        self%jumps_ahead = pack(self%jumps_ahead, self%ahead > self%state%breakpoints_until)
+        self%ahead = pack(self%ahead, self%ahead > self%state%breakpoints_until)
 
     contains
 

@@ -88,10 +88,13 @@ contains
         end subroutine join
     end subroutine list_load
 
-    module procedure add_stiffness
+    module procedure evaluate_stiffness
         integer, allocatable :: bodies(:)
         integer :: i, j, n_rows
 
+        stat = 0
+        call stiffness%clear()
+        call self%set_motion(t, q, qd, qdd)
         n_rows = merge(2, 3, self%planar)
         do i = 1, size(self%meetings)
             associate (it => self%meetings(i))
@@ -137,7 +140,7 @@ contains
             call differentiate_loads(self%loads(i:i), needed, t, self%pose, self%f, self%formulas, self%coordinates, self%window)
             call close_window(self, bodies, stiffness)
         end do
-    end procedure add_stiffness
+    end procedure evaluate_stiffness
 
     !> Give bodies, 0 for the ground, the columns of the window, in their order.
     subroutine open_window(self, bodies)

@@ -3,7 +3,9 @@
 module tandem_model_check
     use tandem_error, only: error_type, set_error, to_text
     use tandem_model, only: model_type
+    use tandem_model_procedures, only: procedure_model_type
     use tandem_model_terms, only: need_force, need_jacobian, need_mass, need_phi
+    use tandem_model_timer, only: of_force_q, of_force_qd
     use tandem_kinds, only: long, wp
     use tandem_status, only: status_invalid_model
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
@@ -46,6 +48,8 @@ contains
     subroutine check_procedures(model, error)
         class(model_type), intent(in) :: model
         type(error_type), allocatable, intent(out) :: error
+        !> Single procedures of a model that has them.
+        logical :: has(4)
 
         if (model%provides /= 0 .and. .not. associated(model%evaluate)) then
             call refuse('provides is set, but the procedure evaluate is missing', 'associate it', error)
@@ -55,19 +59,21 @@ contains
             call refuse('provides_derivatives is set, but the procedure evaluate_derivatives is missing', 'associate it', error)
             return
         end if
-        associate (holonomic => model%n_holonomic > 0, nonholonomic => model%n_nonholonomic > 0)
-            call require(holonomic, need_phi, associated(model%holonomic), 'holonomic')
-            call require(holonomic, need_jacobian, associated(model%holonomic_jacobian), 'holonomic_jacobian')
-            call require(nonholonomic, need_jacobian, associated(model%nonholonomic_jacobian), 'nonholonomic_jacobian')
-            call require(.true., need_mass, associated(model%mass_matrix), 'mass_matrix')
-            if (allocated(error)) return
-            if (associated(model%holonomic_rate) .and. .not. holonomic) then
+        has = .false.
+        select type (model)
+        class is (procedure_model_type)
+            has = [associated(model%holonomic), associated(model%holonomic_jacobian), associated(model%nonholonomic_jacobian), &
+                associated(model%mass_matrix)]
+            if (associated(model%holonomic_rate) .and. model%n_holonomic == 0) then
                 call refuse('holonomic_rate is associated, but n_holonomic = 0', 'take one of them back', error)
-            end if
-            if (associated(model%nonholonomic_rhs) .and. .not. nonholonomic) then
+            else if (associated(model%nonholonomic_rhs) .and. model%n_nonholonomic == 0) then
                 call refuse('nonholonomic_rhs is associated, but n_nonholonomic = 0', 'take one of them back', error)
             end if
-        end associate
+        end select
+        call require(model%n_holonomic > 0, need_phi, has(1), 'holonomic')
+        call require(model%n_holonomic > 0, need_jacobian, has(2), 'holonomic_jacobian')
+        call require(model%n_nonholonomic > 0, need_jacobian, has(3), 'nonholonomic_jacobian')
+        call require(.true., need_mass, has(4), 'mass_matrix')
 
     contains
 
@@ -85,14 +91,12 @@ contains
         class(model_type), intent(in) :: model
         type(error_type), allocatable, intent(out) :: error
 
-        if (model%n_frictions < 0 .or. (model%n_frictions > 0 .neqv. associated(model%friction_directions)) .or. &
-            (associated(model%friction_directions) .neqv. associated(model%normal_forces))) then
-            call refuse('n_frictions = '//to_text(model%n_frictions)//' does not fit to friction_directions and normal_forces', &
-                'associate both where there is friction on reactions, and none where there is none', error)
-        else if (model%n_frictions > 0 .and. (associated(model%force_q) .or. associated(model%force_qd))) then
+        if (model%n_frictions < 0) then
+            call refuse('n_frictions = '//to_text(model%n_frictions), 'numbers of frictions are not negative', error)
+        else if (model%n_frictions > 0 .and. (model%gives(of_force_q) .or. model%gives(of_force_qd))) then
             call refuse('force_q and force_qd know nothing of friction on reactions', &
                 'let evaluate_derivatives give the sums, or nothing', error)
-        else if (model%n_frictions > 0 .and. iand(model%provides, need_force) == 0 .and. .not. associated(model%applied_force)) then
+        else if (model%n_frictions > 0 .and. iand(model%has_terms(), need_force) == 0) then
             call refuse('friction on reactions needs forces to be added to', 'associate applied_force', error)
         end if
     end subroutine check_friction

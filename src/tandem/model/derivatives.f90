@@ -52,7 +52,7 @@ contains
         class(derivatives_type), intent(inout) :: self
         !> Numbers of coordinates and of constraints.
         integer, intent(in) :: n, m
-        !> The columns of the coordinates (n); compresses the matrices. Only for models with `compresses_derivatives`.
+        !> The columns of the coordinates (n); compresses the matrices. Only for models with `derives_by_bodies`.
         integer, intent(in), optional :: column(:)
         integer :: width
 

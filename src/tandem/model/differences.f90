@@ -137,14 +137,14 @@ contains
         missing_qd = 0
         associate (model => self%model, fused => self%model%provides_derivatives)
             if (fused /= 0) then
-                if (associated(model%timer)) call model%timer%begin_call(of_evaluate_derivatives + fused)
+                if (associated(model%state%timer)) call model%state%timer%begin_call(of_evaluate_derivatives + fused)
                 call model%evaluate_derivatives(fused, t, q, qd, qdd, lambda, derivatives, stat)
                 do i = 1, n_derivatives
                     if (btest(fused, i - 1)) counts%derivatives(i) = counts%derivatives(i) + 1
                 end do
             end if
             if (stat == 0) call self%add_single(fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
-            if (associated(model%timer)) call model%timer%end_call()
+            if (associated(model%state%timer)) call model%state%timer%end_call()
             if (stat /= 0) then
                 stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
                 return
@@ -196,16 +196,14 @@ contains
         associate (model => self%model, d => derivatives)
             if (iand(fused, need_velocity_q) == 0) then
                 d%velocity_q = 0.0_wp
-                if (associated(model%jacobian_derivative)) then
-                    if (associated(model%timer)) call model%timer%begin_call(of_jacobian_derivative)
-                    call model%jacobian_derivative(t, q, qd, d%velocity_q, stat)
+                if (model%gives(of_jacobian_derivative)) then
+                    call model%evaluate_part(of_jacobian_derivative, t, q, qd, d%velocity_q, stat)
                     if (stat /= 0) return
                 else
                     missing_q = ior(missing_q, from_jacobian)
                 end if
-                if (associated(model%nu_derivative)) then
-                    if (associated(model%timer)) call model%timer%begin_call(of_nu_derivative)
-                    call model%nu_derivative(t, q, self%block_m, stat)
+                if (model%gives(of_nu_derivative)) then
+                    call model%evaluate_part(of_nu_derivative, t, q, qd, self%block_m, stat)
                     if (stat /= 0) return
                     d%velocity_q = d%velocity_q - self%block_m
                 else if (iand(self%has, need_nu) /= 0) then
@@ -215,16 +213,14 @@ contains
             end if
             if (iand(fused, need_acceleration_q) == 0) then
                 d%acceleration_q = 0.0_wp
-                if (associated(model%jacobian_derivative)) then
-                    if (associated(model%timer)) call model%timer%begin_call(of_jacobian_derivative)
-                    call model%jacobian_derivative(t, q, qdd, d%acceleration_q, stat)
+                if (model%gives(of_jacobian_derivative)) then
+                    call model%evaluate_part(of_jacobian_derivative, t, q, qdd, d%acceleration_q, stat)
                     if (stat /= 0) return
                 else
                     missing_q = ior(missing_q, from_jacobian)
                 end if
-                if (associated(model%gamma_q)) then
-                    if (associated(model%timer)) call model%timer%begin_call(of_gamma_q)
-                    call model%gamma_q(t, q, qd, self%block_m, stat)
+                if (model%gives(of_gamma_q)) then
+                    call model%evaluate_part(of_gamma_q, t, q, qd, self%block_m, stat)
                     if (stat /= 0) return
                     d%acceleration_q = d%acceleration_q + self%block_m
                 else
@@ -234,9 +230,8 @@ contains
             end if
             if (iand(fused, need_acceleration_qd) == 0) then
                 d%acceleration_qd = 0.0_wp
-                if (associated(model%gamma_qd)) then
-                    if (associated(model%timer)) call model%timer%begin_call(of_gamma_qd)
-                    call model%gamma_qd(t, q, qd, d%acceleration_qd, stat)
+                if (model%gives(of_gamma_qd)) then
+                    call model%evaluate_part(of_gamma_qd, t, q, qd, d%acceleration_qd, stat)
                     if (stat /= 0) return
                 else
                     missing_qd = ior(missing_qd, from_gamma)
@@ -262,27 +257,24 @@ contains
             if (iand(fused, need_dynamics_q) == 0) then
                 d%dynamics_q = 0.0_wp
                 if (.not. model%constant_mass) then
-                    if (associated(model%mass_derivative)) then
-                        if (associated(model%timer)) call model%timer%begin_call(of_mass_derivative)
-                        call model%mass_derivative(q, qdd, d%dynamics_q, stat)
+                    if (model%gives(of_mass_derivative)) then
+                        call model%evaluate_part(of_mass_derivative, t, q, qdd, d%dynamics_q, stat)
                         if (stat /= 0) return
                     else
                         missing_q = ior(missing_q, from_mass)
                     end if
                 end if
                 if (self%has_constraints) then
-                    if (associated(model%reaction_derivative)) then
-                        if (associated(model%timer)) call model%timer%begin_call(of_reaction_derivative)
-                        call model%reaction_derivative(t, q, lambda, self%block_n, stat)
+                    if (model%gives(of_reaction_derivative)) then
+                        call model%evaluate_part(of_reaction_derivative, t, q, lambda, self%block_n, stat)
                         if (stat /= 0) return
                         d%dynamics_q = d%dynamics_q + self%block_n
                     else
                         missing_q = ior(missing_q, from_reaction)
                     end if
                 end if
-                if (associated(model%force_q)) then
-                    if (associated(model%timer)) call model%timer%begin_call(of_force_q)
-                    call model%force_q(t, q, qd, self%block_n, stat)
+                if (model%gives(of_force_q)) then
+                    call model%evaluate_part(of_force_q, t, q, qd, self%block_n, stat)
                     if (stat /= 0) return
                     d%dynamics_q = d%dynamics_q - self%block_n
                 else if (iand(self%has, need_force) /= 0) then
@@ -292,9 +284,8 @@ contains
             end if
             if (iand(fused, need_dynamics_qd) == 0) then
                 d%dynamics_qd = 0.0_wp
-                if (associated(model%force_qd)) then
-                    if (associated(model%timer)) call model%timer%begin_call(of_force_qd)
-                    call model%force_qd(t, q, qd, d%dynamics_qd, stat)
+                if (model%gives(of_force_qd)) then
+                    call model%evaluate_part(of_force_qd, t, q, qd, d%dynamics_qd, stat)
                     d%dynamics_qd = -d%dynamics_qd
                 else if (iand(self%has, need_force) /= 0) then
                     missing_qd = ior(missing_qd, from_force)
@@ -411,15 +402,15 @@ contains
 
         associate (model => self%model)
             has = [(btest(model%provides_derivatives, i - 1), i=1, n_derivatives)]
-            has(1) = has(1) .or. (associated(model%jacobian_derivative) .and. &
-                (associated(model%nu_derivative) .or. iand(self%has, need_nu) == 0))
-            has(2) = has(2) .or. (associated(model%jacobian_derivative) .and. associated(model%gamma_q))
-            has(3) = has(3) .or. associated(model%gamma_qd)
+            has(1) = has(1) .or. (model%gives(of_jacobian_derivative) .and. &
+                (model%gives(of_nu_derivative) .or. iand(self%has, need_nu) == 0))
+            has(2) = has(2) .or. (model%gives(of_jacobian_derivative) .and. model%gives(of_gamma_q))
+            has(3) = has(3) .or. model%gives(of_gamma_qd)
             has(:3) = has(:3) .or. .not. self%has_constraints
-            has(4) = has(4) .or. ((model%constant_mass .or. associated(model%mass_derivative)) .and. &
-                (associated(model%reaction_derivative) .or. .not. self%has_constraints) .and. &
-                (associated(model%force_q) .or. iand(self%has, need_force) == 0))
-            has(5) = has(5) .or. associated(model%force_qd) .or. iand(self%has, need_force) == 0
+            has(4) = has(4) .or. ((model%constant_mass .or. model%gives(of_mass_derivative)) .and. &
+                (model%gives(of_reaction_derivative) .or. .not. self%has_constraints) .and. &
+                (model%gives(of_force_q) .or. iand(self%has, need_force) == 0))
+            has(5) = has(5) .or. model%gives(of_force_qd) .or. iand(self%has, need_force) == 0
         end associate
         has_all = all(has)
     end function has_all_derivatives

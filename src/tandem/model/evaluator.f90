@@ -5,12 +5,11 @@ module tandem_model_evaluator
     use tandem_kinds, only: long, wp
     use tandem_linalg_kernels, only: is_zero_where
     use tandem_model, only: model_type
-    use tandem_model_calls, only: evaluate_terms
     use tandem_model_derivatives, only: n_derivatives, need_dynamics_q, need_dynamics_qd
     use tandem_model_stiffness, only: stiffness_type
     use tandem_model_terms, only: n_terms, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, &
         term_name, terms_type
-    use tandem_model_timer, only: of_applied_force, of_evaluate_derivatives
+    use tandem_model_timer, only: of_applied_force, of_evaluate, of_evaluate_derivatives
     use tandem_pack, only: pack_type
     use tandem_status, only: status_callback_failed, status_invalid_model, status_not_evaluable, status_ok
     use tandem_model_counts, only: counts_type
@@ -48,7 +47,7 @@ module tandem_model_evaluator
         integer, allocatable :: blocks(:)
         !> 1 below the model's declared blocks, where M must be zero, and 0 elsewhere (n, n); not allocated without declared blocks.
         real(wp), allocatable, private :: outside(:, :)
-        !> Work space: one of the two forces (n).
+        !> Work space of single procedures: one of the two forces (n).
         real(wp), allocatable, private :: part(:)
         !> Friction on reactions at the last requested point: B (n, frictions), p (frictions) and its gradient (frictions, m); only
         !> allocated for a model with such friction.
@@ -107,7 +106,8 @@ contains
         end if
         call allocate_terms(self%terms, nh, nd)
         if (allocated(self%part)) deallocate (self%part)
-        allocate (self%part(merge(model%n, 0, associated(model%inertia_force) .or. associated(model%applied_force))), source=0.0_wp)
+        self%has = model%has_terms()
+        allocate (self%part(merge(model%n, 0, iand(self%has - model%provides, need_force) /= 0)), source=0.0_wp)
         if (compresses) then
             ! Compressed storage has no room for entries outside of the blocks.
             self%n_blocks = 0
@@ -116,14 +116,7 @@ contains
         else
             call self%take_blocks()
         end if
-        self%has = model%provides
-        self%direct = merge(0, model%provides, present(kept) .or. associated(model%timer))
-        if (model%n_holonomic > 0) self%has = ior(self%has, need_phi)
-        if (model%n_constraints() > 0) self%has = ior(self%has, need_jacobian)
-        if (associated(model%constraint_acceleration)) self%has = ior(self%has, need_gamma)
-        if (associated(model%holonomic_rate) .or. associated(model%nonholonomic_rhs)) self%has = ior(self%has, need_nu)
-        self%has = ior(self%has, need_mass)
-        if (associated(model%inertia_force) .or. associated(model%applied_force)) self%has = ior(self%has, need_force)
+        self%direct = merge(0, model%provides, present(kept) .or. associated(model%state%timer))
         if (allocated(self%directions)) deallocate (self%directions, self%normals, self%normals_gradient)
         if (model%n_frictions > 0) allocate (self%directions(model%n, model%n_frictions), self%normals(model%n_frictions), &
             self%normals_gradient(model%n_frictions, model%n_constraints()), source=0.0_wp)
@@ -168,9 +161,9 @@ contains
         !> A status code.
         integer, intent(out) :: stat
 
-        if (associated(self%model%timer)) call self%model%timer%begin_call(of_applied_force)
+        if (associated(self%model%state%timer)) call self%model%state%timer%begin_call(of_applied_force)
         call self%model%friction_directions(t, q, qd, self%directions, stat)
-        if (associated(self%model%timer)) call self%model%timer%end_call()
+        if (associated(self%model%state%timer)) call self%model%state%timer%end_call()
         if (stat == 0 .and. .not. sum(abs(self%directions)) <= huge(t)) stat = 1
         if (stat == 0) return
         self%failed_term = 'friction'
@@ -217,9 +210,9 @@ contains
         integer, intent(out) :: stat
         integer :: i
 
-        if (associated(self%model%timer)) call self%model%timer%begin_call(of_evaluate_derivatives + need_dynamics)
+        if (associated(self%model%state%timer)) call self%model%state%timer%begin_call(of_evaluate_derivatives + need_dynamics)
         call self%model%evaluate_stiffness(t, q, qd, qdd, lambda, stiffness, stat)
-        if (associated(self%model%timer)) call self%model%timer%end_call()
+        if (associated(self%model%state%timer)) call self%model%state%timer%end_call()
         do i = 1, n_derivatives
             if (btest(need_dynamics, i - 1)) counts%derivatives(i) = counts%derivatives(i) + 1
         end do
@@ -307,6 +300,31 @@ contains
         self%failed_term = 'evaluate'
         if (failed > 0) self%failed_term = term_name(failed)
     end subroutine evaluate_parts
+
+    !> Evaluate terms: the fused procedure for the terms it provides, single procedures for the rest.
+    subroutine evaluate_terms(model, wanted, t, q, qd, terms, part, failed_term, stat)
+        class(model_type), intent(inout) :: model
+        integer, intent(in) :: wanted
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        !> Work space (n).
+        real(wp), intent(inout) :: part(:)
+        !> Index of the term whose procedure failed, 0 for the fused one.
+        integer, intent(out) :: failed_term
+        !> Status of the procedure.
+        integer, intent(out) :: stat
+        integer :: fused
+
+        stat = 0
+        failed_term = 0
+        fused = iand(wanted, model%provides)
+        if (fused /= 0) then
+            if (associated(model%state%timer)) call model%state%timer%begin_call(of_evaluate + fused)
+            call model%evaluate(fused, t, q, qd, terms, stat)
+        end if
+        if (stat == 0 .and. wanted /= fused) call model%evaluate_single(wanted - fused, t, q, qd, terms, part, failed_term, stat)
+        if (associated(model%state%timer)) call model%state%timer%end_call()
+    end subroutine evaluate_terms
 
     !> Check a mass matrix after its evaluation: the first one, or a constant one.
     subroutine note_mass(self, stat)

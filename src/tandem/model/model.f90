@@ -1,11 +1,15 @@
 ! SPDX-License-Identifier: MIT
-!> The model: sizes, names and procedure pointers. A scene extends `model_type` with its parameters and associates its procedures;
-!> an unassociated pointer means that the scene has no such term.
+!> The model: sizes, names, and one procedure for any set of its terms. A scene extends `model_type` with its parameters and
+!> associates `evaluate`. A model with one procedure for each term extends `procedure_model_type`, which calls these instead.
 !>
 !> Every procedure is a subroutine whose last argument is a status: 0 ok, > 0 this point cannot be evaluated (a smaller step may
-!> help), < 0 stop. The passed object is `intent(inout)`, so that a model may keep intermediate results; one model instance belongs
-!> to one simulation. Associate module procedures only: a pointer to an internal procedure needs a trampoline on the stack, which
+!> help), < 0 stop. Associate module procedures only: a pointer to an internal procedure needs a trampoline on the stack, which
 !> crashes if the stack is not executable.
+!>
+!> The passed object is `intent(inout)`, so that a model may keep intermediate results; one instance belongs to one simulation. A
+!> defined model is a description that can be copied, `allocate (instance, source=model)`, before or after a run: the copy is an
+!> instance of its own, unless an extension has pointers to data. What a run or an analysis changes is `segment` and `state`, and in
+!> extensions what they keep.
 !>
 !> Source of the equations: E. J. Haug, An index 0 differential-algebraic equation formulation for multibody dynamics: nonholonomic
 !> constraints, Mech. Based Des. Struct. Mach., 2016, doi 10.1080/15397734.2016.1273783.
@@ -17,18 +21,15 @@ module tandem_model
     use tandem_model_pattern, only: pattern_type
     use tandem_model_quantity, only: label_length, quantity_type
     use tandem_model_stiffness, only: stiffness_type
-    use tandem_model_terms, only: terms_type
-    use tandem_model_timer, only: timer_type
+    use tandem_model_state, only: model_state_type
+    use tandem_model_terms, only: need_jacobian, need_mass, need_phi, terms_type
     use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
     public :: model_type, quantity_type, label_length
     public :: name_of_coordinate, name_of_row, its_unit, unit_of_its_multiplier
-    public :: vector_of_position, matrix_of_position, vector_of_motion, mass_interface, inertia_interface
-    public :: energy_of_motion, energy_of_position, evaluate_interface
-    public :: direction_derivative, mass_derivative_interface, matrix_of_motion, evaluate_derivatives_interface
-    public :: measure_interface, integrand_interface, change_interface, list_motions_interface, normal_forces_interface
+    public :: energy_of_motion, energy_of_position, evaluate_interface, evaluate_derivatives_interface
 
     !> Arguments of `composed`.
     integer, parameter :: name_of_coordinate = 1, its_unit = 2, name_of_row = 3, unit_of_its_multiplier = 4
@@ -55,9 +56,9 @@ module tandem_model
         !> entry (i, j) of C in (i, pattern%column(j)), and that of M in (i, pattern%mass_column(j)), if `terms%is_compressed` is
         !> true.
         type(pattern_type), allocatable :: pattern
-        !> True if `evaluate_derivatives` sets the entries of coordinate j in column `derivatives%column_of(j)`, for matrices that
-        !> are compressed by the pattern.
-        logical :: compresses_derivatives = .false.
+        !> True if derivatives follow the bodies of `pattern`: `evaluate_derivatives` sets the entries of coordinate j in column
+        !> `derivatives%column_of(j)`, for matrices that are compressed by the pattern, and `evaluate_stiffness` is overridden.
+        logical :: derives_by_bodies = .false.
         !> Names and units of the coordinates (n); defaults q1, q2, ... and no unit.
         character(len=label_length), allocatable :: coordinate_name(:), coordinate_unit(:)
         !> Typical magnitude of each coordinate (n), > 0; default 1. Bases, norms and the rank decision use q / scale.
@@ -81,165 +82,43 @@ module tandem_model
         !> Number of the current smooth piece, 1 before the first breakpoint; set by the simulation. Procedures use this number and
         !> never compare t with a breakpoint.
         integer :: segment = 1
-        !> Time up to which `breakpoints` is complete; set by a model that searches during a run, see `know_breakpoints`.
-        real(wp) :: breakpoints_until = huge(1.0_wp)
         !> Quantities of `measure`, in its order; not allocated: none. True if it must be called at every step to count turns.
         type(quantity_type), allocatable :: quantities(:)
         logical :: measures_every_step = .false.
         !> True if `measure` uses the multipliers.
         logical :: measures_multipliers = .false.
-        !> Quantities currently requested from `measure`; not allocated: all.
-        logical, allocatable :: asked(:)
-        !> Values of `measure` for the current evaluation of events; allocated only while they are those of the point.
-        real(wp), allocatable :: shown(:)
-        !> Time integrals used by `measure`, zero at the start: the caller integrates `integrands`, and sets them before the call.
-        !> Not allocated: none.
-        real(wp), allocatable :: integrals(:)
-        !> Impulses of the rows (nh + nd) at the last velocity jump by an event; allocated only by a model that reports them.
-        real(wp), allocatable :: impulses(:)
-        !> Inputs of the linearised system: names of functions of time, of which an element may have several. `input` (0:2, inputs),
-        !> if allocated, is added by the model's procedures to the value and the first two derivatives of each; `input_version`
-        !> changes with every change of `input`.
+        !> Inputs of the linearised system: names of functions of time, of which an element may have several.
         character(len=label_length), allocatable :: input_name(:)
-        real(wp), allocatable :: input(:, :)
-        integer :: input_version = 0
-        !> Timer of the calls, see `profile_type`; not associated: none.
-        class(timer_type), pointer :: timer => null()
+        !> All that changes during a run or an analysis besides `segment`.
+        type(model_state_type) :: state
 
-        !> Phi(t, q) (nh); required if nh > 0.
-        procedure(vector_of_position), pointer :: holonomic => null()
-        !> Phi_q(t, q) (nh, n); required if nh > 0.
-        procedure(matrix_of_position), pointer :: holonomic_jacobian => null()
-        !> Phi_t(t, q) (nh); only if Phi depends on time.
-        procedure(vector_of_position), pointer :: holonomic_rate => null()
-        !> E(t, q) (nd, n); required if nd > 0.
-        procedure(matrix_of_position), pointer :: nonholonomic_jacobian => null()
-        !> e(t, q) (nd); only if e is not zero.
-        procedure(vector_of_position), pointer :: nonholonomic_rhs => null()
-        !> gamma(t, q, qd) (nh + nd) of C qdd = -gamma (8); if missing, differences of C and nu along the motion replace it, and
-        !> their noise, which is in the report, limits the accuracy.
-        procedure(vector_of_motion), pointer :: constraint_acceleration => null()
-        !> M(q) (n, n), symmetric; required.
-        procedure(mass_interface), pointer :: mass_matrix => null()
-        !> S(q, qd) (n); only if it is not zero.
-        procedure(inertia_interface), pointer :: inertia_force => null()
-        !> Q_A(t, q, qd) (n); only if it is not zero.
-        procedure(vector_of_motion), pointer :: applied_force => null()
         !> T(q, qd) for reports; default qd' M qd / 2.
         procedure(energy_of_motion), pointer :: kinetic_energy => null()
         !> V(t, q) for reports.
         procedure(energy_of_position), pointer :: potential_energy => null()
-        !> Any set of terms at one point in one call, for models with common work for several terms; preferred to the single
-        !> procedures for the terms in `provides`.
+        !> Any set of terms at one point in one call: those in `provides`.
         procedure(evaluate_interface), pointer :: evaluate => null()
-        !> Terms provided by `evaluate`, a sum of need bits (see `tandem_model_terms`). A term that is neither in `provides` nor has
-        !> a procedure of its own is zero.
+        !> Terms provided by `evaluate`, a sum of need bits (see `tandem_model_terms`). A term that neither `evaluate` nor a single
+        !> procedure (see `procedure_model_type`) provides is zero; Phi, C and M are required.
         integer :: provides = 0
 
-        !> Values of `quantities`, one after the other, at a state of the motion with its accelerations; for files only.
-        procedure(measure_interface), pointer :: measure => null()
-        !> Rates of `integrals`; procedure that is called once before the first `measure`, with the state at the start, to set the
-        !> quantities that depend on it. Only if needed.
-        procedure(integrand_interface), pointer :: integrands => null(), begin_measuring => null()
-        !> Changes of the model by events, described by texts of the model. Only if there are any.
-        procedure(change_interface), pointer :: change => null()
-
-        !> C2(q, x) = (C x)_q (nh + nd, n) for a constant x (72). This and the next seven are for implicit steppers only;
-        !> differences replace a missing one.
-        procedure(direction_derivative), pointer :: jacobian_derivative => null()
-        !> nu_q (nh + nd, n).
-        procedure(matrix_of_position), pointer :: nu_derivative => null()
-        !> gamma_q and gamma_qd (nh + nd, n) (71).
-        procedure(matrix_of_motion), pointer :: gamma_q => null(), gamma_qd => null()
-        !> M2(q, x) = (M x)_q (n, n) for a constant x (60).
-        procedure(mass_derivative_interface), pointer :: mass_derivative => null()
-        !> (C' lambda)_q (n, n) for constant multipliers (64).
-        procedure(direction_derivative), pointer :: reaction_derivative => null()
-        !> (S + Q_A)_q and (S + Q_A)_qd (n, n).
-        procedure(matrix_of_motion), pointer :: force_q => null(), force_qd => null()
-        !> Any set of the five sums in `tandem_model_derivatives` at one point in one call; preferred for those in
-        !> `provides_derivatives`.
+        !> Any set of the five sums in `tandem_model_derivatives` at one point in one call: those in `provides_derivatives`. For
+        !> implicit steppers only; differences replace the others.
         procedure(evaluate_derivatives_interface), pointer :: evaluate_derivatives => null()
         !> Derivatives provided by `evaluate_derivatives`, a sum of need bits (see `tandem_model_derivatives`).
         integer :: provides_derivatives = 0
-        !> Derivatives of the forces by blocks of the bodies of `pattern`, required for implicit steppers on sparse charts.
-        procedure(evaluate_stiffness_interface), pointer :: evaluate_stiffness => null()
-        !> Friction on reactions: the force B(t, q, qd) p(lambda) in addition to S + Q_A, with `n_frictions` columns.
-        !> `friction_directions` is B (n, n_frictions), the force of each friction for a normal force of one; `normal_forces` are p,
-        !> each a norm of multipliers: p(a x) = |a| p(x), p(x + y) <= p(x) + p(y). The sums of `evaluate_derivatives` include -B p,
-        !> for constant multipliers. Dense charts only.
+        !> Number of frictions on reactions, see `friction_directions`. Dense charts only.
         integer :: n_frictions = 0
-        procedure(matrix_of_motion), pointer :: friction_directions => null()
-        procedure(normal_forces_interface), pointer :: normal_forces => null()
-        !> Motions of the model as a whole, for the analysis of steady motions: it finds the symmetries among these and their sums.
-        !> If missing, all translations and rotations of the coordinates are tried, if these are few.
-        procedure(list_motions_interface), pointer :: list_motions => null()
-        !> Partial derivative of S + Q_A with respect to time (n), for the same analysis; differences replace a missing one.
-        procedure(vector_of_motion), pointer :: force_rate => null()
     contains
         procedure :: n_constraints, row_name, coordinate_label, unit_of_coordinate, unit_of_multiplier, has_units, composed
         procedure :: scales, largest_on_scales, set_magnitudes, set_time_scale, note_blocks, pack_state, arrive, is_idle
         procedure :: know_breakpoints, hides, list_imposed
+        procedure :: has_terms, gives, evaluate_single, evaluate_part, evaluate_stiffness
+        procedure :: measure, integrands, begin_measuring, change
+        procedure :: friction_directions, normal_forces, list_motions, force_rate
     end type model_type
 
     abstract interface
-        !> A vector that depends on time and position.
-        subroutine vector_of_position(self, t, q, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            !> Time.
-            real(wp), intent(in) :: t
-            !> Coordinates (n).
-            real(wp), intent(in) :: q(:)
-            !> The complete vector.
-            real(wp), intent(out) :: value(:)
-            !> 0 ok, > 0 cannot be evaluated here, < 0 stop.
-            integer, intent(out) :: stat
-        end subroutine vector_of_position
-
-        !> A matrix that depends on time and position: one row per constraint, one column per coordinate.
-        subroutine matrix_of_position(self, t, q, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            real(wp), intent(in) :: t, q(:)
-            !> The complete matrix, including zeros.
-            real(wp), intent(out) :: value(:, :)
-            integer, intent(out) :: stat
-        end subroutine matrix_of_position
-
-        !> A vector that depends on time, position and velocity.
-        subroutine vector_of_motion(self, t, q, qd, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            !> Time, coordinates (n), velocities (n).
-            real(wp), intent(in) :: t, q(:), qd(:)
-            real(wp), intent(out) :: value(:)
-            integer, intent(out) :: stat
-        end subroutine vector_of_motion
-
-        !> The mass matrix.
-        subroutine mass_interface(self, q, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            real(wp), intent(in) :: q(:)
-            real(wp), intent(out) :: value(:, :)
-            integer, intent(out) :: stat
-        end subroutine mass_interface
-
-        !> The inertia force, which does not depend on time.
-        subroutine inertia_interface(self, q, qd, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            real(wp), intent(in) :: q(:), qd(:)
-            real(wp), intent(out) :: value(:)
-            integer, intent(out) :: stat
-        end subroutine inertia_interface
-
         !> An energy that depends on the velocity.
         subroutine energy_of_motion(self, q, qd, value, stat)
             import :: model_type, wp
@@ -260,57 +139,6 @@ module tandem_model
             integer, intent(out) :: stat
         end subroutine energy_of_position
 
-        !> Quantities of the motion.
-        subroutine measure_interface(self, t, q, qd, qdd, values, stat, lambda)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            !> Time, coordinates, velocities, accelerations (n). Times ascend.
-            real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
-            !> All quantities; if `asked` is allocated, others need not be set, and accelerations are not used.
-            real(wp), intent(inout) :: values(:)
-            integer, intent(out) :: stat
-            !> Multipliers (nh + nd): without them quantities of multipliers are NaN.
-            real(wp), intent(in), optional :: lambda(:)
-        end subroutine measure_interface
-
-        !> Rates of integrals.
-        subroutine integrand_interface(self, t, q, qd, lambda, values, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            !> Time, coordinates, velocities (n), multipliers (nh + nd).
-            real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
-            !> One value per integral.
-            real(wp), intent(out) :: values(:)
-            integer, intent(out) :: stat
-        end subroutine integrand_interface
-
-        !> A change of the model at an event. The state must satisfy the position constraints after the change.
-        subroutine change_interface(self, what, is_trial, t, q, problem)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            !> Description of the change, in the format of the model.
-            character(len=*), intent(in) :: what
-            !> True to check the change only; t and q are then not used.
-            logical, intent(in) :: is_trial
-            real(wp), intent(in) :: t, q(:)
-            !> Problem and remedy; blank after success.
-            character(len=*), intent(out) :: problem
-        end subroutine change_interface
-
-        !> Normal forces of friction for given multipliers.
-        subroutine normal_forces_interface(self, lambda, value, gradient)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            !> Multipliers (nh + nd).
-            real(wp), intent(in) :: lambda(:)
-            !> p (n_frictions), not negative, and its gradient (n_frictions, nh + nd), zero where p is zero.
-            real(wp), intent(out) :: value(:), gradient(:, :)
-        end subroutine normal_forces_interface
-
         !> Several terms at once.
         subroutine evaluate_interface(self, need, t, q, qd, terms, stat)
             import :: model_type, wp, terms_type
@@ -325,45 +153,6 @@ module tandem_model
             integer, intent(out) :: stat
         end subroutine evaluate_interface
 
-        !> A derivative of C x or C' x with respect to q for a constant x.
-        subroutine direction_derivative(self, t, q, x, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            !> Time, coordinates (n), and x: (n) for C x, (nh + nd) for C' x.
-            real(wp), intent(in) :: t, q(:), x(:)
-            real(wp), intent(out) :: value(:, :)
-            integer, intent(out) :: stat
-        end subroutine direction_derivative
-
-        !> The derivative of M x with respect to q for a constant x.
-        subroutine mass_derivative_interface(self, q, x, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            real(wp), intent(in) :: q(:), x(:)
-            real(wp), intent(out) :: value(:, :)
-            integer, intent(out) :: stat
-        end subroutine mass_derivative_interface
-
-        !> A matrix that depends on time, position and velocity.
-        subroutine matrix_of_motion(self, t, q, qd, value, stat)
-            import :: model_type, wp
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            real(wp), intent(in) :: t, q(:), qd(:)
-            real(wp), intent(out) :: value(:, :)
-            integer, intent(out) :: stat
-        end subroutine matrix_of_motion
-
-        !> Motions of the model as a whole.
-        subroutine list_motions_interface(self, motions)
-            import :: model_type, affine_motion_type
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            type(affine_motion_type), allocatable, intent(out) :: motions(:)
-        end subroutine list_motions_interface
-
         !> Several derivatives at once.
         subroutine evaluate_derivatives_interface(self, need, t, q, qd, qdd, lambda, derivatives, stat)
             import :: model_type, wp, derivatives_type
@@ -377,19 +166,6 @@ module tandem_model
             type(derivatives_type), intent(inout) :: derivatives
             integer, intent(out) :: stat
         end subroutine evaluate_derivatives_interface
-
-        !> K = (M qdd + C' lambda - S - Q_A)_q and D = -(S + Q_A)_qd by blocks. Omitted parts cost corrections but never change the
-        !> solution.
-        subroutine evaluate_stiffness_interface(self, t, q, qd, qdd, lambda, stiffness, stat)
-            import :: model_type, wp, stiffness_type
-            implicit none (type, external)
-            class(model_type), intent(inout) :: self
-            !> Time, coordinates, velocities, accelerations (n), multipliers (nh + nd).
-            real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
-            !> Set all blocks, including zeros; bodies are those of the pattern, pairs those of `pattern%coupled`.
-            type(stiffness_type), intent(inout) :: stiffness
-            integer, intent(out) :: stat
-        end subroutine evaluate_stiffness_interface
     end interface
 
 contains
@@ -400,6 +176,170 @@ contains
 
         n_constraints = self%n_holonomic + self%n_nonholonomic
     end function n_constraints
+
+    !> Terms of the model, a sum of need bits: those of `evaluate`, and the required ones.
+    pure integer function has_terms(self)
+        class(model_type), intent(in) :: self
+
+        has_terms = ior(self%provides, need_mass)
+        if (self%n_holonomic > 0) has_terms = ior(has_terms, need_phi)
+        if (self%n_constraints() > 0) has_terms = ior(has_terms, need_jacobian)
+    end function has_terms
+
+    !> Evaluate terms that `evaluate` does not provide, by single procedures: see `procedure_model_type`. Without any, this fails.
+    subroutine evaluate_single(self, wanted, t, q, qd, terms, part, failed_term, stat)
+        class(model_type), intent(inout) :: self
+        !> Terms, a sum of need bits.
+        integer, intent(in) :: wanted
+        real(wp), intent(in) :: t, q(:), qd(:)
+        type(terms_type), intent(inout) :: terms
+        !> Work space (n).
+        real(wp), intent(inout) :: part(:)
+        !> Index of the term whose procedure failed.
+        integer, intent(out) :: failed_term
+        !> Status of the procedure.
+        integer, intent(out) :: stat
+
+        failed_term = trailz(wanted) + 1
+        stat = -1
+    end subroutine evaluate_single
+
+    !> True if there is a single procedure for a part of the five derivatives, see `procedure_model_type`.
+    pure logical function gives(self, part)
+        class(model_type), intent(in) :: self
+        !> Its number in `tandem_model_timer`, from `of_jacobian_derivative` to `of_force_qd`.
+        integer, intent(in) :: part
+
+        gives = .false.
+    end function gives
+
+    !> Evaluate a part of the derivatives that the model gives.
+    subroutine evaluate_part(self, part, t, q, v, value, stat)
+        class(model_type), intent(inout) :: self
+        integer, intent(in) :: part
+        !> Time, coordinates (n), and what the part depends on besides: velocities or accelerations (n), or multipliers (nh + nd).
+        real(wp), intent(in) :: t, q(:), v(:)
+        !> Rows of C or coordinates, by coordinates.
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        value = 0.0_wp
+        stat = -1
+    end subroutine evaluate_part
+
+    !> Set the values of `quantities`, one after the other, at a state of the motion. This and the next procedures are for models
+    !> that set `quantities` or `n_frictions`, or that events may change.
+    subroutine measure(self, t, q, qd, qdd, values, stat, lambda)
+        class(model_type), intent(inout) :: self
+        !> Time, coordinates, velocities, accelerations (n). Times ascend.
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:)
+        !> All quantities; if `asked` is allocated, others need not be set, and accelerations are not used.
+        real(wp), intent(inout) :: values(:)
+        integer, intent(out) :: stat
+        !> Multipliers (nh + nd): without them quantities of multipliers are NaN.
+        real(wp), intent(in), optional :: lambda(:)
+
+        stat = -1
+    end subroutine measure
+
+    !> Rates of `state%integrals`.
+    subroutine integrands(self, t, q, qd, lambda, values, stat)
+        class(model_type), intent(inout) :: self
+        !> Time, coordinates, velocities (n), multipliers (nh + nd).
+        real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+        !> One value per integral.
+        real(wp), intent(out) :: values(:)
+        integer, intent(out) :: stat
+
+        values = 0.0_wp
+        stat = 0
+    end subroutine integrands
+
+    !> Called once before the first `measure`, with the state at the start, to set the quantities that depend on it. By default
+    !> nothing is done.
+    subroutine begin_measuring(self, t, q, qd, lambda, stat)
+        class(model_type), intent(inout) :: self
+        !> Time, coordinates, velocities (n), multipliers (nh + nd).
+        real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
+        integer, intent(out) :: stat
+
+        stat = 0
+    end subroutine begin_measuring
+
+    !> Change the model at an event. The state must satisfy the position constraints after the change.
+    subroutine change(self, what, is_trial, t, q, problem)
+        class(model_type), intent(inout) :: self
+        !> Description of the change, in the format of the model.
+        character(len=*), intent(in) :: what
+        !> True to check the change only; t and q are then not used.
+        logical, intent(in) :: is_trial
+        real(wp), intent(in) :: t, q(:)
+        !> Problem and remedy; blank after success.
+        character(len=*), intent(out) :: problem
+
+        problem = 'the model has nothing that events may change'
+    end subroutine change
+
+    !> Friction on reactions: the force B(t, q, qd) p(lambda) in addition to S + Q_A, with `n_frictions` columns. B (n, n_frictions)
+    !> is the force of each friction for a normal force of one. The sums of `evaluate_derivatives` include -B p, for constant
+    !> multipliers.
+    subroutine friction_directions(self, t, q, qd, value, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        real(wp), intent(out) :: value(:, :)
+        integer, intent(out) :: stat
+
+        value = 0.0_wp
+        stat = -1
+    end subroutine friction_directions
+
+    !> Normal forces p of friction for given multipliers, each a norm: p(a x) = |a| p(x), p(x + y) <= p(x) + p(y).
+    subroutine normal_forces(self, lambda, value, gradient)
+        class(model_type), intent(inout) :: self
+        !> Multipliers (nh + nd).
+        real(wp), intent(in) :: lambda(:)
+        !> p (n_frictions), not negative, and its gradient (n_frictions, nh + nd), zero where p is zero.
+        real(wp), intent(out) :: value(:), gradient(:, :)
+
+        value = 0.0_wp
+        gradient = 0.0_wp
+    end subroutine normal_forces
+
+    !> Motions of the model as a whole, for the analysis of steady motions: it finds the symmetries among these and their sums. If
+    !> none are listed, as by default, all translations and rotations of the coordinates are tried, if these are few.
+    subroutine list_motions(self, motions)
+        class(model_type), intent(inout) :: self
+        !> Not allocated: none are listed.
+        type(affine_motion_type), allocatable, intent(out) :: motions(:)
+    end subroutine list_motions
+
+    !> Partial derivative of S + Q_A with respect to time, for the same analysis; by default differences replace it.
+    subroutine force_rate(self, t, q, qd, value, is_given, stat)
+        class(model_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(:), qd(:)
+        !> (n)
+        real(wp), intent(out) :: value(:)
+        !> True if the model gives it.
+        logical, intent(out) :: is_given
+        integer, intent(out) :: stat
+
+        value = 0.0_wp
+        is_given = .false.
+        stat = 0
+    end subroutine force_rate
+
+    !> K = (M qdd + C' lambda - S - Q_A)_q and D = -(S + Q_A)_qd by blocks of the bodies of `pattern`, required for implicit
+    !> steppers on sparse charts. Omitted parts cost corrections but never change the solution.
+    subroutine evaluate_stiffness(self, t, q, qd, qdd, lambda, stiffness, stat)
+        class(model_type), intent(inout) :: self
+        !> Time, coordinates, velocities, accelerations (n), multipliers (nh + nd).
+        real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
+        !> Set all blocks, including zeros; bodies are those of the pattern, pairs those of `pattern%coupled`.
+        type(stiffness_type), intent(inout) :: stiffness
+        integer, intent(out) :: stat
+
+        stat = -1
+    end subroutine evaluate_stiffness
 
     !> Name of a row, padded with blanks.
     pure function padded_name(self, row) result(name)

@@ -17,6 +17,8 @@ module tandem_model_verification
         reference_type
     use tandem_model_structure, only: structure_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_mass, need_nu
+    use tandem_model_timer, only: of_force_q, of_force_qd, of_gamma_q, of_gamma_qd, of_jacobian_derivative, of_mass_derivative, &
+        of_nu_derivative, of_reaction_derivative
     use tandem_pack, only: pack_type
     use tandem_status, only: status_callback_failed, status_not_evaluable, status_ok, status_work_limit
     use tandem_model_counts, only: counts_type
@@ -121,17 +123,16 @@ contains
         else
             ! Single procedures set matrices that are not compressed.
             call structure%take_pattern(model%pattern, model%n > most_full .and. iand(model%provides, of_pattern) == of_pattern &
-                .and. .not. has_single(model) .and. (model%provides_derivatives == 0 .or. model%compresses_derivatives))
+                .and. .not. has_single(model) .and. (model%provides_derivatives == 0 .or. model%derives_by_bodies))
         end if
     end subroutine choose_structure
 
     !> True if there are single derivative procedures.
     pure logical function has_single(model)
         class(model_type), intent(in) :: model
+        integer :: part
 
-        has_single = associated(model%jacobian_derivative) .or. associated(model%nu_derivative) .or. &
-            associated(model%gamma_q) .or. associated(model%gamma_qd) .or. associated(model%mass_derivative) .or. &
-            associated(model%reaction_derivative) .or. associated(model%force_q) .or. associated(model%force_qd)
+        has_single = any([(model%gives(part), part=of_jacobian_derivative, of_force_qd)])
     end function has_single
 
     !> Compare at one random state.
@@ -333,7 +334,7 @@ contains
     pure logical function has_gamma(model)
         class(model_type), intent(in) :: model
 
-        has_gamma = associated(model%constraint_acceleration) .or. iand(model%provides, need_gamma) /= 0
+        has_gamma = iand(model%has_terms(), need_gamma) /= 0
     end function has_gamma
 
     !> The single derivative procedures that the model has.
@@ -344,61 +345,50 @@ contains
         !> Failed procedure, and its status.
         character(len=*), intent(inout) :: failed
         integer, intent(out) :: stat
+        character(len=*), parameter :: name(of_jacobian_derivative:of_force_qd) = [character(len=20) :: 'jacobian_derivative', &
+            'nu_derivative', 'gamma_q', 'gamma_qd', 'mass_derivative', 'reaction_derivative', 'force_q', 'force_qd']
         real(wp), allocatable :: block_m(:, :), block_n(:, :)
+        integer :: part
 
         stat = 0
         if (.not. has_single(model)) return
         allocate (block_m(model%n_constraints(), model%n), block_n(model%n, model%n), source=0.0_wp)
         associate (t => reference%t, q => reference%q, qd => reference%qd, of_rows => reference%rows_q, &
             of_forces => reference%forces_q)
-            if (associated(model%jacobian_derivative)) then
-                call model%jacobian_derivative(t, q, qd, block_m, stat)
-                failed = 'jacobian_derivative'
+            do part = of_jacobian_derivative, of_force_qd
+                if (.not. model%gives(part)) cycle
+                if ((part == of_gamma_q .or. part == of_gamma_qd) .and. .not. has_gamma(model)) cycle
+                failed = name(part)
+                select case (part)
+                case (of_mass_derivative)
+                    call model%evaluate_part(part, t, q, reference%qdd, block_n, stat)
+                case (of_reaction_derivative)
+                    call model%evaluate_part(part, t, q, reference%lambda, block_n, stat)
+                case (of_force_q, of_force_qd)
+                    call model%evaluate_part(part, t, q, qd, block_n, stat)
+                case default
+                    call model%evaluate_part(part, t, q, qd, block_m, stat)
+                end select
                 if (stat /= 0) return
-                call compare_rows('jacobian_derivative', block_m, of_rows(:, :, of_c_qd), reference, findings)
-            end if
-            if (associated(model%nu_derivative)) then
-                call model%nu_derivative(t, q, block_m, stat)
-                failed = 'nu_derivative'
-                if (stat /= 0) return
-                call compare_rows('nu_derivative', block_m, of_rows(:, :, of_nu), reference, findings)
-            end if
-            if (associated(model%gamma_q) .and. has_gamma(model)) then
-                call model%gamma_q(t, q, qd, block_m, stat)
-                failed = 'gamma_q'
-                if (stat /= 0) return
-                call compare_rows('gamma_q', block_m, of_rows(:, :, of_gamma), reference, findings)
-            end if
-            if (associated(model%gamma_qd) .and. has_gamma(model)) then
-                call model%gamma_qd(t, q, qd, block_m, stat)
-                failed = 'gamma_qd'
-                if (stat /= 0) return
-                call compare_rows('gamma_qd', block_m, reference%gamma_qd, reference, findings)
-            end if
-            if (associated(model%mass_derivative)) then
-                call model%mass_derivative(q, reference%qdd, block_n, stat)
-                failed = 'mass_derivative'
-                if (stat /= 0) return
-                call compare_forces('mass_derivative', block_n, of_forces(:, :, of_mass), reference, findings)
-            end if
-            if (associated(model%reaction_derivative)) then
-                call model%reaction_derivative(t, q, reference%lambda, block_n, stat)
-                failed = 'reaction_derivative'
-                if (stat /= 0) return
-                call compare_forces('reaction_derivative', block_n, of_forces(:, :, of_reaction), reference, findings)
-            end if
-            if (associated(model%force_q)) then
-                call model%force_q(t, q, qd, block_n, stat)
-                failed = 'force_q'
-                if (stat /= 0) return
-                call compare_forces('force_q', block_n, of_forces(:, :, of_force), reference, findings)
-            end if
-            if (associated(model%force_qd)) then
-                call model%force_qd(t, q, qd, block_n, stat)
-                failed = 'force_qd'
-                if (stat /= 0) return
-                call compare_forces('force_qd', block_n, reference%force_qd, reference, findings)
-            end if
+                select case (part)
+                case (of_jacobian_derivative)
+                    call compare_rows(name(part), block_m, of_rows(:, :, of_c_qd), reference, findings)
+                case (of_nu_derivative)
+                    call compare_rows(name(part), block_m, of_rows(:, :, of_nu), reference, findings)
+                case (of_gamma_q)
+                    call compare_rows(name(part), block_m, of_rows(:, :, of_gamma), reference, findings)
+                case (of_gamma_qd)
+                    call compare_rows(name(part), block_m, reference%gamma_qd, reference, findings)
+                case (of_mass_derivative)
+                    call compare_forces(name(part), block_n, of_forces(:, :, of_mass), reference, findings)
+                case (of_reaction_derivative)
+                    call compare_forces(name(part), block_n, of_forces(:, :, of_reaction), reference, findings)
+                case (of_force_q)
+                    call compare_forces(name(part), block_n, of_forces(:, :, of_force), reference, findings)
+                case default ! of_force_qd
+                    call compare_forces(name(part), block_n, reference%force_qd, reference, findings)
+                end select
+            end do
         end associate
     end subroutine compare_single
 

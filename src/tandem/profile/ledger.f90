@@ -6,7 +6,7 @@
 !> either side is measured in a loop, and subtracted for each call. In a run it is larger, because it restricts out-of-order
 !> execution: `compare` finds the difference from runs with and without clocks.
 !>
-!> For a measured run this is the timer of the model (`model%timer`), the chart is a `profiled_chart_type`, and observers are
+!> For a measured run this is the timer of the model (`model%state%timer`), the chart is a `profiled_chart_type`, and observers are
 !> wrapped (`profiled_observer_type`). Other runs have no overhead.
 module tandem_profile_ledger
     use tandem_kinds, only: long, wp

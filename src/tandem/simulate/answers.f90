@@ -42,9 +42,9 @@ contains
         if (.not. self%is_ready) return
         if (associated(self%model%kinetic_energy)) then
             self%chart%counts%kinetic_energies = self%chart%counts%kinetic_energies + 1
-            if (associated(self%model%timer)) call self%model%timer%begin_call(of_kinetic_energy)
+            if (associated(self%model%state%timer)) call self%model%state%timer%begin_call(of_kinetic_energy)
             call self%model%kinetic_energy(self%state%q, self%state%qd, energy, stat)
-            if (associated(self%model%timer)) call self%model%timer%end_call()
+            if (associated(self%model%state%timer)) call self%model%state%timer%end_call()
         else
             call self%chart%kinetic_energy(self%state%t, self%state%q, self%state%qd, energy, stat)
         end if
@@ -55,9 +55,9 @@ contains
         stat = status_invalid_option
         if (.not. self%is_ready) return
         self%chart%counts%potential_energies = self%chart%counts%potential_energies + 1
-        if (associated(self%model%timer)) call self%model%timer%begin_call(of_potential_energy)
+        if (associated(self%model%state%timer)) call self%model%state%timer%begin_call(of_potential_energy)
         call self%model%potential_energy(self%state%t, self%state%q, energy, stat)
-        if (associated(self%model%timer)) call self%model%timer%end_call()
+        if (associated(self%model%state%timer)) call self%model%state%timer%end_call()
     end procedure potential_energy
 
     module procedure statistics

@@ -142,7 +142,7 @@ contains
         end if
         call pack%item(theirs)
         call pack%item(their_jumps)
-        until = model%breakpoints_until
+        until = model%state%breakpoints_until
         call pack%item(until)
         if (.not. pack%is_reading .or. problem /= '' .or. pack%has_failed) return
         call model%know_breakpoints(first + size(theirs), error)
@@ -156,7 +156,7 @@ contains
             allocate (ours(0))
         end if
         our_jumps = jumps_of(model, first, size(ours))
-        until = min(until, model%breakpoints_until)
+        until = min(until, model%state%breakpoints_until)
         n = count(ours < until)
         if (n /= count(theirs < until)) then
             problem = 'it was made with other breakpoints'

@@ -133,9 +133,9 @@ contains
         value = 0.0_wp
         if (.not. associated(self%told_by)) return
         associate (model => self%told_by)
-            if (allocated(model%shown) .and. .not. self%needs_multipliers) then
-                if (self%index > size(model%shown)) return
-                value = model%shown(self%index)
+            if (allocated(model%state%shown) .and. .not. self%needs_multipliers) then
+                if (self%index > size(model%state%shown)) return
+                value = model%state%shown(self%index)
                 stat = 0
                 return
             end if
@@ -146,9 +146,9 @@ contains
                 allocate (self%asked(size(model%quantities)), source=.false.)
                 self%asked(i) = .true.
             end if
-            call move_alloc(self%asked, model%asked)
+            call move_alloc(self%asked, model%state%asked)
             call model%measure(t, q, qd, self%still, self%shown, stat, lambda)
-            call move_alloc(model%asked, self%asked)
+            call move_alloc(model%state%asked, self%asked)
         end associate
         value = self%shown(self%index)
     end subroutine look
@@ -160,7 +160,7 @@ contains
 
         measured_quantity = 0
         if (self%quantity /= 'shown' .or. .not. associated(self%told_by)) return
-        if (.not. associated(self%told_by%measure)) return
+        if (.not. allocated(self%told_by%quantities)) return
         associate (quantities => self%told_by%quantities)
             n = 0
             do i = 1, size(quantities)
@@ -183,8 +183,7 @@ contains
 
         if (.not. allocated(self%words)) return
         do i = 1, size(self%words)
-            problem = 'the model has nothing that events may change'
-            if (associated(model%change)) call model%change(self%words(i), .false., t, q, problem)
+            call model%change(self%words(i), .false., t, q, problem)
             if (problem == '') cycle
             call set_error(error, status_invalid_option, 'the event '//trim(self%name)//': '//trim(problem), 'correct it')
             return

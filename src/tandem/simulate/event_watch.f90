@@ -396,11 +396,11 @@ contains
         integer :: stat
 
         if (.not. self%measures) return
-        call move_alloc(self%asked, self%model%asked)
+        call move_alloc(self%asked, self%model%state%asked)
         ! Accelerations are not used.
         call self%model%measure(t, q, qd, qd, self%shown, stat)
-        call move_alloc(self%model%asked, self%asked)
-        if (stat == 0) call move_alloc(self%shown, self%model%shown)
+        call move_alloc(self%model%state%asked, self%asked)
+        if (stat == 0) call move_alloc(self%shown, self%model%state%shown)
     end subroutine measure_all
 
     !> Drop the measured values, which belong to one point.
@@ -408,7 +408,7 @@ contains
         class(event_watch_type), intent(inout) :: self
 
         if (.not. self%measures) return
-        if (allocated(self%model%shown)) call move_alloc(self%model%shown, self%shown)
+        if (allocated(self%model%state%shown)) call move_alloc(self%model%state%shown, self%shown)
     end subroutine end_measuring
 
     !> Change of g due to rounding of time, state and multipliers. Integration and corrections leave errors of some last digits,

@@ -243,7 +243,7 @@ contains
             if (stat == status_ok .and. self%errors(2) > 0.01_wp*self%options%constraint_tolerance) then
                 call chart%project_velocity(state%t, state%q, state%qd, stat)
                 if (stat == status_ok) call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
-                if (stat == status_ok .and. allocated(self%model%impulses)) call find_impulses(self, before, stat)
+                if (stat == status_ok .and. allocated(self%model%state%impulses)) call find_impulses(self, before, stat)
             end if
             self%tally%velocity_jump = max(self%tally%velocity_jump, self%dense%jump(state%qd))
             if (stat /= status_ok) then
@@ -261,15 +261,15 @@ contains
         !> Velocities before the projection (n).
         real(wp), intent(in) :: before(:)
         integer, intent(out) :: stat
-        real(wp) :: jump(size(before)), at_rest(size(self%model%impulses))
+        real(wp) :: jump(size(before)), at_rest(size(self%model%state%impulses))
 
         associate (state => self%state, chart => self%chart)
             jump = 0.0_wp
             call chart%multipliers(state%t, state%q, state%qd, jump, at_rest, stat)
             if (stat /= status_ok) return
             jump = state%qd - before
-            call chart%multipliers(state%t, state%q, state%qd, jump, self%model%impulses, stat)
-            self%model%impulses = self%model%impulses - at_rest
+            call chart%multipliers(state%t, state%q, state%qd, jump, self%model%state%impulses, stat)
+            self%model%state%impulses = self%model%state%impulses - at_rest
         end associate
     end subroutine find_impulses
 end submodule tandem_simulate_events

@@ -161,15 +161,10 @@ contains
     end subroutine forget_run
 
     module procedure watch_constraints
-        logical :: depend_on_time
-
         ! The gap of implicit steps also contains the remainder of Newton's iterations, which shorter steps do not reduce.
         call self%local_error%allow_gap(merge(huge(1.0_wp), warning_limit(self%options), self%method%implicit))
-        associate (model => self%model)
-            depend_on_time = iand(model%provides, need_nu) /= 0 .or. associated(model%holonomic_rate) .or. &
-                associated(model%nonholonomic_rhs)
-        end associate
-        call self%local_error%count_imposed(self%method%implicit .and. depend_on_time)
+        ! Motions are imposed where constraints depend on time.
+        call self%local_error%count_imposed(self%method%implicit .and. iand(self%model%has_terms(), need_nu) /= 0)
     end procedure watch_constraints
 
     !> States, and work space of estimates, controls and steps.

@@ -6,7 +6,7 @@ module test_linearisation
     use linearised, only: check_eigenvalues, has_eigenvalue, linearise_scene, linearise_text
     use subjects, only: new_subject, subject_names
     use tandem, only: at_an_instant, at_equilibrium, failure_type => error_type, in_steady_motion, linearisation_type, model_type, &
-        of_family, of_symmetry, options_type, simulation_type, wp
+        procedure_model_type, of_family, of_symmetry, options_type, simulation_type, wp
     use tandem_chart_dense, only: dense_chart_type
     use tandem_io, only: find_scene, read_scene, scene_type
     use tandem_linalg_eigenvalues, only: find_eigenvalues, split_zeros
@@ -405,14 +405,17 @@ contains
             call check_true(error, exact%has_gradients, 'gradients of its own')
             model%evaluate_derivatives => null()
             model%provides_derivatives = 0
-            model%jacobian_derivative => null()
-            model%nu_derivative => null()
-            model%gamma_q => null()
-            model%gamma_qd => null()
-            model%mass_derivative => null()
-            model%reaction_derivative => null()
-            model%force_q => null()
-            model%force_qd => null()
+            select type (model)
+            class is (procedure_model_type)
+                model%jacobian_derivative => null()
+                model%nu_derivative => null()
+                model%gamma_q => null()
+                model%gamma_qd => null()
+                model%mass_derivative => null()
+                model%reaction_derivative => null()
+                model%force_q => null()
+                model%force_qd => null()
+            end select
             call other%make(model, 0.0_wp, q, qd, failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return

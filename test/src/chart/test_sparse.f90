@@ -559,7 +559,7 @@ contains
             jump(:, i) = simulation%state%qd + kick%dqd
             call go_on(simulation, 0.1_wp + 1.0e-9_wp, error)
             if (allocated(error)) return
-            impulses(:, i) = model%impulses
+            impulses(:, i) = model%state%impulses
             jump(:, i) = simulation%state%qd - jump(:, i)
             ! C' impulse by hand; the motion of 2e-9 s is 1e-7 of the velocities.
             q = simulation%state%q

@@ -570,7 +570,7 @@ contains
 
         call make_large('sprung_plane', 5, mechanism, failure)
         call check_no_failure(error, failure)
-        mechanism%evaluate_stiffness => null()
+        mechanism%derives_by_bodies = .false.
         call initialize('radau5')
         call check_failure(error, failure, 'invalid_option', 'evaluate_stiffness')
         call initialize('sdirk54')

@@ -8,7 +8,8 @@ module test_derivatives
     use runs, only: run
     use subjects, only: new_subject, subject_names
     use tandem, only: derivative_name, derivatives_type, failure_type => error_type, long, model_type, n_derivatives, &
-        need_all_derivatives, need_gamma, options_type, rolling_disk_type, simulation_type, statistics_type, terms_type, wp
+        need_all_derivatives, need_gamma, options_type, procedure_model_type, rolling_disk_type, simulation_type, &
+        statistics_type, terms_type, wp
     use tandem_model_differences, only: differences_type
     use tandem_model_counts, only: counts_type
     use terms_at, only: get_terms
@@ -254,7 +255,7 @@ contains
 
     !> Without one of the single procedures.
     subroutine remove(model, name)
-        class(model_type), intent(inout) :: model
+        class(procedure_model_type), intent(inout) :: model
         character(len=*), intent(in) :: name
 
         select case (name)

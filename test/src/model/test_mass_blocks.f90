@@ -4,7 +4,8 @@ module test_mass_blocks
     use asserts, only: check_below, check_count, check_failure, check_no_failure, check_true
     use model_perturbed, only: perturbed_type
     use runs, only: choose, run
-    use tandem, only: failure_type => error_type, finding_type, model_type, need_mass, rolling_disk_type, simulation_type, &
+    use tandem, only: failure_type => error_type, finding_type, model_type, procedure_model_type, need_mass, rolling_disk_type, &
+        simulation_type, &
         verify_model, wp
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_counts, only: counts_type
@@ -15,7 +16,7 @@ module test_mass_blocks
     public :: collect_mass_blocks
 
     !> Six free coordinates with a given constant mass matrix.
-    type, extends(model_type) :: heavy_type
+    type, extends(procedure_model_type) :: heavy_type
         real(wp) :: m(6, 6) = 0.0_wp
     end type heavy_type
 

@@ -330,7 +330,7 @@ contains
         if (allocated(error)) return
         if (is_profiled) then
             call self%profile%begin()
-            self%model%timer => self%profile
+            self%model%state%timer => self%profile
             chart%profile => self%profile
             call self%simulation%initialize(self%model, options, 0.0_wp, self%q, self%qd, failure, chart=chart)
         else

@@ -494,10 +494,10 @@ contains
         other%model%nu_jumps = [.true.]
         call refused(other, words, 'it was made with other breakpoints', other_set_up, error)
         ! Breakpoints after the time up to which both are complete may differ.
-        other%model%breakpoints_until = 0.4_wp
+        other%model%state%breakpoints_until = 0.4_wp
         call other%simulation%restore_state(words, failure)
         call check_no_failure(error, failure)
-        other%model%breakpoints_until = huge(1.0_wp)
+        other%model%state%breakpoints_until = huge(1.0_wp)
         deallocate (other%model%breakpoints, other%model%nu_jumps)
         other%model%constant_mass = .not. other%model%constant_mass
         call refused(other, words, 'its mass matrix is '//trim(merge('not constant', 'constant    ', &

@@ -3,7 +3,8 @@
 !> steps temporarily continue.
 module test_collapse
     use asserts, only: check_below, check_no_failure, check_true
-    use tandem, only: expression_function, expression_type, failure_type => error_type, mechanism_type, model_type, options_type, &
+    use tandem, only: expression_function, expression_type, failure_type => error_type, mechanism_type, model_type, &
+        procedure_model_type, options_type, &
         parse_expression, simulation_type, statistics_type, to_text, wp
     use tandem_simulate_slowing, only: slowing_type
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -17,14 +18,14 @@ module test_collapse
     character(len=9), parameter :: steppers(5) = [character(len=9) :: 'dop853', 'dopri5', 'radau5', 'sdirk54', 'auto']
 
     !> A planar pendulum whose Jacobian is `factor` q instead of 2 q.
-    type, extends(model_type) :: wrong_pendulum_type
+    type, extends(procedure_model_type) :: wrong_pendulum_type
         real(wp) :: factor = 2.0_wp
     contains
         procedure :: define
     end type wrong_pendulum_type
 
     !> A force that is large for a moment and stiff from then on.
-    type, extends(model_type) :: spring_type
+    type, extends(procedure_model_type) :: spring_type
         real(wp) :: rate = 1.0e5_wp
     contains
         procedure :: define => define_spring

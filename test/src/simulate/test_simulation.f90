@@ -7,6 +7,7 @@ module test_simulation
     use runs, only: choose, get_start, new_scene, run, scene_names
     use tandem, only: at_end, at_start, at_step, failure_type => error_type, long, model_type, observer_type, options_type, &
         rolling_disk_type, simulation_type, statistics_type, wp
+    use tandem_io, only: find_scene, read_scene, scene_type
     use testdrive, only: error_type, new_unittest, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
@@ -40,6 +41,7 @@ contains
             new_unittest('a-rest-too-short-to-matter-is-merged', test_sliver), &
             new_unittest('observers-see-start-steps-and-end-in-order', test_observer), &
             new_unittest('two-simulations-never-meet', test_two), &
+            new_unittest('copies-of-a-model-are-models-of-their-own', test_copies), &
             new_unittest('a-simulation-can-be-initialized-again', test_again), &
             new_unittest('kinetic-energy-is-half-qd-m-qd', test_kinetic_energy), &
             new_unittest('energy-of-a-pendulum-is-constant', test_energy), &
@@ -318,6 +320,67 @@ contains
         call check_close(error, roll_together%state%q, roll_alone%state%q, 0.0_wp, 'q of the disk')
         call check_close(error, swing_together%state%q, swing_alone%state%q, 0.0_wp, 'q of the pendulum')
     end subroutine test_two
+
+    !> Copies of one description, made before and after runs with it, run in turns: each as the description of a scene that is read
+    !> anew.
+    subroutine test_copies(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), parameter :: names(4) = [character(len=17) :: 'a03_andrews', 'mechanism_vehicle', 'trailers', &
+            'motorcycle']
+        integer, parameter :: n_steps = 5
+        character(len=:), allocatable :: path
+        type(scene_type), allocatable, target :: scene, fresh
+        class(model_type), allocatable, target :: before, after
+        type(simulation_type), allocatable :: alone, one, two, three
+        type(failure_type), allocatable :: failure
+        integer :: i, k
+
+        do k = 1, size(names)
+            allocate (scene, fresh, alone, one, two, three)
+            call find_scene(trim(names(k)), path, failure)
+            if (.not. allocated(failure)) call read_scene(path, [character(len=1) ::], scene, failure)
+            if (.not. allocated(failure)) call read_scene(path, [character(len=1) ::], fresh, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            allocate (before, source=scene%model)
+            call start(one, scene%model)
+            call advance(one)
+            allocate (after, source=scene%model)
+            call start(alone, fresh%model)
+            do i = 1, n_steps
+                call advance(alone)
+            end do
+            call start(two, before)
+            call start(three, after)
+            do i = 1, n_steps
+                if (i > 1) call advance(one)
+                call advance(two)
+                call advance(three)
+            end do
+            call check_close(error, one%state%q, alone%state%q, 0.0_wp, trim(names(k))//': the original')
+            call check_close(error, two%state%q, alone%state%q, 0.0_wp, trim(names(k))//': a copy before the run')
+            call check_close(error, three%state%q, alone%state%q, 0.0_wp, trim(names(k))//': a copy after a step')
+            if (allocated(error)) return
+            deallocate (scene, fresh, alone, one, two, three, before, after)
+        end do
+
+    contains
+
+        subroutine start(simulation, model)
+            type(simulation_type), intent(inout) :: simulation
+            class(model_type), intent(inout), target :: model
+
+            call simulation%initialize(model, scene%options, scene%t_start, scene%q, scene%qd, failure)
+            call check_no_failure(error, failure)
+        end subroutine start
+
+        subroutine advance(simulation)
+            type(simulation_type), intent(inout) :: simulation
+
+            call simulation%step(scene%t_end, failure)
+            call check_no_failure(error, failure)
+        end subroutine advance
+    end subroutine test_copies
 
     subroutine test_again(error)
         type(error_type), allocatable, intent(out) :: error

@@ -7,7 +7,8 @@ module test_radau
     use model_stiff_pendulum, only: stiff_pendulum_type
     use reference, only: read_reference, reference_type
     use runs, only: get_start, new_scene, run
-    use tandem, only: failure_type => error_type, long, model_type, motorcycle_type, new_stepper, options_type, profile_type, &
+    use tandem, only: failure_type => error_type, long, model_type, procedure_model_type, motorcycle_type, new_stepper, &
+        options_type, profile_type, &
         properties_type, simulation_type, statistics_type, stepper_choices, to_text, wp
     use tandem_chart_dense, only: dense_chart_type
     use tandem_profile_chart, only: profiled_chart_type
@@ -29,7 +30,7 @@ module test_radau
     end type row_type
 
     !> The pendulum by its angle, whose steps are not bounded by charts.
-    type, extends(model_type) :: angle_type
+    type, extends(procedure_model_type) :: angle_type
     contains
         procedure :: define => define_angle
     end type angle_type
@@ -545,7 +546,7 @@ contains
         call new_scene('motorcycle', two)
         call get_start('motorcycle', q, qd)
         call profile%begin()
-        two%timer => profile
+        two%state%timer => profile
         chart%profile => profile
         options = options_type(stepper='radau', rtol=1.0e-10_wp)
         call plain%initialize(one, options, 0.0_wp, q, qd, failure)

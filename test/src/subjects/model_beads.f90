@@ -2,13 +2,13 @@
 !> Beads in the plane, strung on rods from the origin: n = 2 beads, nh = beads. A user-defined model with a pattern of C and M, with
 !> all terms from one procedure or, with `is_single`, by procedures that ignore the pattern.
 module model_beads
-    use tandem, only: model_type, need_force, need_gamma, need_jacobian, need_mass, need_phi, terms_type, wp
+    use tandem, only: model_type, procedure_model_type, need_force, need_gamma, need_jacobian, need_mass, need_phi, terms_type, wp
     implicit none (type, external)
     private
 
     public :: beads_type
 
-    type, extends(model_type) :: beads_type
+    type, extends(procedure_model_type) :: beads_type
         real(wp) :: length = 0.3_wp, g = 9.81_wp
         !> True if the terms come from single procedures.
         logical :: is_single = .false.
@@ -29,7 +29,7 @@ contains
         self%n = 2*beads
         self%n_holonomic = beads
         self%constant_mass = .true.
-        allocate (self%impulses(beads), source=0.0_wp)
+        allocate (self%state%impulses(beads), source=0.0_wp)
         allocate (self%pattern)
         call self%pattern%build([(2*i - 1, i=1, beads + 1)], spread(1, 1, 2*beads), beads, &
             [(i, i=1, beads), (i, i=2, beads)], [(i, i=1, beads), (i - 1, i=2, beads)], spread(0, 1, beads))

@@ -2,13 +2,13 @@
 !> A driven wheel that rolls on a moving belt: n = 2, nh = 1, nd = 1, so that the constraints alone give the motion.
 !> q = (x, phi), phi = drive(t), xd - radius phid = belt cos(t): both rows depend on time.
 module model_belt_wheel
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: belt_wheel_type
 
-    type, extends(model_type) :: belt_wheel_type
+    type, extends(procedure_model_type) :: belt_wheel_type
         !> Mass, moment of inertia, radius, a force along x.
         real(wp) :: m = 2.0_wp, inertia = 0.3_wp, radius = 0.5_wp, pull = 1.7_wp
         !> drive(t) = speed t + swing sin(t); amplitude of the belt's speed.

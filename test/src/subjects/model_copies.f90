@@ -2,15 +2,15 @@
 !> Separate copies of one mechanism side by side: a system of any size with the motion of one copy. Constraints may be mixed: each
 !> with a part of that of the next copy, which changes only the matrices.
 module model_copies
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: copies_type
 
-    type, extends(model_type) :: copies_type
+    type, extends(procedure_model_type) :: copies_type
         !> The mechanism, with single procedures and holonomic constraints, and number of copies.
-        class(model_type), pointer :: one => null()
+        class(procedure_model_type), pointer :: one => null()
         integer :: copies = 1
         !> Part of the next copy's constraint that is added to each.
         real(wp) :: mixing = 0.0_wp
@@ -60,7 +60,7 @@ contains
         class is (copies_type)
             associate (n => self%one%n, m => self%one%n_holonomic)
                 do i = 1, self%copies
-                    call self%one%holonomic(t, q(n*(i - 1) + 1:n*i), value(m*(i - 1) + 1:m*i), stat)
+                    call self%one%holonomic(self%one, t, q(n*(i - 1) + 1:n*i), value(m*(i - 1) + 1:m*i), stat)
                 end do
                 call mix(m, self%mixing, value)
             end associate
@@ -80,7 +80,8 @@ contains
         class is (copies_type)
             associate (n => self%one%n, m => self%one%n_holonomic)
                 do i = 1, self%copies
-                    call self%one%holonomic_jacobian(t, q(n*(i - 1) + 1:n*i), value(m*(i - 1) + 1:m*i, n*(i - 1) + 1:n*i), stat)
+                    call self%one%holonomic_jacobian(self%one, t, q(n*(i - 1) + 1:n*i), value(m*(i - 1) + 1:m*i, &
+                        n*(i - 1) + 1:n*i), stat)
                 end do
                 do i = 1, size(value, 2)
                     call mix(m, self%mixing, value(:, i))
@@ -101,7 +102,7 @@ contains
         class is (copies_type)
             associate (n => self%one%n, m => self%one%n_holonomic)
                 do i = 1, self%copies
-                    call self%one%holonomic_rate(t, q(n*(i - 1) + 1:n*i), value(m*(i - 1) + 1:m*i), stat)
+                    call self%one%holonomic_rate(self%one, t, q(n*(i - 1) + 1:n*i), value(m*(i - 1) + 1:m*i), stat)
                 end do
                 call mix(m, self%mixing, value)
             end associate
@@ -120,7 +121,7 @@ contains
         class is (copies_type)
             associate (n => self%one%n, m => self%one%n_holonomic)
                 do i = 1, self%copies
-                    call self%one%constraint_acceleration(t, q(n*(i - 1) + 1:n*i), qd(n*(i - 1) + 1:n*i), &
+                    call self%one%constraint_acceleration(self%one, t, q(n*(i - 1) + 1:n*i), qd(n*(i - 1) + 1:n*i), &
                         value(m*(i - 1) + 1:m*i), stat)
                 end do
                 call mix(m, self%mixing, value)
@@ -141,7 +142,7 @@ contains
         class is (copies_type)
             associate (n => self%one%n)
                 do i = 1, self%copies
-                    call self%one%mass_matrix(q(n*(i - 1) + 1:n*i), value(n*(i - 1) + 1:n*i, n*(i - 1) + 1:n*i), stat)
+                    call self%one%mass_matrix(self%one, q(n*(i - 1) + 1:n*i), value(n*(i - 1) + 1:n*i, n*(i - 1) + 1:n*i), stat)
                 end do
             end associate
         end select
@@ -159,7 +160,8 @@ contains
         class is (copies_type)
             associate (n => self%one%n)
                 do i = 1, self%copies
-                    call self%one%applied_force(t, q(n*(i - 1) + 1:n*i), qd(n*(i - 1) + 1:n*i), value(n*(i - 1) + 1:n*i), stat)
+                    call self%one%applied_force(self%one, t, q(n*(i - 1) + 1:n*i), qd(n*(i - 1) + 1:n*i), &
+                        value(n*(i - 1) + 1:n*i), stat)
                 end do
             end associate
         end select

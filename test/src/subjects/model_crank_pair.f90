@@ -3,13 +3,13 @@
 !> x2, y2), the ends, n = 4, nh = 3, nd = 0. As a parallelogram both cranks rotate alike; in their flat position Phi_q loses rank,
 !> because the antiparallelogram motion branches off there.
 module model_crank_pair
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: crank_pair_type
 
-    type, extends(model_type) :: crank_pair_type
+    type, extends(procedure_model_type) :: crank_pair_type
     contains
         procedure :: define
         procedure, nopass :: start

@@ -3,13 +3,13 @@
 !> crossings Phi_q vanishes, and a bead on the circle could continue along either. The direction of Phi_q gives no indication
 !> before.
 module model_crossing
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: crossing_type
 
-    type, extends(model_type) :: crossing_type
+    type, extends(procedure_model_type) :: crossing_type
         !> The line is y = -k.
         real(wp) :: k = 0.05_wp
     contains

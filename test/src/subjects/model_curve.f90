@@ -2,7 +2,7 @@
 !> A point of the plane on an ellipse, (x/a)^2 + (y/b)^2 = 1: n = 2, nh = 1, nd = 0. Its two masses may differ or be zero, and
 !> Phi may be undefined where x is small.
 module model_curve
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
     private
@@ -12,7 +12,7 @@ module model_curve
     !> Behaviour of Phi below `least_x`: a positive status, a NaN; 0 for neither.
     integer, parameter :: undefined_stat = 1, undefined_nan = 2
 
-    type, extends(model_type) :: curve_type
+    type, extends(procedure_model_type) :: curve_type
         !> Semi-axes a, b, and the masses of x and y.
         real(wp) :: axes(2) = [2.0_wp, 1.0_wp], masses(2) = 1.0_wp
         !> Below this x, Phi behaves according to `undefined`.

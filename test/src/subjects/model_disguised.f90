@@ -9,7 +9,7 @@
 !> - `pair`: df + sin(x) dg = 0 and dg + sin(y) df/2 = 0: neither is integrable alone, together they are: f and g are constant.
 !> - `mixed`: `disguised` and `contact`.
 module model_disguised
-    use tandem, only: label_length, model_type, wp
+    use tandem, only: label_length, model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
@@ -19,7 +19,7 @@ module model_disguised
     character(len=9), parameter :: disguise_names(6) = [character(len=9) :: 'disguised', 'driven', 'detuned', 'contact', 'pair', &
         'mixed']
 
-    type, extends(model_type) :: disguised_type
+    type, extends(procedure_model_type) :: disguised_type
         !> One of `disguise_names`; the rows carry these names, those of `pair` are `first` and `second`.
         character(len=9) :: kind = 'disguised'
     contains

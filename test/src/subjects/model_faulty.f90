@@ -2,7 +2,7 @@
 !> A particle on a line with a force, for scenes: m qdd = pull. Depending on `fault`, its procedures end the process or never
 !> return.
 module model_faulty
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     use tandem_io, only: reader_type, scene_model_type
     use, intrinsic :: iso_c_binding, only: c_int
     implicit none (type, external)
@@ -10,7 +10,7 @@ module model_faulty
 
     public :: faulty_models
 
-    type, extends(model_type) :: faulty_type
+    type, extends(procedure_model_type) :: faulty_type
         real(wp) :: m = 1.0_wp, pull = 1.0_wp
         !> 0 none; 1 the process is killed; 2 it exits; 3 the procedure never returns; 4 the force is a NaN.
         integer :: fault = 0

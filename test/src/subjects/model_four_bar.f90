@@ -6,7 +6,7 @@
 !> motion could go on as a parallelogram or as an antiparallelogram. A crank-rocker (Grashof: the crank is the shortest, and
 !> shortest + longest < the other two) never gets there.
 module model_four_bar
-    use tandem, only: derivatives_type, label_length, model_type, need_acceleration_q, need_acceleration_qd, &
+    use tandem, only: derivatives_type, label_length, model_type, procedure_model_type, need_acceleration_q, need_acceleration_qd, &
         need_all_derivatives, need_dynamics_q, need_dynamics_qd, need_velocity_q, wp
     implicit none (type, external)
     private
@@ -16,7 +16,7 @@ module model_four_bar
     !> Lengths of crank, coupler and rocker, and the distance AD, of a crank-rocker (m).
     real(wp), parameter :: crank_rocker(4) = [0.5_wp, 1.0_wp, 0.9_wp, 1.1_wp]
 
-    type, extends(model_type) :: four_bar_type
+    type, extends(procedure_model_type) :: four_bar_type
         !> Mass of each rod (kg); lengths of crank, coupler and rocker and the distance AD (m); gravity along -y (m/s^2).
         real(wp) :: m = 1.0_wp, length(4) = 1.0_wp, g = 9.81_wp
     contains

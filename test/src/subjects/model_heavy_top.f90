@@ -1,14 +1,14 @@
 ! SPDX-License-Identifier: MIT
 !> The heavy symmetric top with a fixed point, in Euler parameters: n = 7, nh = 4, nd = 0; q = (r, p) of the centre of mass.
 module model_heavy_top
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     use tandem_rigid_euler_parameters, only: b_matrix, g_matrix, rotation
     implicit none (type, external)
     private
 
     public :: heavy_top_type
 
-    type, extends(model_type) :: heavy_top_type
+    type, extends(procedure_model_type) :: heavy_top_type
         !> Mass, distance of the centre of mass from the fixed point, gravity.
         real(wp) :: m = 1.0_wp, l = 0.25_wp, g = 9.81_wp
         !> Principal moments of inertia about the centre of mass.

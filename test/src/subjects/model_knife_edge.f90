@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> A knife edge (a skate) on an inclined plane, x downhill: n = 3, nh = 0, nd = 1, with a closed solution (Neimark and Fufaev).
 module model_knife_edge
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: knife_edge_type
 
-    type, extends(model_type) :: knife_edge_type
+    type, extends(procedure_model_type) :: knife_edge_type
         !> Mass, moment of inertia, downhill component of gravity.
         real(wp) :: m = 1.0_wp, inertia = 0.2_wp, g_sin_alpha = 2.8990532273477414_wp
         !> Angular velocity, forward speed and heading at t = 0.

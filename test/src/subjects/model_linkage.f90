@@ -2,13 +2,13 @@
 !> A chain of three links from the origin to a point on the x axis, q = their angles from that axis: n = 3, nh = 2, nd = 0. It
 !> cannot be closed if the point is too far away; at exactly the reach of the links, Phi_q loses rank.
 module model_linkage
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: linkage_type
 
-    type, extends(model_type) :: linkage_type
+    type, extends(procedure_model_type) :: linkage_type
         !> Lengths of the links, distance of the point.
         real(wp) :: links(3) = [1.0_wp, 1.5_wp, 0.8_wp], distance = 2.0_wp
         !> Number of calls of Phi and Phi_q.

@@ -5,13 +5,13 @@
 !> and turns uniformly: a closed solution. Otherwise the angle obeys length theta'' = -(g + ay) sin(theta) - ax cos(theta).
 module model_moving_pivot
     use extrapolation, only: equation_type
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: moving_pivot_type, angle_equation_type
 
-    type, extends(model_type) :: moving_pivot_type
+    type, extends(procedure_model_type) :: moving_pivot_type
         !> Mass, length of the rod, gravity.
         real(wp) :: m = 1.5_wp, length = 0.7_wp, g = 9.81_wp
         !> The pivot's motion.

@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> A free particle in space: n = 3, no constraints. The force is a power of time, or springs, or nothing.
 module model_particle
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: particle_type
 
-    type, extends(model_type) :: particle_type
+    type, extends(procedure_model_type) :: particle_type
         !> Masses along the axes.
         real(wp) :: m(3) = [1.0_wp, 2.0_wp, 4.0_wp]
         !> The force along each axis is m t**power, minus stiffness q.

@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> A planar pendulum, a point mass on a rod: n = 2, nh = 1, nd = 0. The unit of length can be chosen.
 module model_pendulum
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: pendulum_type
 
-    type, extends(model_type) :: pendulum_type
+    type, extends(procedure_model_type) :: pendulum_type
         !> Mass, length of the rod in metres, gravity in metres per second squared.
         real(wp) :: m = 2.0_wp, length = 0.8_wp, g = 9.81_wp
         !> Units of length per metre.

@@ -89,10 +89,8 @@ contains
         call self%terms%allocate(inner%n, inner%n_holonomic, inner%n_nonholonomic)
         call self%derivatives%allocate(inner%n, inner%n_constraints())
         ! The new row may have a nu even if the wrapped model has none.
-        self%provides = ior(inner%provides, need_jacobian + need_nu + need_mass)
+        self%provides = ior(inner%has_terms(), need_jacobian + need_nu)
         if (self%n_holonomic > 0) self%provides = ior(self%provides, need_phi)
-        if (associated(inner%constraint_acceleration)) self%provides = ior(self%provides, need_gamma)
-        if (associated(inner%inertia_force) .or. associated(inner%applied_force)) self%provides = ior(self%provides, need_force)
         self%evaluate => evaluate
         self%provides_derivatives = inner%provides_derivatives
         self%evaluate_derivatives => null()
@@ -143,41 +141,15 @@ contains
         real(wp), intent(in) :: t, q(:), qd(:)
         integer, intent(out) :: stat
         real(wp) :: part(size(q))
-        integer :: rest, nh
+        integer :: rest, failed
 
         stat = 0
-        nh = self%inner%n_holonomic
         self%inner%segment = self%segment
         associate (inner => self%inner, terms => self%terms)
             rest = iand(need, inner%provides)
             if (rest /= 0) call inner%evaluate(rest, t, q, qd, terms, stat)
-            rest = iand(need, not(inner%provides))
-            if (stat == 0 .and. iand(rest, need_phi) /= 0 .and. nh > 0) call inner%holonomic(t, q, terms%phi, stat)
-            if (stat == 0 .and. iand(rest, need_jacobian) /= 0) then
-                if (nh > 0) call inner%holonomic_jacobian(t, q, terms%jacobian(:nh, :), stat)
-                if (stat == 0 .and. inner%n_nonholonomic > 0) then
-                    call inner%nonholonomic_jacobian(t, q, terms%jacobian(nh + 1:, :), stat)
-                end if
-            end if
-            if (stat == 0 .and. iand(rest, need_nu) /= 0) then
-                if (associated(inner%holonomic_rate)) then
-                    call inner%holonomic_rate(t, q, terms%nu(:nh), stat)
-                    terms%nu(:nh) = -terms%nu(:nh)
-                end if
-                if (stat == 0 .and. associated(inner%nonholonomic_rhs)) then
-                    call inner%nonholonomic_rhs(t, q, terms%nu(nh + 1:), stat)
-                end if
-            end if
-            if (stat == 0 .and. iand(rest, need_gamma) /= 0) call inner%constraint_acceleration(t, q, qd, terms%gamma, stat)
-            if (stat == 0 .and. iand(rest, need_mass) /= 0) call inner%mass_matrix(q, terms%mass, stat)
-            if (stat == 0 .and. iand(rest, need_force) /= 0) then
-                terms%force = 0.0_wp
-                if (associated(inner%inertia_force)) call inner%inertia_force(q, qd, terms%force, stat)
-                if (stat == 0 .and. associated(inner%applied_force)) then
-                    call inner%applied_force(t, q, qd, part, stat)
-                    terms%force = terms%force + part
-                end if
-            end if
+            rest = iand(iand(need, inner%has_terms()), not(inner%provides))
+            if (stat == 0 .and. rest /= 0) call inner%evaluate_single(rest, t, q, qd, terms, part, failed, stat)
         end associate
     end subroutine evaluate_inner
 

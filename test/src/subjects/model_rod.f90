@@ -2,13 +2,13 @@
 !> A uniform rod on a pivot, with the angle as a third coordinate: n = 3, nh = 2, nd = 0. q contains lengths and an angle, so that
 !> an orthonormal basis depends on the unit of length unless `coordinate_scale` compensates it.
 module model_rod
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: rod_type
 
-    type, extends(model_type) :: rod_type
+    type, extends(procedure_model_type) :: rod_type
         !> Mass, distance of the centre from the pivot in metres, gravity in metres per second squared.
         real(wp) :: m = 3.0_wp, half = 0.4_wp, g = 9.81_wp
         !> Units of length per metre.

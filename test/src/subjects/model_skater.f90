@@ -3,7 +3,7 @@
 !> model can have. q = (x, y, z, phi); z = wave sin(x) cos(y) + rise t, sin(phi) xd - cos(phi) yd - arm phid = shear y + swing
 !> cos(t); the moment of inertia grows with x.
 module model_skater
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
@@ -13,7 +13,7 @@ module model_skater
     character(len=24), parameter :: single_names(8) = [character(len=24) :: 'jacobian_derivative', 'nu_derivative', 'gamma_q', &
         'gamma_qd', 'mass_derivative', 'reaction_derivative', 'force_q', 'force_qd']
 
-    type, extends(model_type) :: skater_type
+    type, extends(procedure_model_type) :: skater_type
         !> Mass, moment of inertia, its growth with x**2, gravity.
         real(wp) :: m = 2.0_wp, inertia = 0.5_wp, growth = 0.4_wp, g = 3.0_wp
         !> Floor, distance of the blade, and motion of the surface.

@@ -2,13 +2,13 @@
 !> Separate skates side by side: any number of nonholonomic rows, 3 coordinates each, (x, y, angle), with sin(angle) xd - cos(angle)
 !> yd = 0. One of them may have a holonomic row instead, (2 + sin y) xd = 0: x is constant.
 module model_skates
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: skates_type
 
-    type, extends(model_type) :: skates_type
+    type, extends(procedure_model_type) :: skates_type
         !> Number of skates; index of the one with the holonomic row, 0 for none.
         integer :: skates = 1, disguised = 0
     contains

@@ -6,13 +6,13 @@
 !> m (u' + s w) = F.along, (inertia + m arm**2) w' = arm (F.across - m e' + m u w): the reduced equations below.
 module model_sleigh
     use extrapolation, only: equation_type
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: sleigh_type, reduced_equation_type
 
-    type, extends(model_type) :: sleigh_type
+    type, extends(procedure_model_type) :: sleigh_type
         !> Mass, moment of inertia about the centre of mass, distance of the blade, force along x and y.
         real(wp) :: m = 2.0_wp, inertia = 0.5_wp, arm = 0.3_wp, pull(2) = [1.5_wp, -0.4_wp]
         !> The surface's motion.

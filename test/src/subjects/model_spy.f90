@@ -1,7 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> Wraps any model: counts the calls of each procedure, sets traps for procedures that must not be called, and fails on request.
 module model_spy
-    use tandem, only: model_type, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type, wp
+    use tandem, only: model_type, procedure_model_type, need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, &
+        terms_type, wp
     use terms_at, only: get_terms
     use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
     implicit none (type, external)
@@ -22,7 +23,7 @@ module model_spy
         integer :: trapped = 0
     end type calls_type
 
-    type, extends(model_type) :: spy_type
+    type, extends(procedure_model_type) :: spy_type
         type(calls_type) :: calls
         !> Term (a need bit) with the fault, its kind, and its first time.
         integer :: fault_term = 0, fault = no_fault
@@ -34,6 +35,8 @@ module model_spy
         !> Number of occurrences, and largest number of consecutive ones at the same time and coordinates.
         integer :: n_faults = 0, most_at_a_point = 0
         class(model_type), pointer, private :: inner => null()
+        !> The same if it has single procedures.
+        class(procedure_model_type), pointer, private :: single => null()
         real(wp), private :: last_time = -huge(1.0_wp)
         !> Coordinates of the last call; those and the time of the last fault, and number of occurrences there.
         real(wp), allocatable, private :: last_q(:), fault_q(:)
@@ -75,15 +78,20 @@ contains
         if (allocated(inner%breakpoints)) self%breakpoints = inner%breakpoints
         if (allocated(inner%nu_jumps)) self%nu_jumps = inner%nu_jumps
         self%provides = inner%provides
-        if (associated(inner%holonomic)) self%holonomic => spy_holonomic
-        if (associated(inner%holonomic_jacobian)) self%holonomic_jacobian => spy_holonomic_jacobian
-        if (associated(inner%holonomic_rate)) self%holonomic_rate => spy_holonomic_rate
-        if (associated(inner%nonholonomic_jacobian)) self%nonholonomic_jacobian => spy_nonholonomic_jacobian
-        if (associated(inner%nonholonomic_rhs)) self%nonholonomic_rhs => spy_nonholonomic_rhs
-        if (associated(inner%constraint_acceleration)) self%constraint_acceleration => spy_acceleration
-        if (associated(inner%mass_matrix)) self%mass_matrix => spy_mass
-        if (associated(inner%inertia_force)) self%inertia_force => spy_inertia_force
-        if (associated(inner%applied_force)) self%applied_force => spy_applied_force
+        self%single => null()
+        select type (inner)
+        class is (procedure_model_type)
+            self%single => inner
+            if (associated(inner%holonomic)) self%holonomic => spy_holonomic
+            if (associated(inner%holonomic_jacobian)) self%holonomic_jacobian => spy_holonomic_jacobian
+            if (associated(inner%holonomic_rate)) self%holonomic_rate => spy_holonomic_rate
+            if (associated(inner%nonholonomic_jacobian)) self%nonholonomic_jacobian => spy_nonholonomic_jacobian
+            if (associated(inner%nonholonomic_rhs)) self%nonholonomic_rhs => spy_nonholonomic_rhs
+            if (associated(inner%constraint_acceleration)) self%constraint_acceleration => spy_acceleration
+            if (associated(inner%mass_matrix)) self%mass_matrix => spy_mass
+            if (associated(inner%inertia_force)) self%inertia_force => spy_inertia_force
+            if (associated(inner%applied_force)) self%applied_force => spy_applied_force
+        end select
         if (associated(inner%kinetic_energy)) self%kinetic_energy => spy_kinetic_energy
         if (associated(inner%potential_energy)) self%potential_energy => spy_potential_energy
         if (associated(inner%evaluate)) self%evaluate => spy_evaluate
@@ -196,7 +204,7 @@ contains
             call self%enter(self%calls%holonomic)
             self%last_time = t
             self%last_q = q
-            call self%inner%holonomic(t, q, value, stat)
+            call self%single%holonomic(self%inner, t, q, value, stat)
             call self%upset_vector(need_phi, value, stat)
         end select
     end subroutine spy_holonomic
@@ -214,7 +222,7 @@ contains
             call self%enter(self%calls%holonomic_jacobian)
             self%last_time = t
             self%last_q = q
-            call self%inner%holonomic_jacobian(t, q, value, stat)
+            call self%single%holonomic_jacobian(self%inner, t, q, value, stat)
             call self%upset_matrix(need_jacobian, value, stat)
         end select
     end subroutine spy_holonomic_jacobian
@@ -232,7 +240,7 @@ contains
             call self%enter(self%calls%holonomic_rate)
             self%last_time = t
             self%last_q = q
-            call self%inner%holonomic_rate(t, q, value, stat)
+            call self%single%holonomic_rate(self%inner, t, q, value, stat)
             call self%upset_vector(need_nu, value, stat)
         end select
     end subroutine spy_holonomic_rate
@@ -250,7 +258,7 @@ contains
             call self%enter(self%calls%nonholonomic_jacobian)
             self%last_time = t
             self%last_q = q
-            call self%inner%nonholonomic_jacobian(t, q, value, stat)
+            call self%single%nonholonomic_jacobian(self%inner, t, q, value, stat)
             call self%upset_matrix(need_jacobian, value, stat)
         end select
     end subroutine spy_nonholonomic_jacobian
@@ -268,7 +276,7 @@ contains
             call self%enter(self%calls%nonholonomic_rhs)
             self%last_time = t
             self%last_q = q
-            call self%inner%nonholonomic_rhs(t, q, value, stat)
+            call self%single%nonholonomic_rhs(self%inner, t, q, value, stat)
             call self%upset_vector(need_nu, value, stat)
         end select
     end subroutine spy_nonholonomic_rhs
@@ -286,7 +294,7 @@ contains
             call self%enter(self%calls%constraint_acceleration)
             self%last_time = t
             self%last_q = q
-            call self%inner%constraint_acceleration(t, q, qd, value, stat)
+            call self%single%constraint_acceleration(self%inner, t, q, qd, value, stat)
             call self%upset_vector(need_gamma, value, stat)
         end select
     end subroutine spy_acceleration
@@ -303,7 +311,7 @@ contains
         class is (spy_type)
             call self%enter(self%calls%mass_matrix)
             self%last_q = q
-            call self%inner%mass_matrix(q, value, stat)
+            call self%single%mass_matrix(self%inner, q, value, stat)
             call self%upset_matrix(need_mass, value, stat)
         end select
     end subroutine spy_mass
@@ -320,7 +328,7 @@ contains
         class is (spy_type)
             call self%enter(self%calls%inertia_force)
             self%last_q = q
-            call self%inner%inertia_force(q, qd, value, stat)
+            call self%single%inertia_force(self%inner, q, qd, value, stat)
         end select
     end subroutine spy_inertia_force
 
@@ -337,7 +345,7 @@ contains
             call self%enter(self%calls%applied_force)
             self%last_time = t
             self%last_q = q
-            call self%inner%applied_force(t, q, qd, value, stat)
+            call self%single%applied_force(self%inner, t, q, qd, value, stat)
             call self%upset_vector(need_force, value, stat)
         end select
     end subroutine spy_applied_force

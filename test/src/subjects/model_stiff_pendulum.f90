@@ -2,13 +2,13 @@
 !> A pendulum on a stiff damped spring whose length, or its stretch, is a coordinate without a mass: n = 3, nh = 1, nd = 0, M
 !> singular.
 module model_stiff_pendulum
-    use tandem, only: derivatives_type, model_type, need_all_derivatives, wp
+    use tandem, only: derivatives_type, model_type, procedure_model_type, need_all_derivatives, wp
     implicit none (type, external)
     private
 
     public :: stiff_pendulum_type
 
-    type, extends(model_type) :: stiff_pendulum_type
+    type, extends(procedure_model_type) :: stiff_pendulum_type
         !> Mass, length of the spring at rest, gravity.
         real(wp) :: m = 1.0_wp, l0 = 1.0_wp, g = 9.81_wp
         !> Stiffness and damping.

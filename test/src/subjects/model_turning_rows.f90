@@ -3,13 +3,13 @@
 !> - 1)/2 they are u, y u + x z and -x u + y z. The rank of C is two everywhere; the first two rows are dependent at x = 0, the last
 !> two nowhere, the first and the last at y = 0. n = 3, nh = 3, nd = 0.
 module model_turning_rows
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
     private
 
     public :: turning_rows_type
 
-    type, extends(model_type) :: turning_rows_type
+    type, extends(procedure_model_type) :: turning_rows_type
     contains
         procedure :: define
     end type turning_rows_type

@@ -107,7 +107,7 @@ contains
         call check_below(error, maxval(abs(here%mass - transpose(here%mass)))/maxval(abs(here%mass)), 1.0e-15_wp, &
             model%name//': asymmetry of M')
         call get_terms(model, t, q, 0*qd, rest, stat)
-        if (associated(model%inertia_force) .or. associated(model%evaluate)) then
+        if (.not. model%constant_mass .or. associated(model%evaluate)) then
             s = 0.0_wp
             do i = 1, 3
                 call get_terms(model, t, q + i*h*qd, qd, plus, stat)

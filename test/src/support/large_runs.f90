@@ -124,7 +124,7 @@ contains
         call two%start(q, qd)
         call profile%begin()
         call new_profiled_chart(two, options, 0.0_wp, q, qd, profile, chart)
-        two%timer => profile
+        two%state%timer => profile
         call timed%initialize(two, options, 0.0_wp, q, qd, failure, chart=chart)
         call check_no_failure(error, failure)
         call check_true(error, timed%is_sparse .and. plain%is_sparse, 'a chart is dense')

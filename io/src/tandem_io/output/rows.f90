@@ -99,7 +99,7 @@ contains
             total = total + weight(i)*self%rates
         end do
         call simulation%look_at(to, error)
-        simulation%model%integrals = simulation%model%integrals + (to - from)/2*total
+        simulation%model%state%integrals = simulation%model%state%integrals + (to - from)/2*total
         self%integrated_until = to
     end procedure integrate
 

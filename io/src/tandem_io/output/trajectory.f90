@@ -408,7 +408,7 @@ contains
             width = width + size(self%quantities)
             self%lambda = [(0.0_wp, i=1, merge(model%n_constraints(), 0, model%measures_multipliers))]
             self%rates = [real(wp) ::]
-            if (allocated(model%integrals)) self%rates = 0*model%integrals
+            if (allocated(model%state%integrals)) self%rates = 0*model%state%integrals
             self%integrated_until = simulation%state%t
             if (.not. self%goes_on) call begin_measuring(self, simulation)
             self%capacity = max(least_rows, min(most_rows, largest_buffer/width))
@@ -439,8 +439,7 @@ contains
 
         associate (model => simulation%model, state => simulation%state)
             ! A failure here is ignored; the quantities are left open.
-            if (associated(model%begin_measuring)) call model%begin_measuring(state%t, state%q, state%qd, self%lambda, &
-                self%rates, stat)
+            call model%begin_measuring(state%t, state%q, state%qd, self%lambda, stat)
         end associate
     end subroutine begin_measuring
 

@@ -124,10 +124,9 @@ contains
         from = 1
         do while (from <= len(change))
             length = index(change(from:)//';', ';') - 1
-            problem = 'the model has nothing that events may change'
             if (length > len(event%words)) then
                 problem = 'has a change of more than '//to_text(len(event%words))//' characters'
-            else if (associated(model%change)) then
+            else
                 call model%change(change(from:from + length - 1), .true., 0.0_wp, nowhere, problem)
             end if
             if (problem /= '') then

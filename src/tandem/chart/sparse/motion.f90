@@ -115,7 +115,7 @@ contains
             obstacle = 'a body of the model''s pattern has more than 12 coordinates'
         else if (model%n_frictions > 0) then
             obstacle = 'friction on reactions needs the dense chart'
-        else if (implicit .and. .not. associated(model%evaluate_stiffness)) then
+        else if (implicit .and. .not. model%derives_by_bodies) then
             obstacle = 'the model gives no derivatives by bodies (evaluate_stiffness), which implicit steppers need'
         else if (options%chart /= 'every_step') then
             obstacle = 'chart = "'//trim(options%chart)//'" needs the dense chart'
