@@ -211,8 +211,8 @@ contains
     end function is_near
 
     !> True if the plain complement would cost steps. In the first step this is unknown: it is assumed if forces are felt. Later the
-    !> metric is used if springs dominate. A strain of a few tolerances is harmless; above, a few steps with the metric are tried: if
-    !> they do not become longer, the next ones use the plain complement; later the trial is repeated.
+    !> metric is used if springs dominate. A strain of a few tolerances is harmless; above, a few steps with the metric are tried:
+    !> if they do not become longer, the next ones use the plain complement; later the trial is repeated.
     logical function pays(self, beta, complement, tangent)
         class(metric_type), intent(inout) :: self
         real(wp), intent(in) :: beta
