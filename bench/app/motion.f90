@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> motion SCENE [SETTING...]: cost of a run of a scene without a result file, and its end. Prints the processor time of its start
-!> and of its steps in s, the smallest of the repeats, and the number of steps; then a line `name q qd` for each coordinate.
+!> and of its steps in s, the smallest of the repeats, the number of steps, and dense or sparse; then a line `name q qd` for each
+!> coordinate.
 program motion
     use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
     use tandem, only: error_type, simulation_type, statistics_type, wp
@@ -17,6 +18,7 @@ program motion
     character(len=:), allocatable :: path
     real(wp), allocatable :: q(:), qd(:)
     real(wp) :: least, spent, seconds
+    logical :: is_sparse
     integer :: i, repeats
 
     if (command_argument_count() == 0) error stop 2
@@ -42,7 +44,7 @@ program motion
         write (error_unit, '(2a)') 'motion: ', error%message
         stop 1, quiet=.true.
     end if
-    write (output_unit, '(es12.5, 1x, i0)') least, statistics%steps
+    write (output_unit, '(es12.5, 1x, i0, 1x, a)') least, statistics%steps, trim(merge('sparse', 'dense ', is_sparse))
     do i = 1, size(q)
         write (output_unit, '(a, 2(1x, es25.17e3))') scene%model%coordinate_label(i), q(i), qd(i)
     end do
@@ -71,6 +73,7 @@ contains
         taken = cpu_seconds() - taken
         if (allocated(error)) return
         statistics = simulation%statistics()
+        is_sparse = simulation%is_sparse
         q = simulation%state%q
         qd = simulation%state%qd
     end subroutine time

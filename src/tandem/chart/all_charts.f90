@@ -10,8 +10,9 @@ submodule(tandem_chart_factory) tandem_chart_all
     integer, parameter :: few = 8, very_many = 100
     !> Implicit steps of models with at least this number of coordinates use sparse charts, stiff or not.
     integer, parameter :: many = 60
-    !> Implicit steps may need more corrections on sparse charts, which must therefore be cheaper by this factor.
-    real(wp), parameter :: gain = 0.85_wp
+    !> With redundant rows a sparse chart is used up to this cost of a step, relative to the dense one: for explicit steps, whose
+    !> dense charts then need a basis at every step, and for implicit ones.
+    real(wp), parameter :: most_explicit = 1.5_wp, most_implicit = 1.1_wp
     !> Forces that oscillate or decay faster than the mechanism moves by this factor make sparse charts take more implicit steps.
     real(wp), parameter :: very_stiff = 500.0_wp
 
@@ -26,12 +27,22 @@ contains
         is_sparse = model%n >= very_many
         if (is_sparse) return
         call estimate_cost(model, implicit, cost)
-        is_sparse = cost%sparse < merge(gain, 1.0_wp, implicit)*cost%dense
+        is_sparse = cost%sparse < cost%dense
         if (.not. is_sparse .or. model%n >= many .or. .not. model%derives_by_bodies) return
         if (.not. (implicit .or. options%stepper == 'auto')) return
         call stiffness_of(model, t, q, qd, stiffness)
         is_sparse = stiffness < very_stiff
     end procedure choose_chart
+
+    module procedure suits_redundancy
+        suits_redundancy = .false.
+        if (options%chart_kind /= chart_kinds(1)) return
+        ! Such a model is very stiff.
+        if (cost%sparse < cost%dense) return
+        if (find_obstacle(model, options, implicit) /= '') return
+        if (.not. cost%sparse > 0.0_wp) call estimate_cost(model, implicit, cost)
+        suits_redundancy = cost%sparse < merge(most_implicit, most_explicit, implicit)*cost%dense
+    end procedure suits_redundancy
 
     module procedure is_sparse_chart
         is_sparse_chart = .false.

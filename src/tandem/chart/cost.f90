@@ -2,9 +2,10 @@
 !> The cost of a step on dense and on sparse charts, estimated before the first one. It follows from the pattern of C and M alone,
 !> so that the choice of a chart does not depend on the machine or its load.
 !>
-!> A dense chart eliminates m rows of n columns and forms D'M D with the n - m columns of D; a sparse chart processes the entries of
-!> C, body by body, and the blocks of its factor. The weights are fitted to runs of 46 mechanisms with 2 to 98 coordinates and rtol
-!> from 1e-4 to 1e-9, `dop853` for explicit steps, `radau5` and `sdirk54` for implicit ones (doc/sparse.md).
+!> A dense chart eliminates m rows of n columns and forms D'M D with the n - m columns of D; a sparse chart processes the entries
+!> of C, body by body, and the blocks of its factor. The weights are fitted to runs of 93 random mechanisms without redundant rows,
+!> 6 to 98 coordinates and rtol of 1e-4 and 1e-6: of `dop853` and `dopri5` for explicit steps, of `radau5` and `sdirk54` for
+!> implicit ones (doc/sparse.md; `bench/random_mechanisms.py --seed 7 --count 130`).
 module tandem_chart_cost
     use tandem_chart_sparse_analysis, only: analysis_type
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
@@ -44,16 +45,16 @@ contains
         m = real(min(model%n_constraints(), model%n), wp)
         free = n - m
         call analysis%analyse(model%pattern, [(i, i=1, model%n_constraints())])
-        associate (bodies => real(analysis%n_bodies, wp), nodes => real(analysis%n_nodes, wp), &
-            entries => real(analysis%n_entries, wp), neighbours => real(size(analysis%behind, 2), wp))
+        associate (bodies => real(analysis%n_bodies, wp), entries => real(analysis%n_entries, wp), &
+            neighbours => real(size(analysis%behind, 2), wp), work => real(analysis%work, wp))
             if (implicit) then
                 call build_stiffness(model, stiffness)
                 call newton%analyse_newton(analysis, stiffness)
-                cost%dense = 5.3_wp + 1.97_wp*n + 0.066_wp*n*m + 1.42e-3_wp*m**2*n + 1.25e-3_wp*free*n**2
-                cost%sparse = 5.9_wp + 1.26_wp*bodies + 3.66_wp*nodes + 0.218_wp*entries + 0.029_wp*real(newton%n_factor, wp)
+                cost%dense = 11.5_wp + 3.58_wp*n + 0.164_wp*n*m + 3.03e-3_wp*m**2*n + 2.6e-5_wp*free*n**2
+                cost%sparse = 5.7_wp + 16.1_wp*bodies + 0.252_wp*entries + 0.147_wp*real(newton%n_factor, wp)
             else
-                cost%dense = 2.7_wp + 1.11_wp*n + 0.007_wp*n*m + 1.15e-3_wp*m**2*n + 1.11e-3_wp*free*n**2
-                cost%sparse = 6.5_wp + 1.24_wp*bodies + 0.193_wp*entries + 0.257_wp*neighbours
+                cost%dense = 20.0_wp + 0.061_wp*n + 0.066_wp*n*m + 7.4e-4_wp*m**2*n + 3.1e-4_wp*free*n**2
+                cost%sparse = 14.0_wp + 1.76_wp*bodies + 0.151_wp*entries + 0.921_wp*neighbours + 1.16e-4_wp*work
             end if
         end associate
     end subroutine estimate_cost

@@ -36,7 +36,7 @@ module tandem_simulation
     use tandem_stepper_state, only: state_type
     use tandem_chart, only: chart_type, health_type
     use tandem_model_counts, only: counts_type
-    use tandem_chart_factory, only: choose_chart, cost_type, is_sparse_chart, new_chart
+    use tandem_chart_factory, only: choose_chart, cost_type, is_sparse_chart, new_chart, suits_redundancy
     use tandem_model_derivatives, only: need_all_derivatives
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)

@@ -12,12 +12,20 @@ contains
 
     module procedure accept_start
         integer :: rows(3), stat, i
+        logical :: has_changed
 
         ! These arrays are free here and hold copies of the start.
         self%next%dq(:) = self%state%q
         self%next%dqd(:) = self%state%qd
         call begin_chart(self, stat)
-        if (self%is_sparse .and. stat == status_rank_deficient) call leave_out_rows(self, stat)
+        has_changed = .false.
+        if (stat == status_rank_deficient .and. .not. (self%is_sparse .or. allocated(self%blank))) then
+            call enter_sparse(self, stat, has_changed, error)
+            if (allocated(error)) return
+        end if
+        if (self%is_sparse .and. stat == status_rank_deficient) then
+            if (.not. is_suspect(self, has_changed)) call leave_out_rows(self, stat)
+        end if
         if (self%is_sparse .and. any(stat == [status_rank_deficient, status_singular_mass])) then
             call leave_sparse(self, stat, error)
             if (allocated(error)) return
@@ -67,6 +75,44 @@ contains
         call self%measure_errors(error)
         if (.not. allocated(error)) call look_for_integrable_rows(self)
     end procedure accept_start
+
+    !> Change to a sparse chart if redundant rows make the dense one more expensive.
+    subroutine enter_sparse(self, stat, has_changed, error)
+        class(simulation_type), intent(inout) :: self
+        !> Status of the chart at the start.
+        integer, intent(inout) :: stat
+        logical, intent(out) :: has_changed
+        type(error_type), allocatable, intent(out) :: error
+
+        has_changed = suits_redundancy(self%model, self%options, self%method%implicit, self%cost)
+        if (.not. has_changed) return
+        self%is_sparse = .true.
+        call self%allocate_chart()
+        call self%chart%initialize(self%model, self%options, self%method%implicit, error)
+        if (.not. allocated(error)) call begin_chart(self, stat)
+    end subroutine enter_sparse
+
+    !> True if the dependent rows at the start are not redundant, but contradict each other or depend only there: a dense chart
+    !> reports that. Sparse charts of larger models, and those that the user has chosen, do not look beside the start.
+    logical function is_suspect(self, has_changed)
+        class(simulation_type), intent(inout) :: self
+        !> True if a dense chart would look.
+        logical, intent(in) :: has_changed
+        !> Largest number of coordinates for which singular values are cheap.
+        integer, parameter :: most = 30
+        type(redundancy_type), allocatable :: redundancy
+        integer :: stat
+
+        is_suspect = .false.
+        if (self%options%chart_kind /= chart_kinds(1) .or. allocated(self%blank)) return
+        if (self%model%n > most .and. .not. has_changed) return
+        allocate (redundancy)
+        associate (state => self%state, model => self%model)
+            call redundancy%analyse(model, model%scales(), state%t, state%q, state%qd, self%options%constraint_tolerance, &
+                self%chart%counts, stat)
+        end associate
+        is_suspect = stat /= status_ok
+    end function is_suspect
 
     !> Let a sparse chart leave out redundant rows, and report them.
     subroutine leave_out_rows(self, stat)

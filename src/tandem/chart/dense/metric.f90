@@ -54,7 +54,7 @@ module tandem_chart_dense_metric
         real(wp), allocatable, private :: vectors(:, :), values(:), work(:)
     contains
         procedure :: allocate => allocate_metric, load, note_move, set, lean, pack_state
-        procedure, private :: pays, measure, is_felt, form, add_forces, find_trace
+        procedure, private :: pays, end_trial, measure, is_felt, form, add_forces, find_trace
     end type metric_type
 
     !> A metric, and a trace, are reused for steps that are longer or shorter by up to this factor.
@@ -210,22 +210,23 @@ contains
         is_near = made_for > 0.0_wp .and. beta <= near*made_for .and. made_for <= near*beta
     end function is_near
 
-    !> True if the plain complement would cost steps. In the first step this is unknown: it is assumed if forces are felt. A strain
-    !> of a few tolerances is harmless, and one of many is not; between these limits a few steps with the metric are tried: if they
-    !> do not become longer, the next ones use the plain complement; later the trial is repeated.
+    !> True if the plain complement would cost steps. In the first step this is unknown: it is assumed if forces are felt. Later the
+    !> metric is used if springs dominate. A strain of a few tolerances is harmless; above, a few steps with the metric are tried:
+    !> if they do not become longer, the next ones use the plain complement; later the trial is repeated.
     logical function pays(self, beta, complement, tangent)
         class(metric_type), intent(inout) :: self
         real(wp), intent(in) :: beta
         real(wp), intent(in), contiguous :: complement(:, :), tangent(:, :)
         !> Only the part of a strain that the method's stages miss is an error. Measured: with the plain complement, steps on stiff
-        !> pendulums become so short that it is five to a hundred tolerances; forty cost none on suspensions.
-        real(wp), parameter :: few = 4.0_wp, many = 200.0_wp
+        !> pendulums become so short that it is five to a hundred tolerances; forty cost none on suspensions, nine hundred none on
+        !> bushings of a spatial mechanism, whose steps the metric shortened.
+        real(wp), parameter :: few = 4.0_wp
         !> Above this dominance of springs the plain complement is unsuitable.
         real(wp), parameter :: stiff = 0.3_wp
         !> Below this part of the mass, forces across the tangent space are those of gravity and of turning bodies.
         real(wp), parameter :: least = 2.0e-3_wp
-        !> Steps of a trial, the growth of steps required, and the number of steps for which its outcome is assumed.
-        integer, parameter :: trial = 5, shortest = 32, longest = 1024
+        !> Steps of a trial, the growth of steps required, and the number of steps for which the first outcome is assumed.
+        integer, parameter :: trial = 5, shortest = 32
         real(wp), parameter :: growth = 1.5_wp
         real(wp) :: strain, dominance
 
@@ -243,9 +244,13 @@ contains
             call self%find_trace(beta, complement, tangent)
             if (.not. self%trace > least) strain = 0.0_wp
         end if
-        pays = strain > many*self%tolerance .or. dominance > stiff
+        pays = dominance > stiff
         if (pays .or. .not. strain > few*self%tolerance) then
+            ! Steps of a trial have become so short that nothing strains.
+            if (self%tried > 0 .and. .not. pays .and. beta < self%before) call self%end_trial()
             self%tried = 0
+            ! The plain complement takes over without a trial: it is not assumed to pay for long.
+            if (self%is_on) self%for_granted = min(self%for_granted, shortest)
             return
         end if
         pays = self%is_on
@@ -260,11 +265,19 @@ contains
             self%tried = self%tried + 1
         else
             pays = beta > growth*self%before
-            self%tried = 0
-            self%for_granted = self%rest
-            self%rest = min(2*self%rest, longest)
+            call self%end_trial()
         end if
     end function pays
+
+    !> Assume the outcome of a trial for a number of steps that doubles.
+    subroutine end_trial(self)
+        class(metric_type), intent(inout) :: self
+        integer, parameter :: longest = 1024
+
+        self%tried = 0
+        self%for_granted = self%rest
+        self%rest = min(2*self%rest, longest)
+    end subroutine end_trial
 
     !> The velocity by which the plain complement strains stiff directions in a step, as far as the method's stages miss it, in
     !> units of coordinate scales. With a = beta D and b = beta^2 K over the mass of a coordinate, its spring moves it by
