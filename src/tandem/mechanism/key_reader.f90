@@ -475,8 +475,8 @@ module tandem_mechanism_key_reader
             character(len=*), intent(in) :: words
         end subroutine remark
 
-        !> Exclude the keys read so far in the table from the complete scene, since others replace them. Giving such a key at the same
-        !> time is an error.
+        !> Exclude the keys read so far in the table from the complete scene, since others replace them. Giving such a key at the
+        !> same time is an error.
         module subroutine hide(self, source, reason)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
