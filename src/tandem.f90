@@ -17,12 +17,13 @@ module tandem
     use tandem_mechanism_census, only: census_type, element_count_type, take_census
     use tandem_mechanism_expression, only: check_name, expression_type, parse_expression
     use tandem_mechanism_description, only: build_mechanism, mechanism_kinds, mechanism_singles
-    use tandem_mechanism_entries, only: atom_type, entries_type, is_number, is_text, is_truth, value_type
-    use tandem_mechanism_key_reader, only: shown_type
+    use tandem_mechanism_entries, only: atom_type, entries_type, entry_type, is_number, is_other, is_text, is_truth, value_type
+    use tandem_mechanism_key_reader, only: anything, fault_type, not_negative, positive, reader_type
     use tandem_mechanism_function, only: constant_type, expression_function, function_type, polynomial_type, ramp, sine_type, &
         table_function
     use tandem_mechanism_law, only: expression_law, law_type, table_law
     use tandem_mechanism_parameters, only: resolve_parameters
+    use tandem_mechanism_shown, only: shown_type
     use tandem_mechanism_table_function, only: table_ends, table_kinds, table_type
     use tandem_model, only: label_length, model_type, quantity_type
     use tandem_model_affine_motion, only: affine_motion_type, motion_name_length
@@ -93,7 +94,8 @@ module tandem
     public :: properties_type, stepper_type, explicit_type, state_type, step_control_type, new_stepper, stepper_choices, &
         stepper_names
     public :: expression_type, parse_expression, check_name, resolve_parameters, table_type, table_kinds, table_ends
-    public :: entries_type, value_type, atom_type, is_number, is_text, is_truth, build_mechanism, shown_type
+    public :: entries_type, entry_type, value_type, atom_type, is_number, is_text, is_truth, is_other, build_mechanism, shown_type
+    public :: reader_type, fault_type, anything, positive, not_negative
     public :: mechanism_kinds, mechanism_singles, census_type, element_count_type, take_census
     public :: mechanism_type, function_type, constant_type, polynomial_type, sine_type, ramp, expression_function, table_function, &
         law_type, expression_law, table_law

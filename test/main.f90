@@ -17,6 +17,7 @@ program main
     use test_counters, only: collect_counters
     use test_dense, only: collect_dense
     use test_derivatives, only: collect_derivatives
+    use test_description, only: collect_description
     use test_newton_effort, only: collect_newton_effort
     use test_newton_matrix, only: collect_newton_matrix
     use test_verification, only: collect_verification
@@ -200,6 +201,7 @@ program main
         new_testsuite('rank_models', collect_rank_models), &
         new_testsuite('rank', collect_rank), &
         new_testsuite('singular', collect_singular), &
+        new_testsuite('description', collect_description), &
         new_testsuite('study', collect_study), &
         new_testsuite('sweep', collect_sweep), &
         new_testsuite('stability', collect_stability)]

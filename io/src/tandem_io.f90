@@ -12,9 +12,10 @@ module tandem_io
     use tandem_io_output_trajectory, only: energy_type, trajectory_type
     use tandem_io_output_verification, only: verify_result
     use tandem_io_path, only: is_same_file
-    use tandem_io_scene, only: read_scene, scene_type
+    use tandem, only: anything, not_negative, positive, reader_type
+    use tandem_io_scene, only: interpret_scene, open_scene, read_scene, repeat_scene, scene_type
+    use tandem_io_scene_description, only: description_type
     use tandem_io_scene_registry, only: scene_model_type, shipped_models
-    use tandem_io_scene_reader, only: anything, not_negative, positive, reader_type
     use tandem_io_scene_shipped, only: find_scene, path_length, shipped_scenes
     use tandem_io_scene_text, only: listed, nearest_name, to_toml
     use tandem_io_study_cases, only: case_groups, case_names
@@ -39,8 +40,8 @@ module tandem_io
     implicit none (type, external)
     private
 
-    public :: scene_type, read_scene, find_scene, path_length, shipped_scenes, scene_model_type, shipped_models, listed, &
-        nearest_name, to_toml
+    public :: scene_type, read_scene, repeat_scene, description_type, open_scene, interpret_scene, find_scene, path_length, &
+        shipped_scenes, scene_model_type, shipped_models, listed, nearest_name, to_toml
     public :: reader_type, anything, positive, not_negative
     public :: json_type
     public :: snapshot_type, read_snapshot

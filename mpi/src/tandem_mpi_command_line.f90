@@ -71,7 +71,7 @@ contains
                 call prepare_sweep(arguments, setup, error)
             else
                 call read_sweep(trim(arguments%scenes(1)), arguments%models, setup%plan, error)
-                if (.not. allocated(error)) call setup%runner%prepare(setup%plan, arguments%models, error)
+                if (.not. allocated(error)) call setup%runner%prepare(setup%plan, arguments%models)
             end if
         end if
         if (allocated(error)) then

@@ -702,7 +702,7 @@ WRONG = [
     (HEAD + 2*'[[vary]]\nkey = "initial.omega[2]"\nvalues = [1.0]\n' + 'name = "again"\n', "a second time"),
     ('[sweep]\nscene = "a01_pendulum"\n[[vary]]\nkey = "parameters.ll"\nvalues = [1.0]\n', "no parameter of the scene"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nuniform = [2.0, 1.0]\n", "the latter larger"),
-    (HEAD + "[[vary]]\nkey = \"model.mass\"\nuniform = [2.0]\n", "uniform has 1 elements"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nuniform = [2.0]\n", "uniform has 1 element;"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nnormal = [2.0, 0.0]\n", "the latter positive"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nlog_uniform = [0.0, 1.0]\n", "positive ends"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nvalues = 3.0\n", "values must be a list"),

@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
 !> tandem resume: continues an interrupted run from the checkpoint in its result file, and in this file.
 module tandem_cli_resume
-    use tandem, only: error_type, pack_type, set_error, simulation_type, to_text
+    use tandem, only: error_type, pack_type, set_error, simulation_type, to_text, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_interruption, only: interruptible_error_type, watch_signals
     use tandem_cli_messages, only: complain, input_wrong
     use tandem_cli_run, only: carry_out, set_up
-    use tandem_io, only: read_scene, read_snapshot, scene_type, snapshot_type, trajectory_type
+    use tandem_io, only: description_type, interpret_scene, open_scene, read_snapshot, scene_type, snapshot_type, trajectory_type
     use tandem_status, only: status_invalid_checkpoint, status_invalid_option
     implicit none (type, external)
     private
@@ -70,12 +70,20 @@ contains
         type(interruptible_error_type), intent(inout), target :: global_error
         type(error_type), allocatable, intent(out) :: error
         type(snapshot_type) :: snapshot
+        type(description_type) :: keys
         type(pack_type) :: pack
         character(len=64) :: problem
+        real(wp) :: saved_end
+        integer :: i
 
         call read_snapshot(arguments%scene, snapshot, error)
-        if (.not. allocated(error)) call read_scene('the scene in '//arguments%scene, arguments%settings, scene, error, &
-            snapshot%scene, arguments%models)
+        if (.not. allocated(error)) call open_scene('the scene in '//arguments%scene, [character(len=1) ::], arguments%models, &
+            keys, error, snapshot%scene)
+        saved_end = keys%entries%number_at('time.end')
+        do i = 1, size(arguments%settings)
+            if (.not. allocated(error)) call keys%apply(trim(arguments%settings(i)), error)
+        end do
+        if (.not. allocated(error)) call interpret_scene(keys, arguments%models, scene, error)
         if (.not. allocated(error)) call set_up(scene, simulation, global_error, error)
         if (.not. allocated(error) .and. snapshot%is_before_start) then
             call begin_anew(arguments%scene, scene, simulation, trajectory, global_error, error)
@@ -89,7 +97,7 @@ contains
             call set_error(error, status_invalid_checkpoint, 'cannot resume from '//arguments%scene//': its checkpoint is damaged')
             return
         end if
-        call check_end(arguments, scene, snapshot, simulation, error)
+        call check_end(arguments, scene, saved_end, snapshot, simulation, error)
         if (allocated(error)) return
         scene%output%file = arguments%scene
         ! Not before the file is changed: until then a signal ends the program at once.
@@ -115,28 +123,25 @@ contains
     !> Refuse to continue a complete run, unless it has a later end, and to end a run before the time that it has reached. A run
     !> that was killed between its end and its report is complete too, with its saved end. A complete run takes no step, but its
     !> error may be requested.
-    subroutine check_end(arguments, scene, snapshot, simulation, error)
+    subroutine check_end(arguments, scene, saved_end, snapshot, simulation, error)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
+        !> End of the run in the file.
+        real(wp), intent(in) :: saved_end
         type(snapshot_type), intent(in) :: snapshot
         type(simulation_type), intent(in) :: simulation
         type(error_type), allocatable, intent(out) :: error
-        character(len=1) :: no_settings(0)
         character(len=:), allocatable :: run, here
-        type(scene_type), target :: saved
 
-        call read_scene('the scene in '//arguments%scene, no_settings, saved, error, snapshot%scene, &
-            arguments%models)
-        if (allocated(error)) return
         run = 'the run in '//arguments%scene//' is '
         here = to_text(simulation%state%t)
         if (snapshot%is_complete .and. simulation%is_stopped) then
             if (.not. arguments%error) call set_error(error, status_invalid_option, run//'complete: "'// &
                 trim(simulation%stopped_by)//'" stopped it at t = '//here, &
                 'there is nothing to continue; --error estimates its error')
-        else if (simulation%state%t >= scene%t_end .and. scene%t_end < saved%t_end) then
+        else if (simulation%state%t >= scene%t_end .and. scene%t_end < saved_end) then
             call set_error(error, status_invalid_option, run//'already at t = '//here//', which is not before the end '// &
-                to_text(scene%t_end), 'set a later end by --set time.end=TIME; its end was '//to_text(saved%t_end))
+                to_text(scene%t_end), 'set a later end by --set time.end=TIME; its end was '//to_text(saved_end))
         else if (snapshot%is_complete .and. simulation%state%t >= scene%t_end .and. .not. arguments%error) then
             call set_error(error, status_invalid_option, run//'complete: t = '//here, &
                 'set a later end by --set time.end=TIME; --error estimates its error')

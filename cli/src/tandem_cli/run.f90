@@ -12,7 +12,7 @@ module tandem_cli_run
     use tandem_cli_report, only: complain_of_doubts, print_report
     use tandem_cli_report_json, only: print_report_json
     use tandem_cli_rescue, only: save_last_state
-    use tandem_io, only: find_scene, is_same_file, observer_list_type, read_scene, scene_type, trajectory_type
+    use tandem_io, only: find_scene, is_same_file, observer_list_type, read_scene, repeat_scene, scene_type, trajectory_type
     use tandem_status, only: status_interrupted
     implicit none (type, external)
     private
@@ -70,12 +70,12 @@ contains
         if (allocated(output_error) .and. (was_interrupted .or. .not. allocated(error))) call move_alloc(output_error, error)
         if (present(profiling)) then
             call profiling%profile%finish()
-            if (.not. allocated(error)) call compare(arguments, scene, simulation, profiling%profile, profile_error)
+            if (.not. allocated(error)) call compare(scene, simulation, profiling%profile, profile_error)
             if (.not. allocated(output_error)) call trajectory%add_profile(profiling%profile, output_error)
             if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
         end if
         if (.not. allocated(error) .and. wants_estimate(arguments, simulation)) then
-            call estimate(arguments, scene, global_error, estimate_error)
+            call estimate(scene, global_error, estimate_error)
             call trajectory%add_error(simulation, global_error, error)
         end if
         call trajectory%release()
@@ -207,8 +207,7 @@ contains
 
     !> Repeat the beginning of the run, alternately with and without clocks, for `compare` of its profile: at most a tenth of a
     !> second, using the smallest processor times, because of other load on the machine.
-    subroutine compare(arguments, scene, simulation, profile, error)
-        type(arguments_type), intent(in) :: arguments
+    subroutine compare(scene, simulation, profile, error)
         type(scene_type), intent(in) :: scene
         !> The run.
         type(simulation_type), intent(in) :: simulation
@@ -229,11 +228,11 @@ contains
         plain = huge(1.0_wp)
         total = 0.0_wp
         do i = 1, most_rounds
-            call time_again(arguments, scene, t_end, seconds, error)
+            call time_again(scene, t_end, seconds, error)
             if (allocated(error)) return
             plain = min(plain, seconds)
             total = total + seconds
-            call time_again(arguments, scene, t_end, seconds, error, profiling)
+            call time_again(scene, t_end, seconds, error, profiling)
             if (allocated(error)) return
             clocked = min(clocked, seconds)
             total = total + seconds
@@ -243,8 +242,7 @@ contains
     end subroutine compare
 
     !> Time of the beginning of a run without output.
-    subroutine time_again(arguments, scene, t_end, seconds, error, profiling)
-        type(arguments_type), intent(in) :: arguments
+    subroutine time_again(scene, t_end, seconds, error, profiling)
         type(scene_type), intent(in) :: scene
         real(wp), intent(in) :: t_end
         !> Processor time without the set-up.
@@ -257,10 +255,9 @@ contains
         type(interruptible_error_type) :: global_error
         type(interruption_type) :: interruption
         type(statistics_type) :: statistics
-        character(len=1) :: no_settings(0)
 
         seconds = 0.0_wp
-        call read_scene('the scene', no_settings, again, error, scene%text, arguments%models)
+        call repeat_scene(scene, again, error)
         if (.not. allocated(error)) call set_up(again, simulation, global_error, error, profiling)
         if (.not. allocated(error)) call simulation%integrate(t_end, error, interruption)
         statistics = simulation%statistics()
@@ -278,15 +275,13 @@ contains
     end function wants_estimate
 
     !> The second run, with a separate model, because a run may change its model.
-    subroutine estimate(arguments, scene, global_error, error)
-        type(arguments_type), intent(in) :: arguments
+    subroutine estimate(scene, global_error, error)
         type(scene_type), intent(in) :: scene
         type(interruptible_error_type), intent(inout) :: global_error
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: again
-        character(len=1) :: no_settings(0)
 
-        call read_scene('the scene', no_settings, again, error, scene%text, arguments%models)
+        call repeat_scene(scene, again, error)
         if (.not. allocated(error)) call global_error%estimate(again%model, scene%options, scene%q, scene%qd, error)
     end subroutine estimate
 

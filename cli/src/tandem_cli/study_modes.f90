@@ -33,9 +33,10 @@ contains
             study%settings = arguments%settings
             allocate (study%models, source=arguments%models)
             allocate (study%points(n))
+            call study%open(ends(1), error)
             do i = 1, n
-                call study%sample(ends(1) + (ends(2) - ends(1))*(i - 1)/(n - 1), study%points(i), error)
                 if (allocated(error)) exit
+                call study%sample(ends(1) + (ends(2) - ends(1))*(i - 1)/(n - 1), study%points(i), error)
             end do
         end if
         if (.not. allocated(error)) call study%find_critical(error)

@@ -95,8 +95,7 @@ contains
             call refuse(name//' exists; choose another table with --output, or overwrite with --force', error)
             return
         end if
-        call setup%runner%prepare(setup%plan, arguments%models, error)
-        if (allocated(error)) return
+        call setup%runner%prepare(setup%plan, arguments%models)
         name = setup%output//'.journal'
         if (.not. setup%is_whole) name = setup%output//'.'//to_text(int(setup%first))//'-'//to_text(int(setup%last))//'.journal'
         call setup%journal%open(name, settings_of(setup%plan), setup%plan%n_outputs(), setup%first, setup%last, arguments%force, &

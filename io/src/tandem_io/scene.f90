@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> A scene: everything that a run needs, read from a TOML file and from settings of the command line.
 module tandem_io_scene
-    use tandem, only: assembly_type, error_type, model_type, motion_name_length, options_type, settling_type, &
-        threshold_event_type, wp
+    use tandem, only: assembly_type, error_type, model_type, motion_name_length, not_negative, options_type, positive, &
+        reader_type, settling_type, shown_type, threshold_event_type, wp
     use tandem_io_output_fields, only: default_fields, field_names, output_type
     use tandem_io_scene_assembly, only: read_assembly
+    use tandem_io_scene_complete, only: complete_text
+    use tandem_io_scene_description, only: description_type, key_length
     use tandem_io_scene_events, only: read_events
-    use tandem_io_scene_ledger, only: key_length
-    use tandem_io_scene_reader, only: not_negative, positive, reader_type
     use tandem_io_scene_registry, only: scene_model_type, shipped_models
     use tandem_io_scene_settling, only: read_settling, settle
     use tandem_io_scene_solver, only: read_solver
@@ -17,7 +17,7 @@ module tandem_io_scene
     implicit none (type, external)
     private
 
-    public :: scene_type, read_scene, open_scene, interpret_scene
+    public :: scene_type, read_scene, repeat_scene, open_scene, interpret_scene
 
     !> The tables of a scene, in the order in which they are read and shown.
     character(len=key_length), parameter :: tables(6) = &
@@ -54,6 +54,9 @@ module tandem_io_scene
         type(threshold_event_type), allocatable :: events(:)
         !> The complete scene as TOML, every default filled in: reading it gives this scene again.
         character(len=:), allocatable :: text
+        !> Its keys with their values, and the models that it may name: `repeat_scene` reads them again.
+        type(description_type) :: keys
+        type(scene_model_type), allocatable :: models(:)
     end type scene_type
 
 contains
@@ -71,27 +74,36 @@ contains
         !> The models that the scene may name; `shipped_models()` if absent.
         type(scene_model_type), intent(in), optional :: models(:)
         type(scene_model_type), allocatable :: known(:)
-        type(reader_type) :: reader
+        type(description_type) :: description
 
         if (present(models)) then
             allocate (known, source=models)
         else
             allocate (known, source=shipped_models())
         end if
-        call open_scene(path, settings, known, reader, text)
-        call interpret_scene(path, known, reader, scene, error)
+        call open_scene(path, settings, known, description, error, text)
+        if (.not. allocated(error)) call interpret_scene(description, known, scene, error)
     end subroutine read_scene
 
-    !> Open the sources of a scene, and check that they have only tables of scenes. Errors stay in the reader.
-    subroutine open_scene(path, settings, models, reader, text)
+    !> Make a scene anew, with a model of its own, from keys that were read before. It has no text.
+    subroutine repeat_scene(scene, again, error)
+        type(scene_type), intent(in) :: scene
+        type(scene_type), intent(out) :: again
+        type(error_type), allocatable, intent(out) :: error
+
+        call interpret_scene(scene%keys, scene%models, again, error, is_brief=.true.)
+    end subroutine repeat_scene
+
+    !> Read the sources of a scene, and check that they have only tables of scenes.
+    subroutine open_scene(path, settings, models, description, error, text)
         character(len=*), intent(in) :: path, settings(:)
         !> The models that the scene may name.
         type(scene_model_type), intent(in) :: models(:)
-        type(reader_type), intent(inout) :: reader
+        type(description_type), intent(out) :: description
+        type(error_type), allocatable, intent(out) :: error
         character(len=*), intent(in), optional :: text
 
-        call reader%open_sources(path, settings, text)
-        call reader%check_tables(tables, arrays, brought_by(models))
+        call description%open(path, settings, tables, arrays, brought_by(models), error, text)
     end subroutine open_scene
 
     !> The tables that some models bring.
@@ -106,25 +118,32 @@ contains
         end do
     end function brought_by
 
-    !> Convert open sources to a scene. A brief reader omits the text of the scene.
-    subroutine interpret_scene(path, models, reader, scene, error)
-        !> Path of the file, from which the scene has its name, and for messages.
-        character(len=*), intent(in) :: path
+    !> Make a scene of its keys.
+    subroutine interpret_scene(description, models, scene, error, is_brief, lines)
+        type(description_type), intent(in) :: description
         type(scene_model_type), intent(in) :: models(:)
-        type(reader_type), intent(inout) :: reader
         type(scene_type), intent(out) :: scene
         type(error_type), allocatable, intent(out) :: error
+        !> True to read values only, of keys that were checked before: the scene has no text.
+        logical, intent(in), optional :: is_brief
+        !> Lines of the complete scene.
+        type(shown_type), allocatable, intent(out), optional :: lines(:)
+        type(reader_type) :: reader
         character(len=key_length), allocatable :: names(:)
         integer :: i
 
+        if (present(is_brief)) reader%is_brief = is_brief
+        call reader%take_tables(description%entries, arrays)
         names = models%name
-        call read_names(reader, path, names, scene)
+        call read_names(reader, description%path, names, scene)
         do i = 1, size(models)
             if (reader%failed() .or. models(i)%name /= scene%model_name) cycle
-            if (.not. (allocated(models(i)%tables) .or. reader%is_brief)) then
-                call reader%refuse_tables(brought_by(models), [character(len=key_length) :: tables, arrays])
+            if (.not. allocated(models(i)%tables)) then
+                if (.not. reader%is_brief) call description%refuse_tables(reader%error)
+            else if (allocated(description%fault)) then
+                allocate (reader%error, source=description%fault)
             end if
-            call models(i)%build(reader, scene%model, scene%q, scene%qd)
+            if (.not. reader%failed()) call models(i)%build(reader, scene%model, scene%q, scene%qd)
             exit
         end do
         if (.not. reader%failed()) then
@@ -140,13 +159,16 @@ contains
         call check_work(reader, 'output', 'interval', scene%output%interval, scene)
         if (.not. reader%failed()) call read_events(reader, scene%model, scene%events)
         if (reader%failed()) then
-            call move_alloc(reader%error, error)
+            call description%explain(reader, error)
             return
         end if
+        scene%keys = description
+        allocate (scene%models, source=models)
         if (.not. reader%is_brief) then
-            scene%text = reader%text()
+            scene%text = complete_text(reader%shown(:reader%n_shown))
+            if (present(lines)) lines = reader%shown(:reader%n_shown)
             ! It must be one that can be read again, however long the defaults of many events are.
-            call check_limits(path//' with every default', scene%text, error)
+            call check_limits(description%path//' with every default', scene%text, error)
             if (allocated(error)) return
         end if
         if (scene%rests .or. size(scene%steady) > 0) call settle_start(scene, error)
@@ -197,8 +219,8 @@ contains
         associate (n => scene%model%n)
             if (source >= 0) then
                 call reader%hide(source, 'cannot be combined with q and qd, which give the whole start')
-                call reader%get_reals('q', scene%q, n, help='coordinates '//some_of(scene%model), required=.true.)
-                call reader%get_reals('qd', scene%qd, n, help='velocities', required=.true.)
+                call reader%get_numbers('q', [n], scene%q, help='coordinates '//some_of(scene%model), required=.true.)
+                call reader%get_numbers('qd', [n], scene%qd, help='velocities', required=.true.)
             else
                 call reader%remark('or instead q and qd: '//to_toml(n)//' numbers each, for '//some_of(scene%model))
                 call reader%propose('q')

@@ -8,7 +8,7 @@ module tandem_legacy_drawn
     use tandem_mechanism, only: mechanism_type
     use tandem_mechanism_description, only: build_mechanism
     use tandem_mechanism_entries, only: value_type
-    use tandem_mechanism_key_reader, only: shown_type
+    use tandem_mechanism_shown, only: shown_type
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
     private

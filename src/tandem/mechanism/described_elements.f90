@@ -9,7 +9,7 @@ module tandem_mechanism_described_elements
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_formula, only: variable_name_length
     use tandem_mechanism_function, only: function_type
-    use tandem_mechanism_key_reader, only: anything, key_reader_type, not_negative, positive
+    use tandem_mechanism_key_reader, only: anything, reader_type, not_negative, positive
     use tandem_mechanism_law, only: law_type
     implicit none (type, external)
     private
@@ -20,7 +20,7 @@ contains
 
     !> [constraint.NAME]
     subroutine read_constraint(reader, number, mechanism, n_points)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         integer, intent(in) :: number
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(inout) :: n_points
@@ -35,10 +35,10 @@ contains
         logical, allocatable :: locked
         integer :: i
 
-        call reader%open('constraint', number)
+        call reader%open_table('constraint', number)
         if (reader%failed()) return
         name = reader%name
-        call reader%get_choice('type', kind, [character(len=8) :: 'distance', 'coupling', 'velocity'], required=.true.)
+        call reader%get_word('type', kind, [character(len=8) :: 'distance', 'coupling', 'velocity'], required=.true.)
         if (reader%failed()) return
         select case (kind)
         case ('distance')
@@ -54,7 +54,7 @@ contains
                 'one for each joint', required=.true.)
             call reader%get_function('motion', motion, '', 'of time')
             if (reader%gives('locked')) locked = .true.
-            if (allocated(locked)) call reader%get_truth('locked', locked, 'whether it begins locked; events lock and free it')
+            if (allocated(locked)) call reader%get('locked', locked, 'whether it begins locked; events lock and free it')
         case default
             call list_variables(mechanism, variables)
             call reader%get_texts('velocities', 0, texts, 'such as "disk.vx"; sum of coefficients times them is the value', &
@@ -64,7 +64,7 @@ contains
                 'one for each velocity; expressions of t and the state', required=.true.)
             call reader%get_expressions('value', [1], variables, rhs, '', '0 where it is not given')
         end select
-        call reader%close()
+        call reader%close_table()
         if (reader%failed()) return
         select case (kind)
         case ('distance')
@@ -83,7 +83,7 @@ contains
 
     !> [wheel.NAME]
     subroutine read_wheel(reader, number, may_be_open, mechanism, n_points)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         integer, intent(in) :: number
         logical, intent(in) :: may_be_open
         type(mechanism_type), intent(inout) :: mechanism
@@ -96,13 +96,13 @@ contains
         type(error_type), allocatable :: error
         integer :: n_place
 
-        call reader%open('wheel', number)
+        call reader%open_table('wheel', number)
         if (reader%failed()) return
         name = reader%name
         n_place = merge(2, 3, mechanism%planar)
-        call reader%get_choice('type', kind, [character(len=10) :: 'knife_edge', 'disk', 'sphere', 'ellipsoid', &
+        call reader%get_word('type', kind, [character(len=10) :: 'knife_edge', 'disk', 'sphere', 'ellipsoid', &
             'massless'], required=.true.)
-        call reader%get_text('at', text, 'its point, or its centre: a body or a point of it', required=.true.)
+        call reader%get('at', text, 'its point, or its centre: a body or a point of it', required=.true.)
         if (reader%failed()) return
         call take_point(reader, 'at', text, mechanism, n_points, point)
         if (kind == 'knife_edge') then
@@ -137,7 +137,7 @@ contains
                 call reader%get_numbers('along', [3], along, anything, '', 'that direction')
             end if
         end if
-        call reader%close()
+        call reader%close_table()
         if (reader%failed()) return
         select case (kind)
         case ('knife_edge')
@@ -160,7 +160,7 @@ contains
 
     !> [force.NAME]
     subroutine read_force(reader, number, mechanism, n_points)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         integer, intent(in) :: number
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(inout) :: n_points
@@ -176,10 +176,10 @@ contains
         logical :: in_body
         integer :: n
 
-        call reader%open('force', number)
+        call reader%open_table('force', number)
         if (reader%failed()) return
         name = reader%name
-        call reader%get_choice('type', kind, [character(len=8) :: 'spring', 'torsion', 'bushing', 'load', 'friction'], &
+        call reader%get_word('type', kind, [character(len=8) :: 'spring', 'torsion', 'bushing', 'load', 'friction'], &
             required=.true.)
         if (reader%failed()) return
         if (kind == 'friction') then
@@ -199,7 +199,7 @@ contains
             call reader%get_function('pull', motion, 'N', 'a force of traction beside it')
             call reader%get_law('law', 'length', law, 'N', 'a force of traction beside it, of t, length and rate')
         case ('torsion')
-            call reader%get_text('joint', text, 'that turns or slides; "joint.angle" or "joint.way" where it does both', &
+            call reader%get('joint', text, 'that turns or slides; "joint.angle" or "joint.way" where it does both', &
                 required=.true.)
             call reader%get_number('stiffness', stiffness, anything, 'N m/rad', '')
             call reader%get_number('damping', damping, anything, 'N m s/rad', '')
@@ -217,7 +217,7 @@ contains
             call reader%get_numbers('axis', [merge(2, 3, mechanism%planar)], axis, anything, '', 'z of its frame, in the plane x')
             if (.not. mechanism%planar) call reader%get_numbers('across', [3], across, anything, '', 'what x is nearest to')
         case default
-            call reader%get_text('on', text, 'a body, or a point of it', required=.true.)
+            call reader%get('on', text, 'a body, or a point of it', required=.true.)
             if (reader%failed()) return
             call take_point(reader, 'on', text, mechanism, n_points, point)
             allocate (variables(0))
@@ -232,10 +232,10 @@ contains
               call reader%fail('', 'neither a force nor a torque', 'give force = [...], torque = [...], or both')
             end if
             in_body = .false.
-            call reader%get_truth('in_body', in_body, 'whether they turn with the body')
+            call reader%get('in_body', in_body, 'whether they turn with the body')
             call reader%get_function('factor', motion, '', 'a function of time that they are multiplied with')
         end select
-        call reader%close()
+        call reader%close_table()
         if (reader%failed()) return
         select case (kind)
         case ('spring')
@@ -252,14 +252,14 @@ contains
 
     !> Friction along the coordinate of a joint.
     subroutine read_friction(reader, name, mechanism)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: name
         type(mechanism_type), intent(inout) :: mechanism
         character(len=:), allocatable :: joint
         real(wp), allocatable :: normal, static, dynamic, speed, viscous, radius, arm
         type(error_type), allocatable :: error
 
-        call reader%get_text('joint', joint, 'that turns or slides; "joint.angle" or "joint.way" where it does both', &
+        call reader%get('joint', joint, 'that turns or slides; "joint.angle" or "joint.way" where it does both', &
             required=.true.)
         call reader%get_number('normal', normal, not_negative, 'N, N m', &
             'a given normal force; of what turns times the radius. Without it the reaction of the joint presses')
@@ -270,7 +270,7 @@ contains
         call reader%get_number('speed', speed, positive, 'm/s, rad/s', 'the transition speed', required=.true.)
         viscous = 0.0_wp
         call reader%get_number('viscous', viscous, not_negative, 'N s/m, N m s', 'a damping beside it')
-        call reader%close()
+        call reader%close_table()
         if (reader%failed()) return
         if (.not. allocated(static)) static = dynamic
         if (static < dynamic) then

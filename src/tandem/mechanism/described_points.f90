@@ -5,7 +5,7 @@ module tandem_mechanism_described_points
     use tandem_kinds, only: wp
     use tandem_mechanism, only: mechanism_type
     use tandem_mechanism_element_keys, only: key_length, text_length
-    use tandem_mechanism_key_reader, only: anything, key_reader_type
+    use tandem_mechanism_key_reader, only: anything, reader_type
     implicit none (type, external)
     private
 
@@ -15,7 +15,7 @@ contains
 
     !> The points of a body or of the ground: all keys below `points`.
     subroutine read_points(reader, body, mechanism)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: body
         type(mechanism_type), intent(inout) :: mechanism
         character(len=key_length), allocatable :: names(:)
@@ -36,7 +36,7 @@ contains
 
     !> A point given by text: a body, `body.point`, or `body:[x, y]`, which becomes a point without a name of its own.
     subroutine take_point(reader, key, text, mechanism, n_points, point)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: key, text
         type(mechanism_type), intent(inout) :: mechanism
         !> Number of unnamed points so far.
@@ -78,7 +78,7 @@ contains
 
     !> Two points.
     subroutine take_points(reader, key, mechanism, n_points, points, help, required)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: key
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(inout) :: n_points

@@ -6,7 +6,7 @@ module tandem_mechanism_described_sensors
     use tandem_mechanism, only: mechanism_type
     use tandem_mechanism_described_points, only: take_point, take_points
     use tandem_mechanism_element_keys, only: key_length, text_length
-    use tandem_mechanism_key_reader, only: anything, key_reader_type
+    use tandem_mechanism_key_reader, only: anything, reader_type
     implicit none (type, external)
     private
 
@@ -16,7 +16,7 @@ contains
 
     !> [sensor.NAME]
     subroutine read_sensor(reader, number, mechanism, n_points)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         integer, intent(in) :: number
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(inout) :: n_points
@@ -29,17 +29,17 @@ contains
         logical :: wanted
         integer :: i, n
 
-        call reader%open('sensor', number)
+        call reader%open_table('sensor', number)
         if (reader%failed()) return
         name = reader%name
         n = count([(reader%gives(trim(kinds(i))), i=1, size(kinds))])
         if (reader%gives('point')) then
-            call reader%get_text('point', text, 'a body or a point of it: position, velocity, acceleration')
+            call reader%get('point', text, 'a body or a point of it: position, velocity, acceleration')
             if (reader%failed()) return
             call take_point(reader, 'point', text, mechanism, n_points, point)
             if (.not. reader%failed()) call mechanism%add_point_sensor(name, trim(point), error)
         else if (reader%gives('joint')) then
-            call reader%get_text('joint', text, 'its way or angle, turns counted, and how fast')
+            call reader%get('joint', text, 'its way or angle, turns counted, and how fast')
             zero = 0.0_wp
             call reader%get_number('zero', zero, anything, 'rad or m', 'what it shows in the drawing')
             if (.not. reader%failed()) call mechanism%add_joint_sensor(name, text, error, zero)
@@ -48,31 +48,31 @@ contains
             if (.not. reader%failed()) call mechanism%add_distance_sensor(name, trim(points(1)), trim(points(2)), error)
         else if (reader%gives('energy')) then
             wanted = .true.
-            call reader%get_truth('energy', wanted, 'kinetic, potential and total energy of the mechanism')
+            call reader%get('energy', wanted, 'kinetic, potential and total energy of the mechanism')
             if (wanted .and. .not. reader%failed()) call mechanism%add_energy_sensor(name, error)
         else if (reader%gives('body')) then
-            call reader%get_text('body', text, 'where it is, how it is turned, its velocities and energies')
+            call reader%get('body', text, 'where it is, how it is turned, its velocities and energies')
             if (.not. reader%failed()) call mechanism%add_body_sensor(name, text, error)
         else if (reader%gives('reaction')) then
-            call reader%get_text('reaction', text, 'a joint, a wheel or a constraint: force, torque, power of its motion')
+            call reader%get('reaction', text, 'a joint, a wheel or a constraint: force, torque, power of its motion')
             if (.not. reader%failed()) call mechanism%add_reaction_sensor(name, text, error)
         else if (reader%gives('force')) then
-            call reader%get_text('force', text, 'a spring, a torsion, a bushing or a load: force, length, energy, power')
+            call reader%get('force', text, 'a spring, a torsion, a bushing or a load: force, length, energy, power')
             if (.not. reader%failed()) call mechanism%add_force_sensor(name, text, error)
         else if (reader%gives('balance')) then
             wanted = .true.
-            call reader%get_truth('balance', wanted, 'energies, the work of motions and forces, and what is left')
+            call reader%get('balance', wanted, 'energies, the work of motions and forces, and what is left')
             if (wanted .and. .not. reader%failed()) call mechanism%add_balance_sensor(name, error)
         end if
         call reader%blame(error)
         if (n /= 1) call reader%fail('', 'must measure one thing', &
             'give one of point, joint, distance, energy, body, reaction, force, balance')
-        call reader%close()
+        call reader%close_table()
     end subroutine read_sensor
 
     !> [results]
     subroutine read_results(reader, mechanism)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         type(mechanism_type), intent(inout) :: mechanism
         character(len=*), parameter :: kinds(5) = [character(len=11) :: 'bodies', 'joints', 'wheels', 'constraints', 'forces']
         character(len=*), parameter :: help(5) = [character(len=72) :: &
@@ -86,13 +86,13 @@ contains
         integer :: i
 
         if (reader%n_of('results') == 0) return
-        call reader%open('results', 1)
+        call reader%open_table('results', 1)
         if (reader%failed()) return
         do i = 1, size(kinds)
             if (allocated(names)) deallocate (names)
             if (allocated(text)) deallocate (text)
             if (reader%is_text_at(trim(kinds(i)))) then
-                call reader%get_text(trim(kinds(i)), text, trim(help(i)))
+                call reader%get(trim(kinds(i)), text, trim(help(i)))
                 if (text /= 'all') call reader%fail(trim(kinds(i)), 'is '//text, 'write "all", or a list of names')
                 allocate (names(1))
                 names = text
@@ -106,9 +106,9 @@ contains
             if (reader%failed()) return
         end do
         balance = .false.
-        call reader%get_truth('balance', balance, 'energies, the work of motions and forces, and what is left')
+        call reader%get('balance', balance, 'energies, the work of motions and forces, and what is left')
         if (balance .and. .not. reader%failed()) call mechanism%add_balance_sensor('balance', error, '')
         call reader%blame(error)
-        call reader%close()
+        call reader%close_table()
     end subroutine read_results
 end module tandem_mechanism_described_sensors

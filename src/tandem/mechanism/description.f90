@@ -13,9 +13,10 @@ module tandem_mechanism_description
     use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, text_value
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_joint, only: kind_names
-    use tandem_mechanism_key_reader, only: anything, key_reader_type, not_negative, positive, shown_type
+    use tandem_mechanism_key_reader, only: anything, not_negative, positive, reader_type
     use tandem_mechanism_parameters, only: reserved_names, resolve_parameters
     use tandem_mechanism_repetition, only: repeat_elements
+    use tandem_mechanism_shown, only: shown_type
     use tandem_mechanism_table_function, only: table_ends, table_kinds, table_type
     use tandem_mechanism_shape, only: set_mass_of_shape, shape_names, shape_sizes
     use tandem_mechanism_vector, only: in_space
@@ -48,7 +49,7 @@ contains
         integer, intent(out) :: place
         !> The complete mechanism with all defaults.
         type(shown_type), allocatable, intent(out) :: shown(:)
-        type(key_reader_type) :: reader
+        type(reader_type) :: reader
         type(error_type), allocatable :: its_error
         type(entries_type) :: rest, repeats, elements
         integer :: i, n_points
@@ -71,9 +72,9 @@ contains
             do i = 1, reader%n_of('body')
                 call read_body(reader, i, mechanism)
             end do
-            call reader%open('ground', 1)
+            call reader%open_table('ground', 1)
             call read_points(reader, 'ground', mechanism)
-            call reader%close()
+            call reader%close_table()
             do i = 1, reader%n_of('joint')
                 call read_joint(reader, i, may_be_open, mechanism, n_points)
             end do
@@ -108,8 +109,10 @@ contains
 
             do k = 1, repeats%n
                 dot = index(repeats%list(k)%key, '.', back=.true.)
-                call reader%show(repeats%list(k)%key(:dot - 1), repeats%list(k)%key(dot + 1:), repeats%list(k)%value, &
-                    repeat_help(repeats%list(k)%key(dot + 1:)))
+                associate (key => repeats%list(k)%key)
+                    call reader%show(shown_type(key(:dot - 1), key(dot + 1:), value=repeats%list(k)%value, &
+                        comment=trim(repeat_help(key(dot + 1:)))))
+                end associate
             end do
         end subroutine show_repeats
     end subroutine build_mechanism
@@ -169,7 +172,7 @@ contains
     !> Resolve the parameters, and return the other entries.
     subroutine take_parameters(entries, reader, rest)
         type(entries_type), intent(in) :: entries
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         type(entries_type), intent(out) :: rest
         character(len=*), parameter :: head = 'parameters.'
         character(len=4000), allocatable :: texts(:)
@@ -207,7 +210,7 @@ contains
                     write (number, '(es24.16e3)') entry%value%atoms(1)%number
                     texts(n) = adjustl(number)
                 end if
-                call reader%show('parameters', name, entry%value, '')
+                call reader%show(shown_type('parameters', name, value=entry%value, comment=''))
             end associate
         end do
         allocate (reader%values(n))
@@ -232,20 +235,20 @@ contains
         subroutine refuse_parameter(key, problem, advice)
             character(len=*), intent(in) :: key, problem, advice
 
-            call reader%refuse(key//' '//problem, advice)
+            call reader%refuse_all(key//' '//problem, advice)
         end subroutine refuse_parameter
     end subroutine take_parameters
 
     !> [function.NAME]
     subroutine read_table(reader, number)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         integer, intent(in) :: number
         real(wp), allocatable :: at(:), values(:)
         character(len=:), allocatable :: kind, ends, name
         type(table_type) :: table
         type(error_type), allocatable :: error
 
-        call reader%open('function', number)
+        call reader%open_table('function', number)
         if (reader%failed()) return
         name = reader%name
         if (name == 'pi' .or. any(reserved_names == name) .or. any(reader%names == name)) then
@@ -257,9 +260,9 @@ contains
             required=.true.)
         call reader%get_numbers('values', [max(2, reader%count_of('at'))], values, anything, '', 'as many', required=.true.)
         kind = 'cubic'
-        call reader%get_choice('type', kind, table_kinds, 'what is between the points')
-        call reader%get_choice('ends', ends, table_ends, 'what is beyond them')
-        call reader%close()
+        call reader%get_word('type', kind, table_kinds, 'what is between the points')
+        call reader%get_word('ends', ends, table_ends, 'what is beyond them')
+        call reader%close_table()
         if (reader%failed()) return
         call table%initialize(at, values, kind, error, ends)
         if (allocated(error)) error%message = error%message(:index(error%message, ': ') + 1)//'function '//name//': '// &
@@ -270,21 +273,21 @@ contains
 
     !> [gravity]
     subroutine read_gravity(reader, mechanism)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         type(mechanism_type), intent(inout) :: mechanism
         real(wp), allocatable :: vector(:)
 
-        call reader%open('gravity', 1)
+        call reader%open_table('gravity', 1)
         vector = [real(wp) :: 0.0_wp, 0.0_wp]
         if (.not. mechanism%planar) vector = [vector, 0.0_wp]
         call reader%get_numbers('vector', [size(vector)], vector, anything, 'm/s^2', 'acceleration due to gravity')
-        call reader%close()
+        call reader%close_table()
         if (.not. reader%failed()) mechanism%gravity = in_space(vector)
     end subroutine read_gravity
 
     !> [body.NAME]
     subroutine read_body(reader, number, mechanism)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         integer, intent(in) :: number
         type(mechanism_type), intent(inout) :: mechanism
         real(wp), allocatable :: mass, density, angle, inertia(:), position(:), rotation(:), p(:), velocity(:), omega(:), spin(:), &
@@ -294,7 +297,7 @@ contains
         type(error_type), allocatable :: error
         integer :: n_place, i
 
-        call reader%open('body', number)
+        call reader%open_table('body', number)
         if (reader%failed()) return
         n_place = merge(2, 3, mechanism%planar)
         name = reader%name
@@ -363,7 +366,7 @@ contains
         call mechanism%add_body(name, mass, position, error, inertia, angle, p, velocity, omega)
         call reader%blame(error)
         call read_points(reader, name, mechanism)
-        call reader%close()
+        call reader%close_table()
     end subroutine read_body
 
     !> Rotation of Euler parameters of any length other than zero.
@@ -386,7 +389,7 @@ contains
 
     !> [joint.NAME]
     subroutine read_joint(reader, number, may_be_open, mechanism, n_points)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         integer, intent(in) :: number
         logical, intent(in) :: may_be_open
         type(mechanism_type), intent(inout) :: mechanism
@@ -400,11 +403,11 @@ contains
         type(error_type), allocatable :: error
         integer :: n_place, i
 
-        call reader%open('joint', number)
+        call reader%open_table('joint', number)
         if (reader%failed()) return
         name = reader%name
         n_place = merge(2, 3, mechanism%planar)
-        call reader%get_text('type', kind, trim(kind_names(mechanism%planar)), required=.true.)
+        call reader%get('type', kind, trim(kind_names(mechanism%planar)), required=.true.)
         call reader%get_texts('bodies', 2, texts, 'the two bodies, or points of them; "ground" is one', required=.true.)
         if (reader%failed()) return
         do i = 1, 2
@@ -412,7 +415,7 @@ contains
         end do
         if (reader%failed()) return
         if (reader%is_text_at('at')) then
-            call reader%get_text('at', at_point, 'm, where it is in the drawing; or a point of one of the bodies')
+            call reader%get('at', at_point, 'm, where it is in the drawing; or a point of one of the bodies')
             ! A body without a point name denotes its centre of mass.
             named = at_point
             if (scan(named, '.:') == 0) named = named//trim(merge(':[0, 0]   ', ':[0, 0, 0]', mechanism%planar))
@@ -441,7 +444,7 @@ contains
         call reader%get_numbers('hold', [merge(3, 6, mechanism%planar)], freedoms, anything, '', &
             'of a primitive: for each way and turn 0 free, 1 held at position level, 2 at velocity level')
         call read_drive(reader, mechanism%planar, drive)
-        call reader%close()
+        call reader%close_table()
         if (reader%failed()) return
         if (allocated(freedoms)) hold = nint(freedoms)
         call mechanism%add_joint(name, kind, trim(sides(1)), trim(sides(2)), error, at, axis, across, motion, may_be_open, pitch, &
@@ -451,7 +454,7 @@ contains
 
     !> Freedom of a primitive that its motion drives, given by its place in `hold` or its name.
     subroutine read_drive(reader, planar, drive)
-        type(key_reader_type), intent(inout) :: reader
+        type(reader_type), intent(inout) :: reader
         logical, intent(in) :: planar
         !> Not allocated if the key is absent.
         integer, allocatable, intent(out) :: drive
@@ -468,7 +471,7 @@ contains
             allocate (names(6), source=in_space)
         end if
         if (reader%is_text_at(key)) then
-            call reader%get_choice(key, name, names, help)
+            call reader%get_word(key, name, names, help)
             if (.not. reader%failed()) drive = place_among(names, name)
             return
         end if

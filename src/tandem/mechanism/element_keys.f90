@@ -17,6 +17,11 @@ module tandem_mechanism_element_keys
         character(len=key_length) :: kind = '', name = ''
         integer, allocatable :: entries(:)
         integer :: n = 0
+        !> Source that gives the element first.
+        integer :: source = 0
+        !> Requested keys while the element is open: the first `n_known`.
+        character(len=key_length), allocatable :: known(:)
+        integer :: n_known = 0
     end type element_type
 
 contains

@@ -8,17 +8,23 @@ module tandem_mechanism_entries
     implicit none (type, external)
     private
 
-    public :: atom_type, value_type, entry_type, entries_type, is_number, is_text, is_truth, number_value, text_value
+    public :: atom_type, value_type, entry_type, entries_type, is_number, is_text, is_truth, is_other, number_value, text_value, &
+        truth_value
 
     !> Kinds of atoms.
-    integer, parameter :: is_number = 1, is_text = 2, is_truth = 3
+    integer, parameter :: is_number = 1, is_text = 2, is_truth = 3, is_other = 4
 
     !> A number, a text or a truth value.
     type :: atom_type
         integer :: kind = is_number
         real(wp) :: number = 0.0_wp
+        !> True for a number without a decimal point and exponent.
+        logical :: is_whole = .false.
         logical :: truth = .false.
+        !> The text; for `is_other` the kind of value in words, such as `a table`.
         character(len=:), allocatable :: text
+        !> Reason why the value is invalid; not allocated for valid ones.
+        character(len=:), allocatable :: problem
     end type atom_type
 
     !> One atom, or a list of them.
@@ -34,8 +40,8 @@ module tandem_mechanism_entries
         !> Parts joined by dots.
         character(len=:), allocatable :: key
         type(value_type) :: value
-        !> Place of the entry, a number given by the caller.
-        integer :: place = 0
+        !> Place of the entry, a number given by the caller; source that gives the value: 0 the description, i the i-th setting.
+        integer :: place = 0, source = 0
         !> Value as given, with the index of a repeated element as a name.
         type(value_type) :: given
         !> For a repeated element: names and values of the indices of its repetitions; the key as given, and the length of the name
@@ -56,7 +62,7 @@ module tandem_mechanism_entries
         type(name_index_type), private :: places
     contains
         generic :: set => set_value, set_number, set_text, set_truth, set_numbers, set_texts
-        procedure :: append, find
+        procedure :: append, find, keep, of_tables, number_at, truth_at
         procedure, private :: set_value, set_number, set_text, set_truth, set_numbers, set_texts
     end type entries_type
 
@@ -81,6 +87,34 @@ contains
         value%atoms(1)%text = text
     end function text_value
 
+    !> A truth value as a value.
+    pure function truth_value(truth) result(value)
+        logical, intent(in) :: truth
+        type(value_type) :: value
+
+        allocate (value%atoms(1))
+        value%atoms(1)%kind = is_truth
+        value%atoms(1)%truth = truth
+    end function truth_value
+
+    !> Remove the entries that are not marked.
+    pure subroutine keep(self, mask)
+        class(entries_type), intent(inout) :: self
+        !> (n)
+        logical, intent(in) :: mask(:)
+        type(entry_type), allocatable :: list(:)
+        integer :: i, n
+
+        n = self%n
+        if (n == 0) return
+        call move_alloc(self%list, list)
+        self%n = 0
+        call self%places%clear()
+        do i = 1, n
+            if (mask(i)) call self%append(list(i))
+        end do
+    end subroutine keep
+
     !> Index of a key; 0 if absent.
     pure integer function find(self, key)
         class(entries_type), intent(in) :: self
@@ -96,13 +130,55 @@ contains
         end do
     end function find
 
+    !> Entries of some tables.
+    pure subroutine of_tables(self, tables, entries)
+        class(entries_type), intent(in) :: self
+        character(len=*), intent(in) :: tables(:)
+        type(entries_type), intent(out) :: entries
+        integer :: i
+
+        do i = 1, self%n
+            associate (key => self%list(i)%key)
+                if (any(tables == key(:index(key//'.', '.') - 1))) call entries%append(self%list(i))
+            end associate
+        end do
+    end subroutine of_tables
+
+    !> Number that a key gives, or 0.
+    pure real(wp) function number_at(self, key) result(number)
+        class(entries_type), intent(in) :: self
+        !> With the table, as `time.end`.
+        character(len=*), intent(in) :: key
+        integer :: k
+
+        number = 0.0_wp
+        k = self%find(key)
+        if (k == 0) return
+        associate (value => self%list(k)%value)
+            if (value%is_list) return
+            if (.not. allocated(value%atoms(1)%problem)) number = value%atoms(1)%number
+        end associate
+    end function number_at
+
+    !> True if a key is given and true.
+    pure logical function truth_at(self, key) result(truth)
+        class(entries_type), intent(in) :: self
+        character(len=*), intent(in) :: key
+        integer :: k
+
+        truth = .false.
+        k = self%find(key)
+        if (k == 0) return
+        if (.not. self%list(k)%value%is_list) truth = self%list(k)%value%atoms(1)%truth
+    end function truth_at
+
     !> Set the value of a key.
-    pure subroutine set_value(self, key, value, place)
+    pure subroutine set_value(self, key, value, place, source)
         class(entries_type), intent(inout) :: self
         character(len=*), intent(in) :: key
         type(value_type), intent(in) :: value
-        !> Place of the entry.
-        integer, intent(in), optional :: place
+        !> Place of the entry, and its source.
+        integer, intent(in), optional :: place, source
         type(entry_type) :: entry
         integer :: i
 
@@ -110,6 +186,7 @@ contains
         entry%value = value
         entry%given = value
         if (present(place)) entry%place = place
+        if (present(source)) entry%source = source
         i = self%find(entry%key)
         if (i > 0) then
             self%list(i) = entry
@@ -157,12 +234,7 @@ contains
         character(len=*), intent(in) :: key
         logical, intent(in) :: value
         integer, intent(in), optional :: place
-        type(value_type) :: one
-
-        allocate (one%atoms(1))
-        one%atoms(1)%kind = is_truth
-        one%atoms(1)%truth = value
-        call self%set_value(key, one, place)
+        call self%set_value(key, truth_value(value), place)
     end subroutine set_truth
 
     pure subroutine set_numbers(self, key, value, place)

@@ -2,7 +2,7 @@
 !> Errors of keys, with the place of the entry of each.
 submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_errors
     use tandem_error, only: set_error
-    use tandem_status, only: status_invalid_model
+    use tandem_status, only: status_invalid_model, status_invalid_option, status_name
     implicit none (type, external)
 
 contains
@@ -23,13 +23,47 @@ contains
     end procedure fail
 
     module procedure refuse
-        call self%fail_at(0, problem, advice)
+        if (.not. self%failed()) call self%complain(self%find(key), key, problem)
     end procedure refuse
+
+    module procedure complain
+        if (self%failed()) return
+        if (entry > 0) self%place = self%entries%list(entry)%place
+        allocate (self%error)
+        if (self%is_scene) then
+            self%error%stat = status_invalid_option
+            allocate (self%fault)
+            associate (fault => self%fault, element => self%elements(self%current))
+                fault%message = problem
+                if (key /= '') fault%message = key//' '//problem
+                fault%remark = 'in '//self%heading_of()
+                fault%tail = ''
+                fault%heading = self%heading_of()
+                fault%source = element%source
+                self%error%message = fault%message
+            end associate
+        else
+            self%error%stat = status_invalid_model
+            self%error%message = status_name(status_invalid_model)//': '//self%entries%list(entry)%key//': '//problem
+        end if
+    end procedure complain
+
+    module procedure refuse_at
+        if (self%failed()) return
+        call self%open_table('scene')
+        call self%complain(0, '', problem)
+        self%place = place
+        self%fault%remark = 'here'
+    end procedure refuse_at
+
+    module procedure refuse_all
+        call self%fail_at(0, problem, advice)
+    end procedure refuse_all
 
     module procedure blame
         if (.not. allocated(error) .or. self%failed()) return
         call move_alloc(error, self%error)
-        self%place = self%place_in(self%elements(self%current))
+        self%place = place_in(self, self%elements(self%current))
     end procedure blame
 
     module procedure blame_named
@@ -40,12 +74,15 @@ contains
         self%place = 0
         do k = 1, self%n_elements
             if (self%elements(k)%name == '') cycle
-            if (says(self%error%message, trim(self%elements(k)%name))) self%place = self%place_in(self%elements(k))
+            if (says(self%error%message, trim(self%elements(k)%name))) self%place = place_in(self, self%elements(k))
             if (self%place > 0) return
         end do
     end procedure blame_named
 
-    module procedure place_in
+    !> Place of an error in an element: the key in the message, else the text in the message, else the first key.
+    pure integer function place_in(self, element) result(place)
+        class(reader_type), intent(in) :: self
+        type(element_type), intent(in) :: element
         integer :: i, j, k
 
         place = 0
@@ -63,13 +100,14 @@ contains
             k = element%entries(i)
             if (says(self%error%message, key_of(self%entries%list(k), element))) place = self%entries%list(k)%place
         end do
-    end procedure place_in
+    end function place_in
 
     module procedure fail_at
         if (self%failed()) return
         call set_error(self%error, status_invalid_model, problem, advice)
         if (entry > 0) self%place = self%entries%list(entry)%place
     end procedure fail_at
+
     !> True if a message contains a word.
     pure logical function says(message, word)
         character(len=*), intent(in) :: message, word

@@ -28,10 +28,10 @@ contains
             if (given%atoms(1)%kind == is_number) then
                 constant%value = given%atoms(1)%number
                 allocate (f, source=constant)
-            else if (self%table_at(k) > 0) then
-                allocate (f, source=table_function(self%tables(self%table_at(k))))
+            else if (table_at(self, k) > 0) then
+                allocate (f, source=table_function(self%tables(table_at(self, k))))
             else
-                call self%constants(k, names, values)
+                call constants(self, k, names, values)
                 call parse_expression(expression, given%atoms(1)%text, ['t'], self%error, names, values, self%entries%list(k)%key)
                 if (self%failed()) then
                     self%place = self%entries%list(k)%place
@@ -56,14 +56,18 @@ contains
         self%table_names = [character(len=key_length) :: self%table_names, name]
     end procedure add_table
 
-    module procedure table_at
+    !> Index of the table that the text of an entry names; 0 if none.
+    pure integer function table_at(self, entry) result(number)
+        class(reader_type), intent(in) :: self
+        integer, intent(in) :: entry
+
         number = 0
         if (.not. allocated(self%tables)) return
         associate (value => self%entries%list(entry)%value)
             if (value%is_list) return
             if (value%atoms(1)%kind == is_text) number = findloc(self%table_names, trim(value%atoms(1)%text), dim=1)
         end associate
-    end procedure table_at
+    end function table_at
 
     module procedure get_law
         type(expression_type), allocatable :: expressions(:)
@@ -72,9 +76,9 @@ contains
         if (self%failed()) return
         k = self%find(key)
         if (k > 0) then
-            if (self%table_at(k) > 0) then
+            if (table_at(self, k) > 0) then
                 k = self%index_of(key)
-                allocate (law, source=table_law(self%tables(self%table_at(k))))
+                allocate (law, source=table_law(self%tables(table_at(self, k))))
                 call self%remember(key, k, self%entries%list(k)%value, unit, help)
                 return
             end if
@@ -91,12 +95,11 @@ contains
 
         k = self%index_of(key, required)
         if (k == 0) return
-        call self%constants(k, names, values)
+        call constants(self, k, names, values)
         associate (given => self%entries%list(k)%value)
             if (.not. any(lengths == size(given%atoms))) then
-                call self%fail(key, 'has '//to_text(size(given%atoms))//trim(merge(' entry  ', ' entries', &
-                    size(given%atoms) == 1)), &
-                    'give '//to_text(lengths(1)))
+                call self%complain(k, key, 'has '//to_text(size(given%atoms))//trim(merge(' element ', ' elements', &
+                    size(given%atoms) == 1))//'; it must have '//to_text(lengths(1)))
                 return
             end if
             allocate (expressions(size(given%atoms)))
@@ -128,34 +131,29 @@ contains
         number = 0.0_wp
         if (self%failed()) return
         associate (given => self%entries%list(entry))
-            select case (atom%kind)
-            case (is_number)
-                number = atom%number
-            case (is_text)
-                call self%constants(entry, names, values)
-                call parse_expression(expression, atom%text, [character(len=1) ::], self%error, names, values, given%key)
-                if (self%failed()) then
-                    self%place = given%place
-                    return
-                end if
-                number = expression%value([real(wp) ::])
-            case default
-                call self%fail_at(entry, given%key//': true and false are no numbers', 'give a number, or an expression as text')
-            end select
+            call constants(self, entry, names, values)
+            call parse_expression(expression, text, [character(len=1) ::], self%error, names, values, given%key)
+            if (self%failed()) then
+                self%place = given%place
+                return
+            end if
+            number = expression%value([real(wp) ::])
             if (.not. ieee_is_finite(number)) call self%fail_at(entry, given%key//' gives no finite number', 'correct it')
         end associate
     end procedure evaluate
 
     module procedure evaluate_text
-        type(atom_type) :: atom
-
-        atom%kind = is_text
-        atom%text = text
         number = 0.0_wp
-        if (.not. self%failed()) call self%evaluate(self%find(key), atom, number)
+        if (.not. self%failed()) call self%evaluate(self%find(key), text, number)
     end procedure evaluate_text
 
-    module procedure constants
+    !> Parameters, and the indices of a repeated element.
+    subroutine constants(self, entry, names, values)
+        class(reader_type), intent(in) :: self
+        integer, intent(in) :: entry
+        character(len=key_length), allocatable, intent(out) :: names(:)
+        real(wp), allocatable, intent(out) :: values(:)
+
         names = self%names
         values = self%values
         associate (given => self%entries%list(entry))
@@ -163,5 +161,5 @@ contains
             names = [character(len=key_length) :: names, given%index_names]
             values = [values, real(given%index_values, wp)]
         end associate
-    end procedure constants
+    end subroutine constants
 end submodule tandem_mechanism_key_reader_functions

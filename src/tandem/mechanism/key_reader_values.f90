@@ -1,7 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Values of keys by kind: the default before the call, the given value after it.
+!> Values of keys that may be absent: numbers, texts and truth values.
 submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_values
-    use tandem_mechanism_entries, only: is_truth, number_value, text_value
+    use tandem_mechanism_entries, only: is_number, is_truth, number_value, text_value, truth_value
+    use tandem_mechanism_value_rules, only: kind_of, text_problem, violated
+    use tandem_names, only: nearest_name
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
 
 contains
@@ -12,43 +15,87 @@ contains
 
         k = self%index_of(key, required)
         if (k > 0) then
-            associate (given => self%entries%list(k)%value)
-                if (given%is_list) call self%fail(key, 'is a list', 'give one number, or an expression as text')
-                if (self%failed()) return
-                call self%evaluate(k, given%atoms(1), number)
-                if (self%failed()) return
-                call check_number(self, key, number, check)
-                value = number
-            end associate
+            if (self%entries%list(k)%value%is_list) then
+                call self%complain(k, key, 'must be a number, not an array')
+            else
+                call read_number_at(self, k, key, 1, number, check)
+            end if
+            if (self%failed()) return
+            value = number
         end if
         if (allocated(value)) call self%remember(key, k, number_value(value), unit, help)
     end procedure get_number
 
+    !> Read a number or an expression among the atoms of an entry.
+    subroutine read_number_at(self, k, key, i, number, check)
+        class(reader_type), intent(inout) :: self
+        !> Entry with its key, and index of the atom.
+        integer, intent(in) :: k, i
+        character(len=*), intent(in) :: key
+        real(wp), intent(out) :: number
+        integer, intent(in), optional :: check
+        character(len=:), allocatable :: problem
+
+        number = 0.0_wp
+        problem = ''
+        associate (value => self%entries%list(k)%value)
+            associate (atom => value%atoms(i))
+                if (atom%kind == is_text .and. .not. self%is_scene) then
+                    call self%evaluate(k, atom%text, number)
+                    if (self%failed()) return
+                else if (atom%kind /= is_number) then
+                    problem = 'must be a number, not '//trim(kind_of(atom))
+                    if (.not. self%is_scene) problem = 'must be a number, or an expression as text, not '//trim(kind_of(atom))
+                else if (allocated(atom%problem)) then
+                    problem = atom%problem
+                else
+                    number = atom%number
+                    if (.not. ieee_is_finite(number)) problem = 'must be a finite number'
+                end if
+            end associate
+            if (problem == '') problem = trim(violated(number, check))
+            if (problem == '') return
+            if (value%is_list) problem = 'element '//to_text(i)//' '//problem
+        end associate
+        call self%complain(k, key, problem)
+    end subroutine read_number_at
+
     module procedure get_numbers
-        character(len=:), allocatable :: allowed
         type(value_type) :: shown
         integer :: k, i, n
 
         k = self%index_of(key, required, row_length)
         if (k > 0) then
-            n = size(self%entries%list(k)%value%atoms)
-            if (.not. any(lengths == n)) then
-                allowed = to_text(lengths(1))
-                do i = 2, size(lengths)
-                    allowed = allowed//' or '//to_text(lengths(i))
-                end do
-                call self%fail(key, 'has '//to_text(n)//trim(merge(' entry  ', ' entries', n == 1)), 'give '//allowed)
-                return
-            end if
-            if (allocated(values)) deallocate (values)
-            allocate (values(n))
-            do i = 1, n
-                call self%evaluate(k, self%entries%list(k)%value%atoms(i), values(i))
+            associate (given => self%entries%list(k)%value)
+                n = size(given%atoms)
+                if (.not. given%is_list .and. (self%is_scene .or. .not. any(lengths == 1))) then
+                    call self%complain(k, key, 'must be an array of numbers, not '//trim(kind_of(given%atoms(1)))// &
+                        '; it must have '//trim(one_of(lengths)))
+                else if (self%is_scene .or. any(lengths == n)) then
+                    if (allocated(values)) deallocate (values)
+                    allocate (values(n))
+                    do i = 1, n
+                        call read_number_at(self, k, key, i, values(i))
+                    end do
+                end if
                 if (self%failed()) return
-                call check_number(self, key, values(i), check)
-            end do
+                if (.not. any(lengths == n)) then
+                    call self%complain(k, key, 'has '//to_text(n)//trim(merge(' element ', ' elements', n == 1))// &
+                        '; it must have '//trim(one_of(lengths)))
+                    return
+                end if
+                do i = 1, n
+                    if (violated(values(i), check) == '') cycle
+                    if (given%is_list) then
+                        call self%complain(k, key, 'element '//to_text(i)//' '//trim(violated(values(i), check)))
+                    else
+                        call self%complain(k, key, trim(violated(values(i), check)))
+                    end if
+                    return
+                end do
+            end associate
         end if
-        if (.not. allocated(values)) return
+        if (self%failed() .or. .not. allocated(values)) return
         shown%is_list = .true.
         if (k > 0) shown%row_length = self%entries%list(k)%value%row_length
         allocate (shown%atoms(size(values)))
@@ -56,14 +103,33 @@ contains
         call self%remember(key, k, shown, unit, help)
     end procedure get_numbers
 
+    !> Numbers separated by `or`.
+    pure function one_of(numbers) result(text)
+        integer, intent(in) :: numbers(:)
+        character(len=20*size(numbers)) :: text
+        integer :: i
+
+        text = to_text(numbers(1))
+        do i = 2, size(numbers)
+            text = trim(text)//' or '//to_text(numbers(i))
+        end do
+    end function one_of
+
     module procedure get_text
         integer :: k
+        character(len=:), allocatable :: problem
 
         k = self%index_of(key, required)
         if (k > 0) then
             associate (given => self%entries%list(k)%value)
-                if (given%is_list .or. given%atoms(1)%kind /= is_text) then
-                    call self%fail(key, 'is no text', 'write it in quotes')
+                problem = ''
+                if (given%is_list) then
+                    problem = 'must be a text in quotes, not an array'
+                else
+                    problem = trim(text_problem(given%atoms(1)))
+                end if
+                if (problem /= '') then
+                    call self%complain(k, key, problem)
                     return
                 end if
                 text = given%atoms(1)%text
@@ -72,41 +138,53 @@ contains
         if (allocated(text)) call self%remember(key, k, text_value(text), help=help)
     end procedure get_text
 
-    module procedure get_choice
-        character(len=:), allocatable :: comment
+    module procedure get_word
+        character(len=:), allocatable :: comment, problem
 
         comment = listed(choices)
         comment = comment(2:)
         if (present(help)) comment = help//': '//comment
         call self%get_text(key, text, comment, required)
         if (self%failed() .or. .not. allocated(text)) return
-        if (.not. any(choices == text)) then
-            call self%fail(key, 'is "'//text//'"'//question(text, choices), 'take one of'//listed(choices))
-        end if
-    end procedure get_choice
+        if (any(choices == text)) return
+        problem = 'must be one of'//listed(choices)//', not "'//text//'"'
+        if (nearest_name(text, choices) /= '') problem = problem//'; did you mean "'//nearest_name(text, choices)//'"?'
+        call self%refuse(key, problem)
+    end procedure get_word
 
     module procedure get_texts
         type(value_type) :: shown
+        character(len=:), allocatable :: problem
         integer :: k, i
 
         k = self%index_of(key, required)
         if (k > 0) then
             associate (given => self%entries%list(k)%value)
-                if (.not. given%is_list .or. .not. all(given%atoms%kind == is_text)) then
-                    call self%fail(key, 'is no list of texts', 'write ["...", "..."]')
+                problem = ''
+                if (.not. given%is_list) then
+                    problem = 'must be an array of texts in quotes, not '//trim(kind_of(given%atoms(1)))
                 else if (length > 0 .and. size(given%atoms) /= length) then
-                    call self%fail(key, 'has '//to_text(size(given%atoms))//' texts', 'give '//to_text(length))
+                    problem = 'has '//to_text(size(given%atoms))//trim(merge(' element ', ' elements', size(given%atoms) == 1))// &
+                        '; it must have '//to_text(length)
                 end if
-                if (self%failed()) return
-                if (allocated(texts)) deallocate (texts)
-                allocate (texts(size(given%atoms)))
-                do i = 1, size(texts)
-                    if (len(given%atoms(i)%text) > text_length) then
-                        call self%fail(key, 'has a text of more than '//to_text(text_length)//' characters', 'shorten it')
-                        return
+                if (problem == '' .and. allocated(texts)) deallocate (texts)
+                if (problem == '') allocate (texts(size(given%atoms)))
+                do i = 1, size(given%atoms)
+                    if (problem /= '') exit
+                    problem = trim(text_problem(given%atoms(i)))
+                    if (problem == '') then
+                        if (len(given%atoms(i)%text) > text_length) problem = 'is longer than '//to_text(text_length)//' characters'
                     end if
-                    texts(i) = given%atoms(i)%text
+                    if (problem /= '') then
+                        problem = 'element '//to_text(i)//' '//problem
+                    else
+                        texts(i) = given%atoms(i)%text
+                    end if
                 end do
+                if (problem /= '') then
+                    call self%complain(k, key, problem)
+                    return
+                end if
             end associate
         end if
         if (.not. allocated(texts)) return
@@ -126,7 +204,7 @@ contains
         if (k == 0) return
         associate (given => self%entries%list(k)%value)
             if (.not. given%is_list .or. .not. all(given%atoms%kind == is_text)) then
-                call self%fail(key, 'is no list of texts', 'write ["...", "..."]')
+                call self%complain(k, key, 'must be an array of texts in quotes')
             else
                 call self%remember(key, k, given, help=help)
             end if
@@ -134,68 +212,20 @@ contains
     end procedure pass
 
     module procedure get_truth
-        type(value_type) :: shown
         integer :: k
 
         k = self%index_of(key)
         if (k > 0) then
             associate (given => self%entries%list(k)%value)
-                if (given%is_list .or. given%atoms(1)%kind /= is_truth) then
-                    call self%fail(key, 'is neither true nor false', 'write true or false, without quotes')
-                    return
+                if (given%is_list) then
+                    call self%complain(k, key, 'must be true or false, not an array')
+                else if (given%atoms(1)%kind /= is_truth) then
+                    call self%complain(k, key, 'must be true or false, not '//trim(kind_of(given%atoms(1))))
+                else
+                    truth = given%atoms(1)%truth
                 end if
-                truth = given%atoms(1)%truth
             end associate
         end if
-        allocate (shown%atoms(1))
-        shown%atoms(1)%kind = is_truth
-        shown%atoms(1)%truth = truth
-        call self%remember(key, k, shown, help=help)
+        call self%remember(key, k, truth_value(truth), help=help)
     end procedure get_truth
-    !> Refuse a number outside its range.
-    subroutine check_number(self, key, number, check)
-        class(key_reader_type), intent(inout) :: self
-        character(len=*), intent(in) :: key
-        real(wp), intent(in) :: number
-        integer, intent(in), optional :: check
-
-        if (.not. present(check)) return
-        if (check == positive .and. .not. number > 0.0_wp) then
-            call self%fail(key, 'is '//to_text(number), 'give a number > 0')
-        else if (check == not_negative .and. .not. number >= 0.0_wp) then
-            call self%fail(key, 'is '//to_text(number), 'give a number >= 0')
-        end if
-    end subroutine check_number
-
-    module procedure remember
-        type(value_type) :: shown
-        character(len=:), allocatable :: table, name, comment
-        integer :: of
-
-        if (self%failed()) return
-        name = key
-        shown = value
-        associate (element => self%elements(self%current))
-            table = path_of(element)
-            of = entry
-            if (of == 0 .and. element%n > 0) of = element%entries(1)
-            if (of > 0) then
-                associate (its => self%entries%list(of))
-                    if (.not. its%is_first) return
-                    if (allocated(its%template)) then
-                        table = its%template(:its%n_heading)
-                        if (entry > 0) name = its%template(its%n_heading + 2:)
-                    end if
-                    if (entry > 0) shown = its%given
-                end associate
-            end if
-        end associate
-        comment = ''
-        if (present(unit)) comment = unit
-        if (present(help)) then
-            if (len(comment) > 0 .and. len(help) > 0) comment = comment//', '
-            comment = comment//help
-        end if
-        call self%show(table, name, shown, comment)
-    end procedure remember
 end submodule tandem_mechanism_key_reader_values

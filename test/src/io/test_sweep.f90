@@ -297,7 +297,7 @@ contains
             keep('q1')//keep('qd:q1')//keep('q1', 'at = [0.25, 0.5]')// &
             keep('q1', 'take = "mean"')//keep('event:half'), plan, failure)
         call check_no_failure(error, failure)
-        if (.not. allocated(failure)) call runner%prepare(plan, faulty_models(), failure)
+        if (.not. allocated(failure)) call runner%prepare(plan, faulty_models())
         call check_no_failure(error, failure)
         if (allocated(error)) return
         do i = 1, 5
@@ -326,7 +326,7 @@ contains
         call read_text('points = "sobol"', vary('model.fault', 'values = [0, 4, 0]')//vary('model.mass', 'values = [1.0, 2.0]')// &
             vary('model.pull', 'normal = [1.0, 0.1]')//keep('q1'), plan, failure)
         call check_no_failure(error, failure)
-        if (.not. allocated(failure)) call runner%prepare(plan, faulty_models(), failure)
+        if (.not. allocated(failure)) call runner%prepare(plan, faulty_models())
         if (allocated(error)) return
         do i = 1, 6
             call runner%run(i, records(i))
@@ -351,13 +351,13 @@ contains
 
         call read_text('', vary('solver.max_steps', 'values = [100, 100.5, 200]')//keep('q1'), plan, failure)
         call check_no_failure(error, failure)
-        if (.not. allocated(failure)) call runner%prepare(plan, faulty_models(), failure)
+        if (.not. allocated(failure)) call runner%prepare(plan, faulty_models())
         if (allocated(error)) return
         do i = 1, 3
             call runner%run(i, record)
             call check_text(error, name_of_status(record%status), trim(merge('invalid_option', 'ok            ', i == 2)))
         end do
-        call other%prepare(plan, faulty_models(), failure)
+        call other%prepare(plan, faulty_models())
         call other%run(3_long, alone)
         call check_close(error, record%values, alone%values, 0.0_wp, 'values of a case')
         call check_true(error, record%message == alone%message, 'the message is the same')

@@ -229,7 +229,7 @@ contains
         character(len=:), allocatable :: path
 
         call read_text(table, rest, plan, failure)
-        if (.not. allocated(failure)) call runner%prepare(plan, faulty_models(), failure)
+        if (.not. allocated(failure)) call runner%prepare(plan, faulty_models())
         if (allocated(failure)) return
         path = folder//'/sweep.journal'
         if (present(name)) path = folder//'/'//name//'.journal'

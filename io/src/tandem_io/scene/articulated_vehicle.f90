@@ -1,8 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Builds the articulated vehicle from a scene.
 module tandem_io_scene_articulated_vehicle
-    use tandem, only: articulated_vehicle_type, model_type, wp
-    use tandem_io_scene_reader, only: positive, reader_type
+    use tandem, only: articulated_vehicle_type, model_type, positive, reader_type, wp
     implicit none (type, external)
     private
 

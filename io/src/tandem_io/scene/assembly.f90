@@ -1,8 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Reads what [initial] says about assembling the start.
 module tandem_io_scene_assembly
-    use tandem, only: assembly_type, label_length, model_type, velocity_metrics, wp
-    use tandem_io_scene_reader, only: not_negative, positive, reader_type
+    use tandem, only: assembly_type, label_length, model_type, not_negative, positive, reader_type, velocity_metrics, wp
     implicit none (type, external)
     private
 
@@ -62,8 +61,9 @@ contains
         end if
         assembly%weight_q = weights
         assembly%weight_qd = weights
-        call reader%get_reals('weights', assembly%weight_q, model%n, positive, help='of the coordinates; large ones move little')
-        call reader%get_reals('velocity_weights', assembly%weight_qd, model%n, positive, &
+        call reader%get_numbers('weights', [model%n], assembly%weight_q, positive, &
+            help='of the coordinates; large ones move little')
+        call reader%get_numbers('velocity_weights', [model%n], assembly%weight_qd, positive, &
             help='of the velocities, for what the masses leave open')
         call reader%get('velocity_metric', assembly%velocity_metric, velocity_metrics, 'what is near')
         call reader%get('largest_move', assembly%largest_move_q, not_negative, &

@@ -1,8 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Reads the tables [[event]]: watched quantities, and actions.
 module tandem_io_scene_events
-    use tandem, only: label_length, model_type, threshold_event_type, to_text, wp
-    use tandem_io_scene_reader, only: reader_type
+    use tandem, only: label_length, model_type, reader_type, threshold_event_type, to_text, wp
     use tandem_io_scene_text, only: listed, nearest_name
     implicit none (type, external)
     private
@@ -27,11 +26,12 @@ contains
         character(len=6) :: action
         integer :: i
 
-        allocate (events(reader%count_tables('event')))
+        allocate (events(reader%n_of('event')))
         do i = 1, size(events)
             associate (event => events(i))
-                call reader%open_element('event', i)
-                if (allocated(name)) deallocate (name, watch)
+                call reader%open_table('event', i)
+                name = ''
+                watch = ''
                 call reader%get('name', name, 'in messages', .true.)
                 if (len_trim(name) > label_length) call reader%refuse('name', 'must not be longer than '//to_text(label_length))
                 event%name = name

@@ -2,9 +2,8 @@
 !> Builds a mechanism from a scene: its tables are converted to the keys of `build_mechanism`.
 module tandem_io_scene_mechanism
     use tandem, only: build_mechanism, entries_type, error_type, mechanism_kinds, mechanism_singles, mechanism_type, model_type, &
-        shown_type, wp
-    use tandem_io_scene_ledger, only: key_length
-    use tandem_io_scene_reader, only: reader_type
+        reader_type, shown_type, wp
+    use tandem_io_scene_description, only: key_length
     implicit none (type, external)
     private
 
@@ -33,18 +32,18 @@ contains
         call reader%get('planar', planar, 'whether bodies have x, y and angle; else x, y, z and Euler parameters')
         call reader%open_table('model')
         call reader%close_table()
-        call reader%flatten(mechanism_tables, entries)
         if (reader%failed()) return
+        call reader%entries%of_tables(mechanism_tables, entries)
         allocate (mechanism)
         ! Values from tables that are read later.
-        times = [reader%says_number('time', 'start'), reader%says_number('time', 'end')]
-        call build_mechanism(entries, planar, reader%says_true('initial', 'assemble'), times, mechanism, error, place, shown)
+        times = [reader%entries%number_at('time.start'), reader%entries%number_at('time.end')]
+        call build_mechanism(entries, planar, reader%entries%truth_at('initial.assemble'), times, mechanism, error, place, shown)
         if (allocated(error)) then
-            call reader%refuse_place(place, error%message(index(error%message, ': ') + 2:))
+            call reader%refuse_at(place, error%message(index(error%message, ': ') + 2:))
             return
         end if
         do i = 1, size(shown)
-            call reader%show(shown(i)%table, shown(i)%key, shown(i)%value, shown(i)%comment)
+            call reader%show(shown(i))
         end do
         allocate (q(mechanism%n), qd(mechanism%n))
         call mechanism%start(q, qd)

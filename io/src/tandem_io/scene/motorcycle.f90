@@ -1,8 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Builds the motorcycle from a scene; the fork angle selects a standard motorcycle or a chopper.
 module tandem_io_scene_motorcycle
-    use tandem, only: model_type, motorcycle_type, wp
-    use tandem_io_scene_reader, only: not_negative, positive, reader_type
+    use tandem, only: model_type, motorcycle_type, not_negative, positive, reader_type, wp
     implicit none (type, external)
     private
 

@@ -1,12 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> The models that a scene may name: the shipped ones, and those added by a user's program.
 module tandem_io_scene_registry
-    use tandem, only: model_type, wp
+    use tandem, only: model_type, reader_type, wp
     use tandem_io_scene_articulated_vehicle, only: build_articulated_vehicle
-    use tandem_io_scene_ledger, only: key_length
+    use tandem_io_scene_description, only: key_length
     use tandem_io_scene_mechanism, only: build_mechanism_scene, mechanism_tables
     use tandem_io_scene_motorcycle, only: build_motorcycle
-    use tandem_io_scene_reader, only: reader_type
     use tandem_io_scene_rolling_disk, only: build_rolling_disk
     implicit none (type, external)
     private

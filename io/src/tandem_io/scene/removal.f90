@@ -1,89 +1,74 @@
 ! SPDX-License-Identifier: MIT
-!> Removes keys and tables from the sources of a scene: `--unset solver.rtol`, `--unset event.2`, `--unset force.damper`.
-module tandem_io_scene_removal
-    use tandem, only: error_type, mechanism_kinds
-    use tandem_io_scene_source, only: set_input_error, source_type
-    use tandem_io_scene_text, only: nearest_name, to_toml
-    use tomlf, only: len, toml_array, toml_key, toml_table, toml_value
+!> Removes keys and tables of a description: `--unset solver.rtol`, `--unset event.2`, `--unset force.damper`.
+submodule(tandem_io_scene_description) tandem_io_scene_removal
+    use tandem, only: entry_type
+    use tandem_io_scene_source, only: parsed_type
     implicit none (type, external)
-    private
-
-    public :: drop_keys, remove_key, unset_option
-
-    !> Prefix of a setting that removes a key; the key follows.
-    character(len=*), parameter :: unset_option = '--unset '
 
 contains
 
-    !> Remove a key or a table from all sources.
-    subroutine remove_key(sources, key, error)
-        !> The file, and the settings before this one.
-        type(source_type), intent(inout), target :: sources(0:)
-        !> Names with dots between them, as in TOML; elements of an array of tables have numbers.
-        character(len=*), intent(in) :: key
-        !> It is not given.
-        type(error_type), allocatable, intent(out) :: error
+    module procedure remove
         type(toml_key), allocatable :: parts(:)
-        character(len=:), allocatable :: near
-        logical :: is_removed, is_there
-        integer :: i
+        character(len=:), allocatable :: path, near
+        logical, allocatable :: is_kept(:)
+        integer :: i, array
 
-        allocate (parts(0))
         call split(key, parts, error)
         if (allocated(error)) return
-        near = ''
-        is_removed = .false.
-        do i = 0, ubound(sources, 1)
-            call remove_below(sources(i)%root, parts, is_there, near)
-            is_removed = is_removed .or. is_there
+        path = parts(1)%key
+        do i = 2, size(parts)
+            path = path//'.'//parts(i)%key
         end do
-        ! Elements of mechanisms have names, which may be numbers; those of arrays of tables have numbers.
-        if (is_removed .and. size(parts) == 2 .and. .not. any(mechanism_kinds == parts(1)%key)) then
-            do i = 1, ubound(sources, 1)
-                call close_gap(sources(i)%root, parts)
-            end do
+        allocate (is_kept(self%entries%n))
+        do i = 1, self%entries%n
+            is_kept(i) = index(self%entries%list(i)%key//'.', path//'.') /= 1
+        end do
+        if (all(is_kept) .and. .not. (size(parts) == 1 .and. any(names_of(self%roots) == path))) then
+            near = nearest_part(self, parts)
+            if (near /= '') near = '; did you mean "'//near//'"?'
+            call set_input_error(error, '--unset '//key//': there is no such key in '//self%sources(0)%name// &
+                ', which has its default already'//near)
+            return
         end if
-        if (is_removed) return
-        if (near /= '') near = '; did you mean "'//near//'"?'
-        call set_input_error(error, '--unset '//key//': there is no such key in '//sources(0)%context%filename// &
-            ', which has its default already'//near)
-    end subroutine remove_key
+        call self%entries%keep(is_kept)
+        array = findloc(self%arrays == parts(1)%key, .true., dim=1)
+        if (array > 0 .and. size(parts) == 1) self%counts(array) = 0
+        if (array > 0 .and. size(parts) == 2) call close_gap(self, array, parts(2)%key)
+        ! A table without keys is no longer given.
+        if (any([(index(self%entries%list(i)%key, parts(1)%key//'.') == 1, i=1, self%entries%n)])) return
+        self%roots = pack(self%roots, names_of(self%roots) /= parts(1)%key)
+    end procedure remove
 
-    !> Remove keys of a table from a source, if they are given.
-    subroutine drop_keys(source, table, keys)
-        type(source_type), intent(inout), target :: source
-        character(len=*), intent(in) :: table, keys(:)
-        class(toml_value), pointer :: found
+    !> Names of the entries of the top level.
+    pure function names_of(roots) result(names)
+        type(root_type), intent(in) :: roots(:)
+        character(len=256) :: names(size(roots))
         integer :: i
 
-        call source%root%get(trim(table), found)
-        if (.not. associated(found)) return
-        select type (found)
-        type is (toml_table)
-            do i = 1, size(keys)
-                call found%delete(trim(keys(i)))
-            end do
-        end select
-    end subroutine drop_keys
+        do i = 1, size(roots)
+            names(i) = roots(i)%name
+        end do
+    end function names_of
 
     !> Split a key at its dots.
     subroutine split(key, parts, error)
         character(len=*), intent(in) :: key
-        !> Empty before.
-        type(toml_key), allocatable, intent(inout) :: parts(:)
+        type(toml_key), allocatable, intent(out) :: parts(:)
         type(error_type), allocatable, intent(out) :: error
-        type(source_type), target :: source
+        type(source_type) :: source
+        type(parsed_type), target :: parsed
         type(toml_key), allocatable :: names(:)
         type(toml_table), pointer :: table
         class(toml_value), pointer :: found
 
+        allocate (parts(0))
         if (key == '' .or. scan(key, '='//achar(10)//achar(13)) > 0) then
             call set_input_error(error, '--unset '//key//' must be table.key, without a value, as in --unset solver.rtol')
             return
         end if
-        call source%load_text('--unset', key//' = 0', error)
+        call source%load_text('--unset', key//' = 0', parsed, error)
         if (allocated(error)) return
-        table => source%root
+        table => parsed%root
         do
             call table%get_keys(names)
             call table%get(names(1)%key, found)
@@ -97,101 +82,57 @@ contains
         end do
     end subroutine split
 
-    !> Remove the entry at a path from a table, and tables that become empty.
-    recursive subroutine remove_below(table, parts, is_removed, near)
-        type(toml_table), intent(inout), target :: table
+    !> Name that may have been meant by the first part of a key that is not given; empty if none is near.
+    function nearest_part(self, parts) result(near)
+        class(description_type), intent(in) :: self
         type(toml_key), intent(in) :: parts(:)
-        logical, intent(out) :: is_removed
-        !> A key that may have been meant.
-        character(len=:), allocatable, intent(inout) :: near
-        type(toml_key), allocatable :: names(:)
-        class(toml_value), pointer :: found, member
-        integer :: i, number
+        character(len=:), allocatable :: near
+        character(len=64), allocatable :: names(:)
+        character(len=:), allocatable :: path
+        integer :: i, k
 
-        is_removed = .false.
-        allocate (names(0))
-        call table%get(parts(1)%key, found)
-        if (.not. associated(found)) then
-            call table%get_keys(names)
-            if (size(names) > 0 .and. near == '') near = nearest_name(parts(1)%key, &
-                [(padded(names(i)%key), i=1, size(names))])
-            return
-        end if
-        is_removed = size(parts) == 1
-        if (is_removed) then
-            call table%delete(parts(1)%key)
-            return
-        end if
-        select type (found)
-        type is (toml_table)
-            call remove_below(found, parts(2:), is_removed, near)
-            call found%get_keys(names)
-            if (is_removed .and. size(names) == 0) call table%delete(parts(1)%key)
-        type is (toml_array)
-            do number = 1, len(found)
-                if (to_toml(number) == parts(2)%key) exit
-            end do
-            if (number > len(found)) return
-            if (size(parts) == 2) then
-                call remove_element(found, number)
-                is_removed = .true.
-                if (len(found) == 0) call table%delete(parts(1)%key)
+        near = ''
+        path = ''
+        names = [character(len=64) :: names_of(self%roots)]
+        do i = 1, size(parts)
+            if (.not. any(names == parts(i)%key)) then
+                near = nearest_name(parts(i)%key, names)
                 return
             end if
-            call found%get(number, member)
-            select type (member)
-            type is (toml_table)
-                call remove_below(member, parts(3:), is_removed, near)
-            end select
-        end select
-    end subroutine remove_below
-
-    !> Keys of a setting that number elements: those behind an element that is gone count one less.
-    subroutine close_gap(root, parts)
-        type(toml_table), intent(inout), target :: root
-        !> The name of the array, and the number.
-        type(toml_key), intent(in) :: parts(:)
-        class(toml_value), pointer :: found
-        class(toml_value), allocatable :: member
-        integer, parameter :: most = 10000
-        integer :: number, stat
-        logical :: is_behind
-
-        call root%get(parts(1)%key, found)
-        if (.not. associated(found)) return
-        select type (found)
-        type is (toml_table)
-            is_behind = .false.
-            do number = 1, most
-                if (is_behind .and. found%has_key(to_toml(number))) then
-                    call found%pop(to_toml(number), member)
-                    member%key = to_toml(number - 1)
-                    call found%push_back(member, stat)
-                end if
-                is_behind = is_behind .or. to_toml(number) == parts(2)%key
+            path = path//parts(i)%key//'.'
+            names = [character(len=64) ::]
+            do k = 1, self%entries%n
+                associate (its => self%entries%list(k)%key)
+                    if (index(its, path) /= 1) cycle
+                    names = [character(len=64) :: names, its(len(path) + 1:len(path) + index(its(len(path) + 1:)//'.', '.') - 1)]
+                end associate
             end do
-        end select
-    end subroutine close_gap
-
-    !> Remove an element from an array.
-    subroutine remove_element(array, number)
-        type(toml_array), intent(inout) :: array
-        integer, intent(in) :: number
-        class(toml_value), allocatable :: element
-        integer :: i, n, stat
-
-        n = len(array)
-        do i = 1, n
-            call array%shift(element)
-            if (i /= number) call array%push_back(element, stat)
         end do
-    end subroutine remove_element
+    end function nearest_part
 
-    !> A key with blanks behind.
-    pure function padded(key) result(text)
-        character(len=*), intent(in) :: key
-        character(len=64) :: text
+    !> The tables behind one that is gone count one less.
+    subroutine close_gap(self, array, gone)
+        class(description_type), intent(inout) :: self
+        integer, intent(in) :: array
+        !> Number of the table.
+        character(len=*), intent(in) :: gone
+        type(entries_type) :: entries
+        type(entry_type) :: entry
+        character(len=:), allocatable :: head
+        integer :: i, number, first
 
-        text = key
-    end function padded
-end module tandem_io_scene_removal
+        read (gone, *) first
+        do i = 1, self%entries%n
+            entry = self%entries%list(i)
+            do number = first + 1, self%counts(array)
+                head = trim(self%arrays(array))//'.'//to_toml(number)
+                if (index(entry%key//'.', head//'.') /= 1) cycle
+                entry%key = trim(self%arrays(array))//'.'//to_toml(number - 1)//entry%key(len(head) + 1:)
+                exit
+            end do
+            call entries%append(entry)
+        end do
+        self%entries = entries
+        self%counts(array) = self%counts(array) - 1
+    end subroutine close_gap
+end submodule tandem_io_scene_removal

@@ -1,8 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Builds the rolling disk from a scene.
 module tandem_io_scene_rolling_disk
-    use tandem, only: model_type, rolling_disk_type, wp
-    use tandem_io_scene_reader, only: positive, reader_type
+    use tandem, only: model_type, positive, reader_type, rolling_disk_type, wp
     implicit none (type, external)
     private
 

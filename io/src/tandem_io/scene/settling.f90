@@ -1,9 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> Reads the request of [initial] for an equilibrium or a steady motion, and moves the start there.
 module tandem_io_scene_settling
-    use tandem, only: affine_motion_type, any_motion, assemble, assembly_type, error_type, find_steady_from_words, list_motions, &
-        model_type, motion_name_length, settling_type, wp
-    use tandem_io_scene_reader, only: reader_type
+    use tandem, only: affine_motion_type, any_motion, assemble, assembly_type, error_type, find_steady_from_words, &
+        list_motions, model_type, motion_name_length, reader_type, settling_type, wp
     implicit none (type, external)
     private
 

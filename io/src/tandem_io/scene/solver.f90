@@ -2,9 +2,8 @@
 !> Reads the table [solver]: the keys are the options, whose table defines the valid values; here the line of the file is added
 !> to its messages.
 module tandem_io_scene_solver
-    use tandem, only: complete_options, conflict_type, default_rtol, default_step, error_type, find_conflict, option_row_type, &
-        option_visitor_type, options_type, steppers_without_estimate, wp
-    use tandem_io_scene_reader, only: reader_type
+    use tandem, only: complete_options, conflict_type, default_rtol, default_step, error_type, find_conflict, &
+        option_row_type, option_visitor_type, options_type, reader_type, steppers_without_estimate, wp
     implicit none (type, external)
     private
 

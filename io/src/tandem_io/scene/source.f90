@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A source of keys: a scene file, or one `--set table.key=value` of the command line. Each keeps its text, so that an error
-!> can show the line.
+!> A source of keys: a scene file, or one `--set table.key=value` of the command line. It is parsed once; its text is stored, so
+!> that an error can show the line.
 module tandem_io_scene_source
     use tandem, only: error_type, mechanism_kinds, mechanism_singles
     use tandem_status, only: status_invalid_option
@@ -16,7 +16,7 @@ module tandem_io_scene_source
     implicit none (type, external)
     private
 
-    public :: source_type, check_limits, check_text, read_text, set_input_error
+    public :: parsed_type, source_type, check_limits, check_text, read_text, set_input_error
 
     !> Largest scene file, in bytes: some thousand bodies, each written out with every default.
     integer, parameter :: largest = 4194304
@@ -28,52 +28,60 @@ module tandem_io_scene_source
     character(len=*), parameter :: byte_order_mark = char(239)//char(187)//char(191)
 
     type :: source_type
-        !> The parsed text.
-        type(toml_table), allocatable :: root
-        !> The text itself and the places of its parts.
-        type(toml_context) :: context
-        !> The argument of `--set`; not allocated for a file.
-        character(len=:), allocatable :: argument
+        !> How messages call the source, and its text.
+        character(len=:), allocatable :: name, text
+        !> True for an argument of `--set`.
+        logical :: is_setting = .false.
         !> Kind of the file, in messages.
         character(len=8) :: kind = 'scene'
     contains
-        procedure :: load_file, load_text, load_argument, describe, value_of
-        procedure, private :: end_of
+        procedure :: load_file, load_text, load_argument, describe
     end type source_type
+
+    !> The parsed text of a source, and the places of its parts.
+    type :: parsed_type
+        type(toml_table), allocatable :: root
+        type(toml_context) :: context
+    contains
+        procedure :: value_of, end_of
+    end type parsed_type
 
 contains
 
     !> Read and parse a scene file.
-    subroutine load_file(self, path, error)
+    subroutine load_file(self, path, parsed, error)
         class(source_type), intent(inout) :: self
         !> Path of the file.
         character(len=*), intent(in) :: path
+        type(parsed_type), intent(inout) :: parsed
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: text
 
         call read_text(path, trim(self%kind), text, error)
         if (allocated(error)) return
-        call parse_text(text, path, self, error)
+        call parse_text(text, path, self, parsed, error)
     end subroutine load_file
 
     !> Parse a scene that is at hand.
-    subroutine load_text(self, name, text, error)
+    subroutine load_text(self, name, text, parsed, error)
         class(source_type), intent(inout) :: self
         !> How messages call it, and the text.
         character(len=*), intent(in) :: name, text
+        type(parsed_type), intent(inout) :: parsed
         type(error_type), allocatable, intent(out) :: error
 
         call check_text(name, text, error, trim(self%kind))
-        if (.not. allocated(error)) call parse_text(text, name, self, error)
+        if (.not. allocated(error)) call parse_text(text, name, self, parsed, error)
     end subroutine load_text
 
     !> Take `table.key=value`; of tables that may come several times `table.number.key=value`, or all as `table=[...]`; of
     !> mechanisms
     !> `body.name.key=value`. The value is TOML; a bare word that is not TOML is taken as text.
-    subroutine load_argument(self, argument, error)
+    subroutine load_argument(self, argument, parsed, error)
         class(source_type), intent(inout) :: self
         !> Argument of `--set`.
         character(len=*), intent(in) :: argument
+        type(parsed_type), intent(inout) :: parsed
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-'
         character(len=*), parameter :: usage = ' must be table.key=value, as in --set solver.step=1e-3; an event has a number, '// &
@@ -97,10 +105,10 @@ contains
             call set_input_error(error, '--set '//argument//' has no value')
         end if
         if (allocated(error)) return
-        self%argument = argument
-        call parse_text(argument, '--set', self, error)
+        self%is_setting = .true.
+        call parse_text(argument, '--set', self, parsed, error)
         if (.not. allocated(error) .or. scan(value(1:1), '"''[{') > 0) return
-        call parse_text(argument(:equals)//to_toml(value), '--set', self, second)
+        call parse_text(argument(:equals)//to_toml(value), '--set', self, parsed, second)
         if (.not. allocated(second)) deallocate (error)
     contains
         !> True if the setting names the key of a table, or all tables of a name.
@@ -122,30 +130,27 @@ contains
     end subroutine load_argument
 
     !> A message about a place of the source: the file, the line number, the line, a marker under the place, a remark beside it.
-    function describe(self, message, origin, remark) result(text)
+    function describe(self, message, span, remark) result(text)
         class(source_type), intent(in) :: self
         !> Description of the fault.
         character(len=*), intent(in) :: message
-        !> The place: an origin that the parser has given; 0 for none.
-        integer, intent(in) :: origin
+        !> First and last character of the place; 0 for none.
+        integer, intent(in) :: span(2)
         !> A few words for the marker.
         character(len=*), intent(in) :: remark
         character(len=:), allocatable :: text
 
-        if (origin > 0 .and. origin <= self%context%top) then
-            associate (tokens => self%context%token)
-                text = without_level(render(toml_diagnostic(toml_level%error, message, self%context%filename, &
-                    [toml_label(toml_level%error, tokens(origin)%first, tokens(self%end_of(origin))%last, remark, .true.)]), &
-                    self%context%source, toml_terminal(.false.)))
-            end associate
+        if (span(1) > 0) then
+            text = without_level(render(toml_diagnostic(toml_level%error, message, self%name, &
+                [toml_label(toml_level%error, span(1), span(2), remark, .true.)]), self%text, toml_terminal(.false.)))
         else
-            text = message//new_line('a')//' --> '//self%context%filename
+            text = message//new_line('a')//' --> '//self%name
         end if
     end function describe
 
     !> Position of a list or an inline table whose key is at a position; position of the key if no such value follows.
     pure integer function value_of(self, origin)
-        class(source_type), intent(in) :: self
+        class(parsed_type), intent(in) :: self
         integer, intent(in) :: origin
         integer :: i
         logical :: has_equal
@@ -165,7 +170,7 @@ contains
 
     !> The last part of what begins at a place: of a list or an inline table the bracket that closes it, if that is on its line.
     pure integer function end_of(self, origin)
-        class(source_type), intent(in) :: self
+        class(parsed_type), intent(in) :: self
         integer, intent(in) :: origin
         integer :: depth, i
 
@@ -349,11 +354,12 @@ contains
     end function first_broken
 
     !> Parse a text; its errors show the line.
-    subroutine parse_text(text, name, source, error)
+    subroutine parse_text(text, name, source, parsed, error)
         character(len=*), intent(in) :: text
         !> How messages name the text.
         character(len=*), intent(in) :: name
         class(source_type), intent(inout) :: source
+        type(parsed_type), intent(inout) :: parsed
         type(error_type), allocatable, intent(out) :: error
         type(scene_lexer_type) :: lexer
         type(toml_error), allocatable :: parse_error
@@ -362,7 +368,9 @@ contains
         ! The report of an error looks for the end of the line, so there must be one; it would show the other half of Windows' ends.
         call new_lexer_from_string(lexer%toml_lexer, with_short_ends(text)//new_line('a'))
         lexer%filename = name
-        call parse(lexer, source%root, toml_parser_config(color=.false., context_detail=1), source%context, parse_error)
+        call parse(lexer, parsed%root, toml_parser_config(color=.false., context_detail=1), parsed%context, parse_error)
+        source%name = name
+        source%text = lexer%chunk
         if (.not. allocated(parse_error)) return
         if (lexer%refused > 0) then
             place%filename = name

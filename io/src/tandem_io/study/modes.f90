@@ -9,8 +9,9 @@
 !> smooth and changes its sign. If the number of growing eigenvalues changes in another way, the interval is halved. Two crossings
 !> in opposite directions between two samples are not seen.
 module tandem_io_study_modes
-    use tandem, only: bracket_type, error_type, linearisation_type, of_motion, set_error, simulation_type, wp
-    use tandem_io_scene, only: read_scene, scene_type
+    use tandem, only: atom_type, bracket_type, error_type, linearisation_type, of_motion, set_error, simulation_type, wp
+    use tandem_io_scene, only: interpret_scene, open_scene, scene_type
+    use tandem_io_scene_description, only: description_type
     use tandem_io_scene_registry, only: scene_model_type
     use tandem_status, only: status_output_failed
     implicit none (type, external)
@@ -55,15 +56,34 @@ module tandem_io_study_modes
         !> The scene's path, the settings of the command line, and the key that is varied.
         character(len=:), allocatable :: path, key, settings(:)
         type(scene_model_type), allocatable :: models(:)
+        !> The keys of the scene, the varied one as the last setting.
+        type(description_type), private :: keys
         !> In the order of the values; the critical ones likewise.
         type(locus_point_type), allocatable :: points(:)
         type(critical_type), allocatable :: critical(:)
     contains
-        procedure :: sample, find_critical, write_csv
+        procedure :: open, sample, find_critical, write_csv
         procedure, private :: search, find_zero, interpolate, find_pairs, refine_pair, find_collision
     end type modes_type
 
 contains
+
+    !> Read the scene, and check it.
+    subroutine open(self, value, error)
+        class(modes_type), intent(inout) :: self
+        !> First value of the varied key.
+        real(wp), intent(in) :: value
+        type(error_type), allocatable, intent(out) :: error
+        type(scene_type), allocatable :: scene
+        character(len=24) :: number
+
+        allocate (scene)
+        call open_scene(self%path, self%settings, self%models, self%keys, error)
+        if (allocated(error)) return
+        write (number, '(es24.16)') value
+        call self%keys%apply(self%key//'='//trim(adjustl(number)), error)
+        if (.not. allocated(error)) call interpret_scene(self%keys, self%models, scene, error)
+    end subroutine open
 
     !> The eigenvalues at a value.
     subroutine sample(self, value, point, error)
@@ -74,14 +94,12 @@ contains
         type(scene_type), allocatable, target :: scene
         type(simulation_type), allocatable :: simulation
         type(linearisation_type) :: it
-        character(len=max(len(self%settings), len(self%key) + 25)) :: settings(size(self%settings) + 1)
-        character(len=24) :: number
+        type(description_type) :: keys
 
         allocate (scene, simulation)
-        settings(:size(self%settings)) = self%settings
-        write (number, '(es24.16)') value
-        settings(size(settings)) = self%key//'='//trim(adjustl(number))
-        call read_scene(self%path, settings, scene, error, models=self%models)
+        keys = self%keys
+        call keys%change(keys%n_settings(), 0, atom_type(number=value))
+        call interpret_scene(keys, self%models, scene, error, is_brief=.true.)
         if (allocated(error)) return
         call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
         if (allocated(error)) return

@@ -7,7 +7,9 @@
 module tandem_io_study_paper
     use tandem, only: at_end, error_type, model_type, need_gamma, need_jacobian, need_nu, need_phi, observer_type, options_type, &
         set_error, simulation_type, to_text, wp
-    use tandem_io_scene, only: read_scene, scene_type
+    use tandem_io_scene, only: interpret_scene, open_scene, scene_type
+    use tandem_io_scene_description, only: description_type
+    use tandem_io_scene_registry, only: shipped_models
     use tandem_io_scene_shipped, only: find_scene
     use tandem_io_scene_text, only: to_toml
     use tandem_io_study_journal, only: journal_type
@@ -86,6 +88,9 @@ module tandem_io_study_paper
         !> The rows.
         type(journal_type) :: journal
         integer, private :: current = 0
+        !> The keys of the scene of the last run, and its name.
+        type(description_type), private :: keys
+        character(len=:), allocatable, private :: opened
     contains
         procedure :: next_run
         procedure, nopass :: total
@@ -147,9 +152,14 @@ contains
         real(wp) :: on_scale(3)
         integer :: i, charts
 
-        call find_scene(trim(run%scene), path, error)
-        if (allocated(error)) return
-        call read_scene(path, [character(len=1) ::], scene, error)
+        if (.not. allocated(self%opened)) self%opened = ''
+        if (self%opened /= run%scene) then
+            call find_scene(trim(run%scene), path, error)
+            if (.not. allocated(error)) call open_scene(path, [character(len=1) ::], shipped_models(), self%keys, error)
+            if (allocated(error)) return
+            self%opened = trim(run%scene)
+        end if
+        call interpret_scene(self%keys, shipped_models(), scene, error)
         if (allocated(error)) return
         options = options_type(stepper=run%stepper, step=run%step, chart='paper', refresh='refine', basis='svd', &
             constraint_tolerance=run%tolerance, utol=run%tolerance, btol=run%tolerance, htol=run%tolerance)

@@ -1,15 +1,14 @@
 ! SPDX-License-Identifier: MIT
-!> Runs the cases of a sweep, one after the other. The scene is read from its file once. For each case the values in the parsed
-!> scene change, and the model, the start and the options are built anew: so all checks of a scene apply to each case, and no case
+!> Runs the cases of a sweep, one after the other. The scene is read from its file once. For each case the values of its keys
+!> change, and the model, the start and the options are built anew: so all checks of a scene apply to each case, and no case
 !> depends on earlier ones.
 module tandem_io_sweep_case
     use tandem, only: error_type, global_error_type, long, simulation_type, wp
     use tandem_io_output_observers, only: observer_list_type
     use tandem_io_output_trajectory, only: trajectory_type
-    use tandem_io_scene, only: interpret_scene, open_scene, read_scene, scene_type
-    use tandem_io_scene_reader, only: reader_type
+    use tandem_io_scene, only: interpret_scene, scene_type
+    use tandem_io_scene_description, only: description_type
     use tandem_io_scene_registry, only: scene_model_type
-    use tandem_io_sweep_carriers, only: joined, settings_of_case
     use tandem_io_sweep_disk, only: sync_file, sync_folder_of
     use tandem_io_sweep_plan, only: plan_type
     use tandem_io_sweep_record, only: message_length, record_type
@@ -24,10 +23,11 @@ module tandem_io_sweep_case
         !> The sweep, the caller's.
         type(plan_type), pointer :: plan => null()
         type(scene_model_type), allocatable, private :: models(:)
-        type(reader_type), private :: reader
+        !> Keys of the scene, with the values of the last case.
+        type(description_type), private :: keys
         type(recorder_type), private :: recorder
         real(wp), allocatable, private :: numbers(:)
-        !> The numbers of the last case; only changed ones are passed to the reader.
+        !> The numbers of the last case; only changed ones are passed to the keys.
         real(wp), allocatable, private :: last(:)
     contains
         procedure :: prepare, run
@@ -35,24 +35,18 @@ module tandem_io_sweep_case
 
 contains
 
-    !> Read the scene.
-    subroutine prepare(self, plan, models, error)
+    !> Take the keys of the scene.
+    subroutine prepare(self, plan, models)
         class(case_runner_type), intent(inout) :: self
         !> Must outlive the runner.
         type(plan_type), intent(in), target :: plan
         type(scene_model_type), intent(in) :: models(:)
-        type(error_type), allocatable, intent(out) :: error
 
         self%plan => plan
         allocate (self%models, source=models)
         allocate (self%numbers(size(plan%inputs)))
         allocate (self%last(size(plan%inputs)), source=ieee_value(1.0_wp, ieee_quiet_nan))
-        call open_scene(plan%scene_path, joined(plan%settings, plan%carriers), models, self%reader)
-        if (self%reader%failed()) then
-            call move_alloc(self%reader%error, error)
-            return
-        end if
-        self%reader%is_brief = .true.
+        self%keys = plan%scene_keys
         call self%recorder%initialize(plan%kept)
     end subroutine prepare
 
@@ -71,7 +65,7 @@ contains
         call system_clock(from)
         self%recorder%values = ieee_value(1.0_wp, ieee_quiet_nan)
         call self%plan%numbers_of(case, self%numbers)
-        call read_case(self, case, scene, error)
+        call read_case(self, scene, error)
         if (.not. allocated(error)) call integrate(self, case, scene, remark, error)
         call system_clock(to, rate)
         record%case = case
@@ -87,30 +81,21 @@ contains
     end subroutine run
 
     !> Make the scene of a case.
-    subroutine read_case(self, case, scene, error)
+    subroutine read_case(self, scene, error)
         type(case_runner_type), intent(inout) :: self
-        integer(long), intent(in) :: case
         type(scene_type), intent(inout) :: scene
         type(error_type), allocatable, intent(out) :: error
-        type(error_type), allocatable :: same
         integer :: i
 
         associate (plan => self%plan)
-            if (plan%folder == '') then
-                do i = 1, size(self%numbers)
-                    if (self%numbers(i) >= self%last(i) .and. self%numbers(i) <= self%last(i)) cycle
-                    call self%reader%change(size(plan%settings) + plan%inputs(i)%setting, plan%inputs(i)%element, &
-                        plan%atom_of(i, self%numbers(i)))
-                end do
-                self%last = self%numbers
-                call interpret_scene(plan%scene_path, self%models, self%reader, scene, error)
-            end if
-            ! Read again from its text: for the message, which shows the value, and for the complete scene of a trajectory.
-            if (allocated(error) .or. plan%folder /= '') then
-                call read_scene(plan%scene_path, settings_of_case(plan, case), scene, same, models=self%models)
-                ! This reading decides: values changed in the first one may have the kind of an earlier value.
-                call move_alloc(same, error)
-            end if
+            do i = 1, size(self%numbers)
+                if (self%numbers(i) >= self%last(i) .and. self%numbers(i) <= self%last(i)) cycle
+                call self%keys%change(plan%n_settings + plan%inputs(i)%setting, plan%inputs(i)%element, &
+                    plan%atom_of(i, self%numbers(i)))
+            end do
+            self%last = self%numbers
+            ! The file of a trajectory contains the complete scene.
+            call interpret_scene(self%keys, self%models, scene, error, is_brief=plan%folder == '')
             if (plan%max_seconds > 0.0_wp) then
                 if (.not. scene%options%max_seconds > 0.0_wp .or. scene%options%max_seconds > plan%max_seconds) then
                     scene%options%max_seconds = plan%max_seconds
@@ -161,7 +146,7 @@ contains
         else
             call integrate_into_file()
         end if
-        if (self%recorder%needs_estimate .and. .not. allocated(error)) call estimate(self, case, scene, global_error, remark)
+        if (self%recorder%needs_estimate .and. .not. allocated(error)) call estimate(self, scene, global_error, remark)
     contains
         !> With the whole trajectory.
         subroutine integrate_into_file()
@@ -182,9 +167,8 @@ contains
 
     !> The error of the run, from a second run with a separate model, since a run may change its model. A missing estimate is not a
     !> failure of the case: its numbers are NaN, and the remark gives the reason.
-    subroutine estimate(self, case, scene, global_error, remark)
+    subroutine estimate(self, scene, global_error, remark)
         type(case_runner_type), intent(inout) :: self
-        integer(long), intent(in) :: case
         !> The case, and the error estimator that observed it.
         type(scene_type), intent(in) :: scene
         type(global_error_type), intent(inout) :: global_error
@@ -192,7 +176,7 @@ contains
         type(scene_type), target :: again
         type(error_type), allocatable :: error
 
-        call read_case(self, case, again, error)
+        call read_case(self, again, error)
         if (.not. allocated(error)) call global_error%estimate(again%model, scene%options, scene%q, scene%qd, error)
         if (allocated(error)) then
             remark = 'no estimate of the error: '//error%message

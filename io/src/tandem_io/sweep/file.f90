@@ -2,11 +2,10 @@
 !> Reads the file of a sweep. Every error shows the line and the values allowed there. Inputs are read in `inputs.f90`, kept
 !> quantities in `keeping.f90`.
 module tandem_io_sweep_file
-    use tandem, only: error_type, is_text, to_text, value_type, wp
+    use tandem, only: error_type, is_text, not_negative, positive, reader_type, shown_type, to_text, value_type, wp
     use tandem_io_path, only: is_regular
     use tandem_io_scene, only: interpret_scene, open_scene, scene_type
-    use tandem_io_scene_ledger, only: key_length
-    use tandem_io_scene_reader, only: not_negative, positive, reader_type
+    use tandem_io_scene_description, only: description_type, key_length
     use tandem_io_scene_registry, only: scene_model_type
     use tandem_io_scene_shipped, only: find_scene
     use tandem_io_scene_source, only: read_text, set_input_error
@@ -28,7 +27,6 @@ module tandem_io_sweep_file
 
 contains
 
-
     !> Read the file of a sweep, and the scene that it names.
     subroutine read_sweep(path, models, plan, error)
         character(len=*), intent(in) :: path
@@ -36,24 +34,28 @@ contains
         type(scene_model_type), intent(in) :: models(:)
         type(plan_type), intent(inout) :: plan
         type(error_type), allocatable, intent(out) :: error
-        type(reader_type) :: reader, base
+        type(description_type) :: description
+        type(reader_type) :: reader
+        type(shown_type), allocatable :: lines(:)
         type(scene_type) :: scene
+        character(len=key_length), parameter :: arrays(2) = [character(len=key_length) :: 'vary', 'keep']
 
         ! Read once: a pipe is empty afterwards, and a file may change.
         call read_text(path, 'sweep', plan%text, error)
         if (allocated(error)) return
-        call reader%open_sources(path, [character(len=1) ::], plan%text, 'sweep')
-        call reader%check_tables([character(len=key_length) :: 'sweep'], [character(len=key_length) :: 'vary', 'keep'], &
-            [character(len=key_length) ::], 'a sweep')
+        call description%open(path, [character(len=1) ::], [character(len=key_length) :: 'sweep'], arrays, &
+            [character(len=key_length) ::], error, plan%text, 'sweep')
+        if (allocated(error)) return
+        call reader%take_tables(description%entries, arrays)
         plan%path = path
         call read_table(reader, plan)
         call read_inputs(reader, plan)
-        if (.not. reader%failed()) call read_base(reader, models, plan, base, scene)
-        call make_carriers(reader, base, plan)
+        if (.not. reader%failed()) call read_base(reader, models, plan, lines, scene)
+        if (.not. reader%failed()) call make_carriers(reader, lines, plan)
         call check_inputs(reader, models, plan)
         call read_kept(reader, scene, plan)
         call check_size(reader, plan)
-        if (reader%failed()) call move_alloc(reader%error, error)
+        if (reader%failed()) call description%explain(reader, error)
     end subroutine read_sweep
 
     !> [sweep]
@@ -68,6 +70,7 @@ contains
         integer :: i, length
 
         call reader%open_table('sweep')
+        plan%scene_path = ''
         call reader%get('scene', plan%scene_path, 'a name, or a path from the folder of this file', required=.true.)
         call reader%get_list('set', settings)
         length = 1
@@ -97,14 +100,14 @@ contains
         plan%is_side_by_side = lists == 'rows'
         call reader%get('indices', plan%is_for_indices, "whether draws are arranged for Sobol' indices")
         call reader%get('max_seconds', plan%max_seconds, not_negative, 's', 'of a case; 0 for no limit')
-        if (allocated(plan%folder)) deallocate (plan%folder)
+        plan%folder = ''
         call reader%get('trajectories', plan%folder, 'folder for the whole motion of each case')
-        if (allocated(plan%folder)) plan%folder = trim(plan%folder)
-        if (.not. allocated(plan%folder)) plan%folder = ''
+        plan%folder = trim(plan%folder)
         exists = plan%folder == ''
         if (.not. exists) inquire (file=plan%folder//'/.', exist=exists)
         if (.not. exists) call reader%refuse('trajectories', 'must be a folder that exists')
         allocate (plan%inputs(0))
+        file = ''
         call reader%get('csv', file, 'file of cases: keys in its first line, then a line a case')
         plan%cases_path = ''
         if (.not. reader%failed() .and. file /= '') then
@@ -115,11 +118,12 @@ contains
     end subroutine read_table
 
     !> The scene without what is varied.
-    subroutine read_base(reader, models, plan, base, scene)
+    subroutine read_base(reader, models, plan, lines, scene)
         type(reader_type), intent(inout) :: reader
         type(scene_model_type), intent(in) :: models(:)
         type(plan_type), intent(inout) :: plan
-        type(reader_type), intent(inout) :: base
+        !> Lines of the complete scene.
+        type(shown_type), allocatable, intent(out) :: lines(:)
         type(scene_type), intent(inout) :: scene
         type(error_type), allocatable :: error
         character(len=:), allocatable :: path
@@ -138,12 +142,13 @@ contains
             call reader%refuse('scene', 'must be a regular file, since it is read several times: '//plan%scene_path)
             return
         end if
-        call open_scene(plan%scene_path, plan%settings, models, base)
-        call interpret_scene(plan%scene_path, models, base, scene, error)
+        call open_scene(plan%scene_path, plan%settings, models, plan%scene_keys, error)
+        if (.not. allocated(error)) call interpret_scene(plan%scene_keys, models, scene, error, lines=lines)
         if (allocated(error)) then
             call set_input_error(reader%error, plan%path//': the scene cannot be read: '//error%message)
         else
             call move_alloc(scene%text, plan%scene_text)
+            plan%n_settings = plan%scene_keys%n_settings()
         end if
     end subroutine read_base
 

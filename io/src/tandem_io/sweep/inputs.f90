@@ -1,9 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> Reads the inputs of a sweep: the tables [[vary]] and the file of cases; and checks that the scene accepts them.
 module tandem_io_sweep_inputs
-    use tandem, only: atom_type, error_type, to_text, value_type, wp
-    use tandem_io_scene, only: read_scene, scene_type
-    use tandem_io_scene_reader, only: positive, reader_type
+    use tandem, only: atom_type, error_type, positive, reader_type, shown_type, to_text, value_type, wp
+    use tandem_io_scene, only: interpret_scene, scene_type
+    use tandem_io_scene_complete, only: unit_in, value_in
+    use tandem_io_scene_description, only: description_type
     use tandem_io_scene_registry, only: scene_model_type
     use tandem_io_scene_source, only: set_input_error
     use tandem_io_sweep_carriers, only: atom_to_toml, count_elements_of, with_element
@@ -60,13 +61,13 @@ contains
 
         if (reader%failed()) return
         n = size(plan%inputs)
-        allocate (inputs(n + reader%count_tables('vary')))
+        allocate (inputs(n + reader%n_of('vary')))
         inputs(:n) = plan%inputs
         do i = 1, size(inputs) - n
             associate (input => inputs(n + i))
-                call reader%open_element('vary', i)
-                if (allocated(key)) deallocate (key)
-                if (allocated(unit)) deallocate (unit)
+                call reader%open_table('vary', i)
+                key = ''
+                unit = ''
                 call reader%get('key', key, 'of the scene: table.key, or table.key[i] for an element of a list', required=.true.)
                 if (reader%failed()) return
                 name = key
@@ -192,7 +193,7 @@ contains
 
         n = merge(3, 2, input%kind == is_triangular)
         allocate (numbers(n), source=0.0_wp)
-        call reader%get_reals(key, numbers, n)
+        call reader%get_numbers(key, [n], numbers)
         if (reader%failed()) return
         input%a = numbers(1)
         input%b = numbers(n)
@@ -227,7 +228,7 @@ contains
         input%is_limited = reader%source_of('limits') >= 0
         allocate (limits(2), source=0.0_wp)
         if (.not. input%is_limited) call reader%propose('limits')
-        if (input%is_limited) call reader%get_reals('limits', limits, 2)
+        if (input%is_limited) call reader%get_numbers('limits', [2], limits)
         if (reader%failed() .or. .not. input%is_limited) return
         input%low = limits(1)
         input%high = limits(2)
@@ -278,9 +279,10 @@ contains
     end subroutine read_range
 
     !> The settings that carry the inputs, with typical values.
-    subroutine make_carriers(reader, base, plan)
+    subroutine make_carriers(reader, lines, plan)
         type(reader_type), intent(inout) :: reader
-        type(reader_type), intent(in) :: base
+        !> The complete scene.
+        type(shown_type), intent(in) :: lines(:)
         type(plan_type), intent(inout) :: plan
         character(len=:), allocatable :: known, text
         integer :: i, j, dot
@@ -291,8 +293,8 @@ contains
         do i = 1, size(plan%inputs)
             associate (input => plan%inputs(i))
                 dot = index(input%path, '.', back=.true.)
-                known = base%value_of(input%path(:dot - 1), input%path(dot + 1:))
-                if (input%unit == '') input%unit = base%unit_of(input%path(:dot - 1), input%path(dot + 1:))
+                known = value_in(lines, input%path(:dot - 1), input%path(dot + 1:))
+                if (input%unit == '') input%unit = unit_in(lines, input%path(:dot - 1), input%path(dot + 1:))
                 do j = 1, i - 1
                     if (plan%inputs(j)%path == input%path) exit
                 end do
@@ -345,23 +347,27 @@ contains
     subroutine check_inputs(reader, models, plan)
         type(reader_type), intent(inout) :: reader
         type(scene_model_type), intent(in) :: models(:)
-        type(plan_type), intent(in) :: plan
+        type(plan_type), intent(inout) :: plan
         type(scene_type), allocatable :: scene
+        type(description_type) :: keys
         type(error_type), allocatable :: error
-        character(len=max(len(plan%settings), len(plan%carriers)) + 4200) :: settings(size(plan%settings) + size(plan%carriers))
         character(len=:), allocatable :: last
         integer :: i, j
 
         if (reader%failed()) return
-        settings(:size(plan%settings)) = plan%settings
-        settings(size(plan%settings) + 1:) = plan%carriers
+        keys = plan%scene_keys
         allocate (scene)
-        call read_scene(plan%scene_path, settings, scene, error, models=models)
+        do i = 1, size(plan%carriers)
+            call plan%scene_keys%apply(trim(plan%carriers(i)), error)
+            if (allocated(error)) exit
+        end do
+        if (.not. allocated(error)) call interpret_scene(plan%scene_keys, models, scene, error)
         if (allocated(error)) then
             last = error%message
             ! Find the faulty input: the first that is refused together with those before it.
             do i = 1, size(plan%carriers)
-                call read_scene(plan%scene_path, settings(:size(plan%settings) + i), scene, error, models=models)
+                call keys%apply(trim(plan%carriers(i)), error)
+                if (.not. allocated(error)) call interpret_scene(keys, models, scene, error)
                 if (allocated(error) .or. i == size(plan%carriers)) exit
             end do
             if (allocated(error)) last = error%message
@@ -370,15 +376,15 @@ contains
         end if
         do i = 1, size(plan%inputs)
             if (.not. plan%inputs(i)%holds_texts) cycle
-            associate (input => plan%inputs(i), setting => settings(size(plan%settings) + plan%inputs(i)%setting))
+            associate (input => plan%inputs(i))
+                keys = plan%scene_keys
                 do j = 2, merge(size(input%values), 1, any(input%kind == [is_listed, is_choice]))
-                    setting = input%path//'='//atom_to_toml(input%values(j), .false.)
-                    call read_scene(plan%scene_path, settings, scene, error, models=models)
+                    call keys%change(plan%n_settings + input%setting, input%element, input%values(j))
+                    call interpret_scene(keys, models, scene, error)
                     if (.not. allocated(error)) cycle
                     call refuse_input(reader, plan, i, 'is refused by the scene: '//error%message)
                     return
                 end do
-                setting = plan%carriers(input%setting)
             end associate
         end do
     end subroutine check_inputs
@@ -394,7 +400,7 @@ contains
             call reader%open_table('sweep')
             call reader%refuse('csv', 'has a column "'//trim(plan%inputs(i)%name)//'", which '//problem)
         else
-            call reader%open_element('vary', i - count(plan%inputs%kind == is_from_file))
+            call reader%open_table('vary', i - count(plan%inputs%kind == is_from_file))
             call reader%refuse('key', problem)
         end if
     end subroutine refuse_input

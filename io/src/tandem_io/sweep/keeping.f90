@@ -1,9 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> Reads what is kept of each case: the tables [[keep]].
 module tandem_io_sweep_keeping
-    use tandem, only: is_number, to_text, value_type
+    use tandem, only: is_number, reader_type, to_text, value_type
     use tandem_io_scene, only: scene_type
-    use tandem_io_scene_reader, only: reader_type
     use tandem_io_scene_source, only: set_input_error
     use tandem_io_scene_text, only: to_toml
     use tandem_io_sweep_kept, only: kept_type, of_estimate, of_figure, take_names, take_times
@@ -25,13 +24,13 @@ contains
         integer :: i
 
         if (reader%failed()) return
-        allocate (plan%kept(reader%count_tables('keep')))
+        allocate (plan%kept(reader%n_of('keep')))
         do i = 1, size(plan%kept)
             associate (kept => plan%kept(i))
-                call reader%open_element('keep', i)
-                if (allocated(quantity)) deallocate (quantity)
-                if (allocated(name)) deallocate (name)
-                if (allocated(unit)) deallocate (unit)
+                call reader%open_table('keep', i)
+                quantity = ''
+                name = ''
+                unit = ''
                 call reader%get('quantity', quantity, required=.true.)
                 call reader%get('name', name, 'of its column')
                 call reader%get('unit', unit, 'of it, for the table')

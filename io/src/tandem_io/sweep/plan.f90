@@ -6,6 +6,7 @@
 !> all points of a grid have equal draws, which makes them comparable.
 module tandem_io_sweep_plan
     use tandem, only: atom_type, is_number, long, wp
+    use tandem_io_scene_description, only: description_type
     use tandem_io_sweep_kept, only: kept_type
     use tandem_io_sweep_quantile, only: normal_quantile
     use tandem_io_sweep_random, only: permuted, random_number_at, random_words, stream_draw, stream_shift, stream_stratum
@@ -67,6 +68,9 @@ module tandem_io_sweep_plan
         character(len=:), allocatable :: settings(:)
         !> The settings that carry inputs, at the start with typical values; they follow on `settings`.
         character(len=:), allocatable :: carriers(:)
+        !> The keys of the scene with these settings, and the number of the settings before the carriers.
+        type(description_type) :: scene_keys
+        integer :: n_settings = 0
         !> The scene with every default, for the table.
         character(len=:), allocatable :: scene_text
         type(input_type), allocatable :: inputs(:)
