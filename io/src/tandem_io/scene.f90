@@ -85,7 +85,7 @@ contains
         if (.not. allocated(error)) call interpret_scene(description, known, scene, error)
     end subroutine read_scene
 
-    !> Make a scene anew, with a model of its own, from keys that were read before. It has no text.
+    !> Make a scene anew, with a model of its own, from its keys. It has neither text nor keys.
     subroutine repeat_scene(scene, again, error)
         type(scene_type), intent(in) :: scene
         type(scene_type), intent(out) :: again
@@ -120,11 +120,11 @@ contains
 
     !> Make a scene of its keys.
     subroutine interpret_scene(description, models, scene, error, is_brief, lines)
-        type(description_type), intent(in) :: description
+        type(description_type), intent(in), target :: description
         type(scene_model_type), intent(in) :: models(:)
         type(scene_type), intent(out) :: scene
         type(error_type), allocatable, intent(out) :: error
-        !> True to read values only, of keys that were checked before: the scene has no text.
+        !> True to read values only, of keys that were checked before: the scene has neither text nor keys.
         logical, intent(in), optional :: is_brief
         !> Lines of the complete scene.
         type(shown_type), allocatable, intent(out), optional :: lines(:)
@@ -162,9 +162,9 @@ contains
             call description%explain(reader, error)
             return
         end if
-        scene%keys = description
-        allocate (scene%models, source=models)
         if (.not. reader%is_brief) then
+            scene%keys = description
+            allocate (scene%models, source=models)
             scene%text = complete_text(reader%shown(:reader%n_shown))
             if (present(lines)) lines = reader%shown(:reader%n_shown)
             ! It must be one that can be read again, however long the defaults of many events are.

@@ -51,7 +51,8 @@ contains
         type(shown_type), allocatable, intent(out) :: shown(:)
         type(reader_type) :: reader
         type(error_type), allocatable :: its_error
-        type(entries_type) :: rest, repeats, elements
+        type(entries_type) :: rest, repeats
+        type(entries_type), target :: elements
         integer :: i, n_points
 
         call take_parameters(entries, reader, rest)

@@ -102,17 +102,15 @@ contains
         class(entries_type), intent(inout) :: self
         !> (n)
         logical, intent(in) :: mask(:)
-        type(entry_type), allocatable :: list(:)
-        integer :: i, n
+        type(entries_type) :: kept
+        integer :: i
 
-        n = self%n
-        if (n == 0) return
-        call move_alloc(self%list, list)
-        self%n = 0
-        call self%places%clear()
-        do i = 1, n
-            if (mask(i)) call self%append(list(i))
+        do i = 1, self%n
+            if (mask(i)) call kept%append(self%list(i))
         end do
+        call move_alloc(kept%list, self%list)
+        self%n = kept%n
+        self%places = kept%places
     end subroutine keep
 
     !> Index of a key; 0 if absent.

@@ -49,7 +49,8 @@ module tandem_mechanism_key_reader
         integer :: n_shown = 0
         !> Name of the current element.
         character(len=:), allocatable :: name
-        type(entries_type) :: entries
+        !> All entries, the caller's.
+        type(entries_type), pointer :: entries => null()
         !> True for the tables of a scene: keys are named without their table, and texts are not expressions.
         logical, private :: is_scene = .false.
         type(element_type), allocatable, private :: elements(:)
@@ -79,7 +80,8 @@ module tandem_mechanism_key_reader
         module subroutine take(self, entries, kinds, singles)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
-            type(entries_type), intent(in) :: entries
+            !> Must outlive the use of the reader.
+            type(entries_type), intent(in), target :: entries
             !> Kinds of elements with names, and kinds of which there is one element.
             character(len=*), intent(in) :: kinds(:), singles(:)
         end subroutine take
@@ -88,7 +90,8 @@ module tandem_mechanism_key_reader
         module subroutine take_tables(self, entries, arrays)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
-            type(entries_type), intent(in) :: entries
+            !> Must outlive the use of the reader.
+            type(entries_type), intent(in), target :: entries
             !> Tables that may come several times; their keys contain a number, as in `event.1.value`.
             character(len=*), intent(in) :: arrays(:)
         end subroutine take_tables

@@ -13,7 +13,7 @@ contains
         character(len=:), allocatable :: key, kind, name
         integer :: i, j, k
 
-        self%entries = entries
+        self%entries => entries
         allocate (self%elements(16))
         allocate (self%used(entries%n), source=.false.)
         self%n_elements = 0
@@ -60,7 +60,7 @@ contains
         integer :: i, k
 
         self%is_scene = .true.
-        self%entries = entries
+        self%entries => entries
         allocate (self%elements(16))
         allocate (self%used(entries%n), source=.false.)
         do i = 1, entries%n

@@ -361,6 +361,7 @@ contains
         type(atom_type), intent(in) :: atom
         type(atom_type) :: new
         character(len=:), allocatable :: text
+        logical :: has_whole
         integer :: k
 
         do k = self%entries%n, 1, -1
@@ -374,7 +375,9 @@ contains
             if (new%kind == is_number) new%is_whole = is_whole(new%number)
             entry%value%atoms(max(1, element)) = new
             entry%given = entry%value
-            text = text(:index(text, '='))//value_to_toml(entry%value, new%is_whole)
+            ! Numbers keep the form that the setting has.
+            has_whole = verify(text(index(text, '=') + 1:), '+-0123456789 '//new_line('a')) == 0
+            text = text(:index(text, '='))//value_to_toml(entry%value, has_whole .and. new%is_whole)
             self%places(entry%place)%value = [index(text, '=') + 1, len(text)]
         end associate
         self%sources(setting)%text = text//new_line('a')

@@ -13,6 +13,7 @@ contains
         logical, allocatable :: is_kept(:)
         integer :: i, array
 
+        allocate (parts(0))
         call split(key, parts, error)
         if (allocated(error)) return
         path = parts(1)%key
@@ -53,7 +54,8 @@ contains
     !> Split a key at its dots.
     subroutine split(key, parts, error)
         character(len=*), intent(in) :: key
-        type(toml_key), allocatable, intent(out) :: parts(:)
+        !> Empty before.
+        type(toml_key), allocatable, intent(inout) :: parts(:)
         type(error_type), allocatable, intent(out) :: error
         type(source_type) :: source
         type(parsed_type), target :: parsed
@@ -61,7 +63,6 @@ contains
         type(toml_table), pointer :: table
         class(toml_value), pointer :: found
 
-        allocate (parts(0))
         if (key == '' .or. scan(key, '='//achar(10)//achar(13)) > 0) then
             call set_input_error(error, '--unset '//key//' must be table.key, without a value, as in --unset solver.rtol')
             return

@@ -34,7 +34,7 @@ contains
         type(scene_model_type), intent(in) :: models(:)
         type(plan_type), intent(inout) :: plan
         type(error_type), allocatable, intent(out) :: error
-        type(description_type) :: description
+        type(description_type), target :: description
         type(reader_type) :: reader
         type(shown_type), allocatable :: lines(:)
         type(scene_type) :: scene
