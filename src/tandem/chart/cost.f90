@@ -50,7 +50,7 @@ contains
             if (implicit) then
                 call build_stiffness(model, stiffness)
                 call newton%analyse_newton(analysis, stiffness)
-                cost%dense = 11.5_wp + 3.58_wp*n + 0.164_wp*n*m + 3.03e-3_wp*m**2*n + 2.6e-5_wp*free*n**2
+                cost%dense = 9.8_wp + 3.04_wp*n + 0.139_wp*n*m + 2.58e-3_wp*m**2*n + 2.2e-5_wp*free*n**2
                 cost%sparse = 5.7_wp + 16.1_wp*bodies + 0.252_wp*entries + 0.147_wp*real(newton%n_factor, wp)
             else
                 cost%dense = 20.0_wp + 0.061_wp*n + 0.066_wp*n*m + 7.4e-4_wp*m**2*n + 3.1e-4_wp*free*n**2

@@ -74,8 +74,10 @@ contains
         call check_close(error, [rtol_q, rtol_qd, atol_q, atol_qd], [options%rtol_q, options%rtol_q, &
             options%rtol_q, options%rtol_q], 0.0_wp, 'the list of the coordinates')
         if (allocated(error)) return
-        call check_close(error, [options%relative_tolerance(), options%absolute_tolerance(), 1.0e3_wp*options%newton_tolerance()], &
-            spread(1.0e-6_wp, 1, 3), 1.0e-20_wp, 'the smallest')
+        call check_close(error, [options%relative_tolerance(), options%absolute_tolerance()], spread(1.0e-6_wp, 1, 2), 1.0e-20_wp, &
+            'the smallest')
+        if (allocated(error)) return
+        call check_close(error, [1.0e-2_wp*1.0e-6_wp**1.25_wp], [options%newton_tolerance()], 1.0e-22_wp, 'of the iteration')
         if (allocated(error)) return
         ! Of the velocities only, with a number for all coordinates.
         deallocate (options%rtol_q)

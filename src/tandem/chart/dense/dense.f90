@@ -64,6 +64,9 @@ module tandem_chart_dense
         type(derivatives_type) :: derivatives
         !> nh holonomic and m constraints.
         integer :: nh = 0, m = 0
+        !> True if iterates of implicit stages are restored completely: under the paper's policy, which counts corrections, with its
+        !> refinement, and with friction on reactions, which needs exact reactions at each point.
+        logical :: restores_iterates = .false.
         logical :: is_implicit = .false., refines = .false., has_bases = .false., uses_svd = .false.
         !> True if explicit steps restore velocities in the mass metric.
         logical :: keeps_momentum = .false.

@@ -94,15 +94,14 @@ contains
         call self%stage%expect_pairs(ratios)
     end procedure expect_pairs
 
-    !> One correction a level with factors of the stage's first iterate, but for charts whose B and H are refined point by point, and
-    !> for friction on reactions, which needs exact reactions at each point.
+    !> One correction per level with factors of the stage's first iterate, or restored points.
     module procedure stage_residual
         !> Change of a stage's coordinates, relative to them, after which its factors are made again.
         real(wp), parameter :: far = 1.0e-3_wp
 
         self%failed_row = 0
         self%may_lean = .false.
-        if (self%refines .or. self%friction%n > 0) then
+        if (self%restores_iterates) then
             call self%restore_position(t, increment, q, stat)
             if (stat == status_ok) call self%restore_velocity(t, q, increment_qd, qd, stat)
             if (stat == status_ok) call residual_at(self, t, q, qd, rate_q, rate_qd, residual, stat)
@@ -190,7 +189,7 @@ contains
         !> Largest correction, in coordinate scales, of which the square is left; largest number of corrections; slowest contraction.
         real(wp), parameter :: small = 1.0e-3_wp, slow = 0.5_wp
         integer, parameter :: most = 8
-        real(wp) :: last_size, size_now
+        real(wp) :: error, last_size, size_now
         integer :: j, k
 
         iterate%u = self%position%u(:self%nh)
@@ -205,9 +204,12 @@ contains
                     self%counts%position_factorizations = self%counts%position_factorizations + 1
                 end if
                 if (stat /= status_ok) return
+                size_now = 0.0_wp
+                call self%position%judge(self%model%terms%phi, error)
+                ! Corrections by rounding would accumulate from stage to stage with a wrong Jacobian.
+                if (self%position%is_restored(error)) exit
                 call iterate%correct_position(self%model%terms%phi, u_basis, q)
                 self%counts%position_corrections = self%counts%position_corrections + 1
-                size_now = 0.0_wp
                 do j = 1, self%n
                     size_now = max(size_now, abs(iterate%moved_q(j))/self%scale(j))
                 end do
@@ -230,6 +232,7 @@ contains
         real(wp), intent(in), contiguous :: increment(:)
         real(wp), intent(inout), contiguous :: q(:)
         integer, intent(out) :: stat
+        real(wp) :: error
 
         stat = status_ok
         q = self%q0 + increment
@@ -241,9 +244,13 @@ contains
                     call self%fail_term()
                     return
                 end if
-                call iterate%correct_position(self%model%terms%phi, u_basis, q)
+                iterate%moved_q = 0.0_wp
+                call self%position%judge(self%model%terms%phi, error)
+                if (.not. self%position%is_restored(error)) then
+                    call iterate%correct_position(self%model%terms%phi, u_basis, q)
+                    self%counts%position_corrections = self%counts%position_corrections + 1
+                end if
             end associate
-            self%counts%position_corrections = self%counts%position_corrections + 1
             self%position%u(:self%nh) = iterate%u
             self%point%has_phi = .false.
         end if
@@ -264,7 +271,7 @@ contains
 
         call self%stage%move_rates(self%v_basis, self%w_basis, correction, rate_q, rate_qd, self%change_q, self%change_qd)
         call judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
-        if (self%refines .or. self%friction%n > 0) return
+        if (self%restores_iterates) return
         associate (iterate => self%iterates(stage))
             left = 0.0_wp
             turned = 0.0_wp

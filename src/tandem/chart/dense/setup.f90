@@ -37,6 +37,7 @@ contains
         end if
         self%friction%n = 0
         if (model%n_frictions > 0) call self%friction%allocate(model, self%n, self%m)
+        self%restores_iterates = self%refines .or. options%chart == 'paper' .or. self%friction%n > 0
         if (present(kept)) then
             self%n_dropped = model%n_constraints() - size(kept)
             call self%rows%choose(model%n, model%n_constraints(), kept, implicit)
