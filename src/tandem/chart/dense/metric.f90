@@ -34,6 +34,8 @@ module tandem_chart_dense_metric
         real(wp), private :: trace = 0.0_wp
         !> The velocity error that a run allows, in units of coordinate scales.
         real(wp), private :: tolerance = 0.0_wp
+        !> Strain, in tolerances, from which the metric is used without a trial.
+        real(wp), private :: many = huge(1.0_wp)
         !> Displacement along the plain complement in a step with beta = `move_beta` (n), in units of coordinate scales.
         logical, private :: has_moved = .false.
         real(wp), private :: move_beta = 0.0_wp
@@ -87,6 +89,8 @@ contains
         self%beta = 0.0_wp
         self%trace_beta = 0.0_wp
         self%tolerance = rate*merge(tolerance, usual, tolerance > 0.0_wp)
+        ! A trial compares the lengths of steps, which tells nothing about fixed ones.
+        self%many = merge(huge(1.0_wp), 200.0_wp, tolerance > 0.0_wp)
         if (allocated(self%mass)) deallocate (self%mass, self%damping, self%stiffness, self%matrix, self%gram, self%moved, &
             self%inverse, self%row, self%shift, self%vectors, self%values, self%work, self%row_damping, self%row_stiffness, &
             self%move, self%new_move, self%unit)
@@ -244,7 +248,7 @@ contains
             call self%find_trace(beta, complement, tangent)
             if (.not. self%trace > least) strain = 0.0_wp
         end if
-        pays = dominance > stiff
+        pays = dominance > stiff .or. strain > self%many*self%tolerance
         if (pays .or. .not. strain > few*self%tolerance) then
             ! Steps of a trial have become so short that nothing strains.
             if (self%tried > 0 .and. .not. pays .and. beta < self%before) call self%end_trial()
