@@ -122,8 +122,8 @@ module tandem_options
         !> Tolerance of the iteration for H (29); 0 selects `constraint_tolerance`. Used by `refine`.
         real(wp) :: htol = 0.0_wp
         !> Tolerance of Newton's iteration of implicit stages for q and qd, relative to |q|, |qd| and the coordinate scales; 0
-        !> selects a hundredth of `constraint_tolerance`, or if that is larger `rtol` times the smaller of rtol**(1/4)/100 and 1/1000,
-        !> or with fixed steps of `sdirk54` a hundredth of the error of steps, up to a hundred times as much.
+        !> selects a hundredth of `constraint_tolerance`, or if that is larger `rtol` times the smaller of rtol**(1/4)/100 and
+        !> 1/1000, or with fixed steps of `sdirk54` a hundredth of the error of steps, up to a hundred times as much.
         real(wp) :: intol = 0.0_wp
         !> `paper` policy: a new chart when |v|_2 passes this; 0 means no limit. If none of the four limits is set, a limit of 70
         !> degrees on the angle to the tangent spaces applies, as it always does for implicit steppers.

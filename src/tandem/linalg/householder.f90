@@ -11,7 +11,8 @@ module tandem_linalg_householder
 
 contains
 
-    !> Factor A P = Q R. Pivots are chosen within the first `first` columns, then within the others, by the largest remaining length.
+    !> Factor A P = Q R. Pivots are chosen within the first `first` columns, then within the others, by the largest remaining
+    !> length.
     pure subroutine factor_pivoted(n, m, first, a, tau, order)
         integer, intent(in) :: n, m, first
         !> A on entry; R in the upper triangle, reflectors below it (n, m), m <= n.

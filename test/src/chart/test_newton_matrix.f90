@@ -186,8 +186,8 @@ contains
         printed%as_printed = .true.
         call measure_contraction(right, right, left_right, error)
         call measure_contraction(printed, right, left_printed, error)
-        ! Measured: 5e-5, 2e-9, 2e-11 with the right one, 5e-5, 6e-8, 2e-11 as printed. The third contains the errors that the second
-        ! iterate left in the constraints, which are squares of the first correction.
+        ! Measured: 5e-5, 2e-9, 2e-11 with the right one, 5e-5, 6e-8, 2e-11 as printed. The third contains the errors that
+        ! the second iterate left in the constraints, which are squares of the first correction.
         call check_below(error, left_right(2), 2*left_right(1)**2, 'the second correction with the right gamma_qd')
         call check_below(error, left_right(3), 1.0e-10_wp, 'the third correction with the right gamma_qd')
         call check_below(error, 10*left_right(2), left_printed(2), 'ten times the second correction')

@@ -186,7 +186,7 @@ contains
         !> q0 + xi, then the coordinates (n).
         real(wp), intent(inout), contiguous :: q(:)
         integer, intent(out) :: stat
-        !> Largest correction, in coordinate scales, of which the square is left; largest number of corrections; slowest contraction.
+        !> Largest correction whose square may be left, in coordinate scales; largest number of corrections; slowest contraction.
         real(wp), parameter :: small = 1.0e-3_wp, slow = 0.5_wp
         integer, parameter :: most = 8
         real(wp) :: error, last_size, size_now
