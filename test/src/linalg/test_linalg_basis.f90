@@ -5,6 +5,8 @@ module test_linalg_basis
     use differences, only: random_vector
     use tandem, only: wp
     use tandem_linalg_basis, only: basis_type, rank_tolerance
+    use tandem_linalg_householder, only: factor_pivoted, form_columns
+    use tandem_linalg_lapack, only: dgeqp3, dorgqr
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -41,8 +43,36 @@ contains
             new_unittest('near-dependence-is-decided-at-the-rank-tolerance', test_near_dependence), &
             new_unittest('constraints-of-condition-5e8-are-usable-and-of-1e12-are-not', test_conditions), &
             new_unittest('rank-does-not-depend-on-the-units-of-a-row', test_row_units), &
-            new_unittest('secant-is-that-of-the-largest-angle', test_secant)]
+            new_unittest('secant-is-that-of-the-largest-angle', test_secant), &
+            new_unittest('loops-and-lapack-agree', test_lapack)]
     end subroutine collect_linalg_basis
+
+    !> Pivots, reflectors and Q of the loops for small matrices are those of LAPACK.
+    subroutine test_lapack(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: n = 20, m = 12
+        real(wp) :: a(n, m, 2), q(n, n, 2), tau(m, 2), work(32*(n + 1))
+        integer :: info, order(m, 2), seed
+
+        seed = 400
+        a(:, :, 1) = random_matrix(seed, n, m)
+        ! Columns of several lengths, so that pivots are needed.
+        a(:, :, 1) = a(:, :, 1)*spread([(10.0_wp**modulo(5*info, 4), info=1, m)], 1, n)
+        a(:, :, 2) = a(:, :, 1)
+        call factor_pivoted(n, m, m, a(:, :, 1), tau(:, 1), order(:, 1))
+        order(:, 2) = 0
+        call dgeqp3(n, m, a(:, :, 2), n, order(:, 2), tau(:, 2), work, size(work), info)
+        call check_count(error, count(order(:, 1) /= order(:, 2)), 0, 'other pivots')
+        if (allocated(error)) return
+        call check_below(error, maxval(abs(a(:, :, 1) - a(:, :, 2)))/maxval(abs(a)), 10*rounding, 'factors')
+        if (allocated(error)) return
+        call check_below(error, maxval(abs(tau(:, 1) - tau(:, 2))), 10*rounding, 'sizes of the reflectors')
+        if (allocated(error)) return
+        call form_columns(n, m, n, a(:, :, 1), tau(:, 1), q(:, :, 1))
+        q(:, :m, 2) = a(:, :, 2)
+        call dorgqr(n, n, m, q(:, :, 2), n, tau(:, 2), work, size(work), info)
+        call check_below(error, maxval(abs(q(:, :, 1) - q(:, :, 2))), 10*rounding, 'Q')
+    end subroutine test_lapack
 
     !> A random matrix C of the sizes with number i, and its factorisation.
     subroutine factor(i, method, c, basis)

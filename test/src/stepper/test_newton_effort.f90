@@ -4,7 +4,9 @@
 module test_newton_effort
     use asserts, only: check_below, check_no_failure
     use large_runs, only: begin
-    use tandem, only: failure_type => error_type, mechanism_type, options_type, simulation_type, statistics_type, wp
+    use runs, only: run
+    use tandem, only: failure_type => error_type, mechanism_type, options_type, rolling_disk_type, simulation_type, &
+        statistics_type, wp
     use tandem_kinds, only: long
     use tandem_io, only: find_scene, read_scene, scene_type
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
@@ -23,8 +25,31 @@ contains
             new_unittest('a-matrix-amid-the-stages-serves-wheels-that-turn', test_bicycle), &
             new_unittest('steps-of-hard-stages-are-not-repeated', test_governor), &
             new_unittest('stages-of-steps-alike-take-hardly-more-than-one', test_alike), &
-            new_unittest('fixed-steps-leave-of-stages-a-small-part-of-their-own-error', test_share)]
+            new_unittest('fixed-steps-leave-of-stages-a-small-part-of-their-own-error', test_share), &
+            new_unittest('iterates-are-corrected-once-a-level', test_iterates)]
     end subroutine collect_newton_effort
+
+    !> Iterates of the disk's stages near the manifold. Restored to the tolerance, a point took 5.2 corrections and C was factored at
+    !> each of them.
+    subroutine test_iterates(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(rolling_disk_type), target :: disk
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(9), qd(9), points
+
+        call disk%define()
+        call disk%start([-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, q, qd)
+        call run(simulation, disk, options_type(stepper='radau5', rtol=1.0e-6_wp), 0.0_wp, q, qd, 2.0_wp, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        statistics = simulation%statistics()
+        points = real(statistics%newton_corrections, wp)
+        call check_below(error, real(statistics%position_corrections, wp)/points, 2.0_wp, 'corrections of u, per point')
+        if (allocated(error)) return
+        call check_below(error, real(statistics%constraint_factorizations, wp)/points, 0.8_wp, 'factorisations of C, per point')
+    end subroutine test_iterates
 
     !> Run a shipped scene to its end: its last coordinates (n), and corrections per step.
     subroutine run_scene(name, stepper, rtol, q, effort, error)

@@ -150,9 +150,11 @@ contains
         !> Predicted coordinates (n), then those of the iterate.
         real(wp), intent(inout), contiguous :: q(:)
         integer, intent(out) :: stat
+        logical :: is_near
         integer :: j
 
         stat = status_ok
+        is_near = .true.
         if (self%nh > 0) then
             ! The basis of range(Phi_q') is the dual of U, which vanishes on V.
             self%trial = (self%q0 + increment - q)/self%basis_scale
@@ -163,14 +165,14 @@ contains
         q = self%q0 + increment
         if (self%nh > 0) then
             call approach(self, iterate, t, q, stat)
-            if (stat /= status_ok) then
-                call self%restore_position(t, increment, q, stat)
-                if (stat /= status_ok) return
-                iterate%u = self%position%u(:self%nh)
-                iterate%moved_q = 0.0_wp
-            end if
+            is_near = stat == status_ok
+            if (.not. is_near) call self%restore_position(t, increment, q, stat)
+            if (stat /= status_ok) return
+            iterate%u = self%position%u(:self%nh)
         end if
         call self%move_to(t, q, stat)
+        if (stat == status_ok .and. .not. is_near) call iterate%factor_position(self%model%terms%jacobian, &
+            self%position%u_basis(:, :self%nh), stat)
         if (stat /= status_ok) return
         call iterate%factor_velocity(self%model%terms%jacobian, self%x_basis, stat)
         iterate%moved_q = 0.0_wp
