@@ -251,7 +251,7 @@ contains
                     call check_no_failure(error, failure)
                     if (allocated(error)) return
                     statistics = simulation%statistics()
-                    steps(k) = statistics%steps
+                    steps(k) = int(statistics%steps)
                     simulation%model => null()
                 end do
                 ! Measured: 0.55, 0.98, 0.57 and 0.87.
