@@ -499,10 +499,19 @@ contains
         failed = allocated(self%error)
     end function failed
 
+    !> Length of the heading of the current table: named elements have two brackets on each side.
+    pure integer function heading_length(self)
+        class(reader_type), intent(in) :: self
+
+        associate (element => self%elements(self%current))
+            heading_length = len_trim(element%kind) + merge(2, 4, element%name == '')
+        end associate
+    end function heading_length
+
     !> Heading of the current table.
     pure function heading_of(self) result(heading)
         class(reader_type), intent(in) :: self
-        character(len=len_trim(self%elements(self%current)%kind) + merge(2, 4, self%elements(self%current)%name == '')) :: heading
+        character(len=heading_length(self)) :: heading
 
         associate (element => self%elements(self%current))
             heading = '['//trim(element%kind)//']'
