@@ -3,6 +3,7 @@
 module tandem_io_scene_complete
     use tandem, only: is_number, is_text, is_truth, shown_type, value_type
     use tandem_io_scene_text, only: to_toml
+    use tandem_kinds, only: wp
     implicit none (type, external)
     private
 
@@ -108,10 +109,15 @@ contains
         !> True to write whole numbers without a point.
         logical, intent(in) :: is_whole
         character(len=:), allocatable :: text
+        real(wp), allocatable :: numbers(:)
         integer :: i
 
         if (value%is_list .and. value%row_length == 0 .and. all(value%atoms%kind == is_number)) then
-            text = to_toml(value%atoms%number)
+            allocate (numbers(size(value%atoms)))
+            do i = 1, size(numbers)
+                numbers(i) = value%atoms(i)%number
+            end do
+            text = to_toml(numbers)
             return
         end if
         text = ''

@@ -101,7 +101,7 @@ contains
 
         self%failed_row = 0
         self%may_lean = .false.
-        if (self%restores_iterates) then
+        if (restores(self)) then
             call self%restore_position(t, increment, q, stat)
             if (stat == status_ok) call self%restore_velocity(t, q, increment_qd, qd, stat)
             if (stat == status_ok) call residual_at(self, t, q, qd, rate_q, rate_qd, residual, stat)
@@ -124,6 +124,16 @@ contains
             call self%stage%get_residual(residual)
         end associate
     end procedure stage_residual
+
+    !> True if iterates are restored completely: also close to a loss of rank, where small errors of a point are large ones of its
+    !> rates.
+    pure logical function restores(self)
+        class(dense_chart_type), intent(in) :: self
+        !> Part of the largest independence so far.
+        real(wp), parameter :: close = 1.0e-2_wp
+
+        restores = self%restores_iterates .or. self%independence < close*self%best_independence
+    end function restores
 
     !> The residual of a stage at a restored point.
     subroutine residual_at(self, t, q, qd, rate_q, rate_qd, residual, stat)
@@ -273,7 +283,7 @@ contains
 
         call self%stage%move_rates(self%v_basis, self%w_basis, correction, rate_q, rate_qd, self%change_q, self%change_qd)
         call judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
-        if (self%restores_iterates) return
+        if (restores(self)) return
         associate (iterate => self%iterates(stage))
             left = 0.0_wp
             turned = 0.0_wp
