@@ -29,8 +29,8 @@ contains
             new_unittest('iterates-are-corrected-once-a-level', test_iterates)]
     end subroutine collect_newton_effort
 
-    !> Iterates of the disk's stages near the manifold. Restored to the tolerance, a point took 5.2 corrections and C was factored at
-    !> each of them.
+    !> Iterates of the disk's stages near the manifold. Restored to the tolerance, a point took 5.2 corrections, and C was factored
+    !> at each point.
     subroutine test_iterates(error)
         type(error_type), allocatable, intent(out) :: error
         type(rolling_disk_type), target :: disk
