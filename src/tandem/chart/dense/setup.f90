@@ -94,8 +94,8 @@ contains
                 do i = 1, most_stages
                     call self%iterates(i)%allocate(n, nh, m)
                 end do
-                ! Measured: three and a half corrections with the model's own derivatives; differences take 2 (n + 1) evaluations.
-                self%cost = 3.5_wp
+                ! Measured: three corrections with the model's own derivatives; differences take 2 (n + 1) evaluations.
+                self%cost = 3.0_wp
                 if (model%provides_derivatives /= need_all_derivatives) self%cost = self%cost + 0.35_wp*real(n + 1, wp)
                 allocate (self%b_phi(nh, n), self%lambda(m), self%change_q(n), self%change_qd(n), source=0.0_wp)
             end if
