@@ -96,52 +96,28 @@ contains
         end do
     end subroutine add_transposed_product
 
-    !> C := the first n rows and columns of A B, A (:, k), B (k, :).
-    subroutine set_leading_product(n, a, b, c)
-        integer, intent(in) :: n
-        real(wp), intent(in), contiguous :: a(:, :), b(:, :)
-        real(wp), intent(inout) :: c(n, n)
-        real(wp) :: b1, b2, b3
-        integer :: i, j, k, m
-
-        m = size(a, 2)
-        if (n*n*m >= worth_a_call) then
-            call dgemm('N', 'N', n, n, m, 1.0_wp, a, size(a, 1), b, size(b, 1), 0.0_wp, c, n)
-            return
-        end if
-        do j = 1, n
-            c(:, j) = 0.0_wp
-            do k = 1, m - 2, 3
-                b1 = b(k, j)
-                b2 = b(k + 1, j)
-                b3 = b(k + 2, j)
-                do i = 1, n
-                    c(i, j) = c(i, j) + (a(i, k)*b1 + a(i, k + 1)*b2 + a(i, k + 2)*b3)
-                end do
-            end do
-            do k = m - modulo(m, 3) + 1, m
-                b1 = b(k, j)
-                do i = 1, n
-                    c(i, j) = c(i, j) + a(i, k)*b1
-                end do
-            end do
-        end do
-    end subroutine set_leading_product
-
     !> C := A B, A (l, m), B (m, n).
     subroutine set_product(a, b, c)
         real(wp), intent(in), contiguous :: a(:, :), b(:, :)
         real(wp), intent(out), contiguous :: c(:, :)
-        real(wp) :: b1, b2, b3
-        integer :: i, j, k, l, m
 
-        l = size(a, 1)
+        call set_leading_product(size(a, 1), size(b, 2), a, b, c)
+    end subroutine set_product
+
+    !> C := the first l rows and n columns of A B, A (:, m), B (m, :).
+    subroutine set_leading_product(l, n, a, b, c)
+        integer, intent(in) :: l, n
+        real(wp), intent(in), contiguous :: a(:, :), b(:, :)
+        real(wp), intent(out) :: c(l, n)
+        real(wp) :: b1, b2, b3
+        integer :: i, j, k, m
+
         m = size(a, 2)
-        if (l*m*size(b, 2) >= worth_a_call) then
-            call dgemm('N', 'N', l, size(b, 2), m, 1.0_wp, a, l, b, m, 0.0_wp, c, l)
+        if (l*m*n >= worth_a_call) then
+            call dgemm('N', 'N', l, n, m, 1.0_wp, a, size(a, 1), b, m, 0.0_wp, c, l)
             return
         end if
-        do j = 1, size(b, 2)
+        do j = 1, n
             do i = 1, l
                 c(i, j) = 0.0_wp
             end do
@@ -160,7 +136,7 @@ contains
                 end do
             end do
         end do
-    end subroutine set_product
+    end subroutine set_leading_product
 
     !> y := x. An assignment of short slices spends more time on their bounds.
     pure subroutine copy(n, x, y)

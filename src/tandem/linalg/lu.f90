@@ -68,7 +68,7 @@ contains
 
         stat = 0
         if (self%n == 0) return
-        call set_leading_product(self%n, a, b, self%factors)
+        call set_leading_product(self%n, self%n, a, b, self%factors)
         self%norm = 0.0_wp
         if (self%n <= largest_small) then
             call self%factor_small(stat)

@@ -30,11 +30,11 @@ contains
             end associate
             self%newton%is_worn = .true.
             if (stat /= status_ok) exit
-            call hold(self, state%qd, state%qdd)
+            call hold(self, state%q, state%qd, state%qdd)
             call self%iterate(chart, h, t_end, many, stat)
         end do
         if (stat == status_newton_failed) then
-            call hold(self, state%qd, state%qdd)
+            call hold(self, state%q, state%qd, state%qdd)
             call solve_in_turn(self, chart, h, t_end, stat)
         end if
     end procedure rescue
@@ -55,9 +55,9 @@ contains
         stat = status_newton_failed
         do k = most_quarters, 0, -1
             if (stat == status_ok) then
-                call hold(self, self%rate_q(:, 3), self%rate_qd(:, 3))
+                call hold(self, self%q(:, 3), self%rate_q(:, 3), self%rate_qd(:, 3))
             else
-                call hold(self, state%qd, state%qdd)
+                call hold(self, state%q, state%qd, state%qdd)
             end if
             part = h*0.25_wp**k
             t = state%t + part
@@ -69,13 +69,14 @@ contains
         end do
     end subroutine continue_from_short
 
-    !> The same start value for all stages.
-    subroutine hold(self, rate_q, rate_qd)
+    !> The same start values for all stages: coordinates and rates.
+    subroutine hold(self, q, rate_q, rate_qd)
         class(radau_type), intent(inout) :: self
-        real(wp), intent(in) :: rate_q(size(self%dq)), rate_qd(size(self%dq))
+        real(wp), intent(in) :: q(size(self%dq)), rate_q(size(self%dq)), rate_qd(size(self%dq))
         integer :: i
 
         do i = 3, 1, -1
+            self%q(:, i) = q
             self%rate_q(:, i) = rate_q
             self%rate_qd(:, i) = rate_qd
         end do

@@ -119,8 +119,8 @@ contains
             if (self%m > 0) call iterate%correct_velocity(terms%jacobian, terms%nu, self%x_basis, qd)
             call self%move_with(t, q, qd, stat)
             if (stat /= status_ok) return
-            call self%stage%find_iterate_residual(terms, iterate, self%v_basis, self%v_dual, self%x_basis, self%w_basis, &
-                self%w_dual, qd, rate_q, rate_qd, self%change_q)
+            call self%stage%find_residual(terms, self%velocity_basis, self%v_basis, self%v_dual, self%x_basis, self%w_basis, &
+                self%w_dual, qd, rate_q, rate_qd, self%change_q, iterate)
             call self%stage%get_residual(residual)
         end associate
     end procedure stage_residual
@@ -176,9 +176,13 @@ contains
         if (self%nh > 0) then
             call approach(self, iterate, t, q, stat)
             is_near = stat == status_ok
-            if (.not. is_near) call self%restore_position(t, increment, q, stat)
-            if (stat /= status_ok) return
-            iterate%u = self%position%u(:self%nh)
+            if (.not. is_near) then
+                ! The prediction is not used again: it may not even be finite.
+                self%position%u = 0.0_wp
+                call self%restore_position(t, increment, q, stat)
+                if (stat /= status_ok) return
+                iterate%u = self%position%u(:self%nh)
+            end if
         end if
         call self%move_to(t, q, stat)
         if (stat == status_ok .and. .not. is_near) call iterate%factor_position(self%model%terms%jacobian, &
@@ -218,6 +222,8 @@ contains
                 if (stat /= status_ok) return
                 size_now = 0.0_wp
                 call self%position%judge(self%model%terms%phi, error)
+                stat = status_position_diverged
+                if (.not. error <= huge(1.0_wp)) return
                 ! Corrections by rounding would accumulate from stage to stage with a wrong Jacobian.
                 if (self%position%is_restored(error)) exit
                 call iterate%correct_position(self%model%terms%phi, u_basis, q)
@@ -226,7 +232,6 @@ contains
                     size_now = max(size_now, abs(iterate%moved_q(j))/self%scale(j))
                 end do
                 if (size_now <= small) exit
-                stat = status_position_diverged
                 if (.not. size_now < slow*last_size) return
                 last_size = size_now
             end do

@@ -69,7 +69,7 @@ module tandem_chart_dense_newton_matrix
     contains
         procedure :: allocate => allocate_stage, form, factor, adapt, enter_chart
         procedure :: expect_pairs
-        procedure :: find_residual, find_iterate_residual, solve_real, solve_pair
+        procedure :: find_residual, solve_real, solve_pair
         procedure :: get_residual, move_rates, filter, restore_error, reciprocal_condition, pack_state
         procedure, private :: solve, take_there, bring_back, is_near, set_carry
     end type stage_type
@@ -406,7 +406,8 @@ contains
     !> The residual of a stage at the current point, left in `rhs`. The stage's rates are ambient: their coordinates vd = V' rate_q
     !> and wd = W' rate_qd are corrected, and the parts that the chart ignores are copied from qd and qdd, which makes the rates
     !> good start values for other stages, on other charts too.
-    subroutine find_residual(self, terms, velocity_basis, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, change_q)
+    subroutine find_residual(self, terms, velocity_basis, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, &
+        change_q, iterate)
         class(stage_type), intent(inout) :: self
         type(terms_type), intent(in) :: terms
         type(velocity_basis_type), intent(inout) :: velocity_basis
@@ -415,6 +416,8 @@ contains
         real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
         !> Work space (n).
         real(wp), intent(out), contiguous :: change_q(:)
+        !> Iterate near the manifold, with factors of its own instead of those of `velocity_basis`.
+        type(stage_iterate_type), intent(inout), optional :: iterate
 
         associate (nv => self%nv)
             ! -r1 = V' (qd - rate_q), and the ambient rate with that vd and the rest of qd is qd - V (-r1).
@@ -427,45 +430,24 @@ contains
             call add_transposed_product(w_dual, rate_qd, 1.0_wp, self%rhs(nv + 1:))
             rate_qd = 0.0_wp
             call add_product(w_basis, self%rhs(nv + 1:), 1.0_wp, rate_qd)
-            self%defect = terms%gamma
-            call add_product(terms%jacobian, rate_qd, 1.0_wp, self%defect)
-            call velocity_basis%subtract_right_inverse(x_basis, self%defect, rate_qd)
+            if (present(iterate)) then
+                call iterate%correct_acceleration(terms%jacobian, terms%gamma, x_basis, rate_qd)
+            else
+                self%defect = terms%gamma
+                call add_product(terms%jacobian, rate_qd, 1.0_wp, self%defect)
+                call velocity_basis%subtract_right_inverse(x_basis, self%defect, rate_qd)
+            end if
             self%force = terms%force
             call add_product(terms%mass, rate_qd, -1.0_wp, self%force)
-            call velocity_basis%subtract_reaction(terms%jacobian, x_basis, self%force)
+            if (present(iterate)) then
+                call iterate%remove_reaction(terms%jacobian, x_basis, self%force)
+            else
+                call velocity_basis%subtract_reaction(terms%jacobian, x_basis, self%force)
+            end if
             self%rhs(nv + 1:) = 0.0_wp
             call add_transposed_product(w_basis, self%force, 1.0_wp, self%rhs(nv + 1:))
         end associate
     end subroutine find_residual
-
-    !> The same at an iterate that is only near the manifold.
-    subroutine find_iterate_residual(self, terms, iterate, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, change_q)
-        class(stage_type), intent(inout) :: self
-        type(terms_type), intent(in) :: terms
-        type(stage_iterate_type), intent(inout) :: iterate
-        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), x_basis(:, :), w_basis(:, :), w_dual(:, :)
-        real(wp), intent(in), contiguous :: qd(:)
-        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
-        !> Work space (n).
-        real(wp), intent(out), contiguous :: change_q(:)
-
-        associate (nv => self%nv)
-            change_q = qd - rate_q
-            self%rhs = 0.0_wp
-            call add_transposed_product(v_dual, change_q, 1.0_wp, self%rhs(:nv))
-            rate_q = qd
-            call add_product(v_basis, self%rhs(:nv), -1.0_wp, rate_q)
-            call add_transposed_product(w_dual, rate_qd, 1.0_wp, self%rhs(nv + 1:))
-            rate_qd = 0.0_wp
-            call add_product(w_basis, self%rhs(nv + 1:), 1.0_wp, rate_qd)
-            call iterate%correct_acceleration(terms%jacobian, terms%gamma, x_basis, rate_qd)
-            self%force = terms%force
-            call add_product(terms%mass, rate_qd, -1.0_wp, self%force)
-            call iterate%remove_reaction(terms%jacobian, x_basis, self%force)
-            self%rhs(nv + 1:) = 0.0_wp
-            call add_transposed_product(w_basis, self%force, 1.0_wp, self%rhs(nv + 1:))
-        end associate
-    end subroutine find_iterate_residual
 
     !> Add a correction of vd and wd to rates.
     subroutine move_rates(self, v_basis, w_basis, correction, rate_q, rate_qd, change_q, change_qd)
