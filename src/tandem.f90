@@ -42,7 +42,6 @@ module tandem
         option_visitor_type, options_type, projections, refresh_modes, steppers_without_estimate
     use tandem_pack, only: pack_type
     use tandem_chart, only: chart_type
-    use tandem_profile_factory, only: new_profiled_chart
     use tandem_profile_ledger, only: mark_type, profile_type
     use tandem_profile_observer, only: profiled_observer_type
     use tandem_profile_parts, only: n_part_groups, n_parts, part_blocks, part_checkpoint, part_group, part_group_name, part_name, &
@@ -81,7 +80,7 @@ module tandem
     public :: bracket_type
     public :: assembly_type, assemble, velocity_metrics
     public :: global_error_type, find_error_warnings, allowed_error, short_run
-    public :: profile_type, mark_type, chart_type, new_profiled_chart, profiled_observer_type
+    public :: profile_type, mark_type, chart_type, profiled_observer_type
     public :: n_parts, part_name, part_group, n_part_groups, part_group_name, terms_of_part
     public :: part_start, part_watch, part_rows, part_blocks, part_checkpoint, part_open
     public :: pack_type

@@ -1,8 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Time measurement of a run for `tandem run --profile`.
 module tandem_cli_profiling
-    use tandem, only: chart_type, model_type, new_profiled_chart, observer_type, options_type, part_rows, part_watch, &
-        profile_type, profiled_observer_type, wp
+    use tandem, only: model_type, observer_type, part_rows, part_watch, profile_type, profiled_observer_type
     use tandem_io, only: observer_list_type
     implicit none (type, external)
     private
@@ -20,19 +19,12 @@ module tandem_cli_profiling
 
 contains
 
-    !> Begin the measurement.
-    subroutine begin(self, model, options, t, q, qd, chart)
+    !> Begin the measurement of a model's run.
+    subroutine begin(self, model)
         class(profiling_type), intent(inout), target :: self
-        !> The model of the run.
-        class(model_type), intent(inout), target :: model
-        type(options_type), intent(in) :: options
-        !> Start of the run.
-        real(wp), intent(in) :: t, q(:), qd(:)
-        !> Chart argument for `initialize` of the simulation.
-        class(chart_type), allocatable, intent(out) :: chart
+        class(model_type), intent(inout) :: model
 
         call self%profile%begin()
-        call new_profiled_chart(model, options, t, q, qd, self%profile, chart)
         model%state%timer => self%profile
     end subroutine begin
 

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem run: runs a scene, writes the result file, prints a report.
 module tandem_cli_run
-    use tandem, only: at_end, chart_type, error_type, mark_type, part_open, part_start, profile_type, short_run, &
+    use tandem, only: at_end, error_type, mark_type, part_open, part_start, profile_type, short_run, &
         simulation_type, statistics_type, status_output_failed, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_interruption, only: caught_signal, interruptible_error_type, interruption_type, watch_signals
@@ -147,18 +147,15 @@ contains
         type(error_type), allocatable, intent(out) :: error
         !> Time measurement from here on, if present.
         type(profiling_type), intent(inout), optional, target :: profiling
-        class(chart_type), allocatable :: chart
         type(mark_type) :: mark
         integer :: i
 
         if (present(profiling)) then
-            call profiling%begin(scene%model, scene%options, scene%t_start, scene%q, scene%qd, chart)
+            call profiling%begin(scene%model)
             call profiling%profile%enter(part_start, mark)
-            call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly, chart)
-            call profiling%profile%leave(mark)
-        else
-            call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
         end if
+        call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, error, scene%assembly)
+        if (present(profiling)) call profiling%profile%leave(mark)
         if (allocated(error)) return
         if (allocated(scene%assembly)) then
             ! The second run starts from the assembled state.

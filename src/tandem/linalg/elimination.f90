@@ -18,12 +18,21 @@ module tandem_linalg_elimination
     implicit none (type, external)
     private
 
-    public :: elimination_type, largest_small
+    public :: elimination_type, largest_small, pivots_type
 
     !> Largest number of rows for which loops are faster than LAPACK (OpenBLAS); with 128 rows a step by loops takes twice as long.
     integer, parameter :: largest_small = 64
     !> A row is dependent on the previous ones if at most this part of it remains, as in the rank decision of `tandem_linalg_basis`.
     real(wp), parameter :: rank_tolerance = 1.0e-10_wp
+
+    !> A choice of pivots.
+    type :: pivots_type
+        private
+        integer :: choice = 0, parity = 1
+        logical :: has_pivots = .false.
+        integer, allocatable :: order(:)
+        real(wp), allocatable :: row_size(:)
+    end type pivots_type
 
     type :: elimination_type
         !> m rows, padded to `height`, and n columns.
@@ -32,22 +41,21 @@ module tandem_linalg_elimination
         real(wp), allocatable :: matrix(:, :), eliminated(:, :)
         !> Columns of C in the order of elimination (n): the pivot column of each row, then the free ones.
         integer, allocatable :: order(:)
-        !> Number of this choice of pivots; it changes with every new choice, and `release` restores it.
+        !> Number of this choice of pivots; it changes with every new choice, and `restore_saved` restores it.
         integer :: choice = 0
-        integer, private :: parity = 1, last_choice = 0, held_choice = 0, held_parity = 1
-        logical, private :: has_pivots = .false., held_has_pivots = .false.
-        !> Largest scaled entry of each row of C at the last measurement, saved values, pivots; two columns; 1 for rows and 0 for
+        integer, private :: parity = 1, last_choice = 0
+        logical, private :: has_pivots = .false.
+        !> Largest scaled entry of each row of C at the last measurement, pivots; two columns; 1 for rows and 0 for
         !> padding (height); unit matrix (height, height).
-        real(wp), allocatable, private :: row_size(:), held_row_size(:), pivots(:), column(:), second(:), mask(:), unit(:, :)
+        real(wp), allocatable, private :: row_size(:), pivots(:), column(:), second(:), mask(:), unit(:, :)
         !> Scales of the unknowns (n), and of the pivot columns (height).
         real(wp), allocatable, private :: scale(:), pivot_scale(:)
-        integer, allocatable, private :: held_order(:)
         !> By LAPACK: row exchanges, and scale factors of the rows, powers of 2 (m).
         integer, allocatable, private :: exchanges(:)
         real(wp), allocatable, private :: row_factor(:)
     contains
         procedure :: allocate => allocate_elimination, forget
-        procedure :: hold, release
+        procedure :: save, restore_saved
         procedure :: eliminate, solve, orientation, measure_rows
         procedure :: get_right_inverse, get_null_space, pack_state
         procedure, private :: choose_pivots, factor, solve_all, swap
@@ -97,7 +105,7 @@ contains
         self%height = lane*((m + lane - 1)/lane)
         self%has_pivots = .false.
         self%parity = 1
-        if (allocated(self%scale)) deallocate (self%scale, self%order, self%held_order, self%held_row_size)
+        if (allocated(self%scale)) deallocate (self%scale, self%order)
         if (allocated(self%exchanges)) deallocate (self%exchanges, self%row_factor)
         if (m > largest_small) then
             allocate (self%exchanges(m), source=0)
@@ -113,10 +121,9 @@ contains
             call allocate_aligned(self%second, height)
             call allocate_aligned(self%mask, height)
             call allocate_aligned(self%pivot_scale, height)
-            allocate (self%held_row_size(height), source=0.0_wp)
         end associate
         allocate (self%scale(n), source=1.0_wp)
-        allocate (self%order(n), self%held_order(n), source=0)
+        allocate (self%order(n), source=0)
         self%pivot_scale(:) = 1.0_wp
         self%mask(:m) = 1.0_wp
         self%pivots(m + 1:) = 1.0_wp
@@ -132,28 +139,30 @@ contains
         self%has_pivots = .false.
     end subroutine forget
 
-    !> Save the stored pivots.
-    pure subroutine hold(self)
-        class(elimination_type), intent(inout) :: self
+    !> Save the pivots, so that other points can be evaluated without effect.
+    pure subroutine save(self, pivots)
+        class(elimination_type), intent(in) :: self
+        type(pivots_type), intent(inout) :: pivots
 
-        self%held_has_pivots = self%has_pivots
-        self%held_order(:) = self%order
-        self%held_row_size(:) = self%row_size
-        self%held_parity = self%parity
-        self%held_choice = self%choice
-    end subroutine hold
+        pivots%has_pivots = self%has_pivots
+        pivots%order = self%order
+        pivots%row_size = self%row_size
+        pivots%parity = self%parity
+        pivots%choice = self%choice
+    end subroutine save
 
     !> Restore the saved pivots.
-    pure subroutine release(self)
+    pure subroutine restore_saved(self, pivots)
         class(elimination_type), intent(inout) :: self
+        type(pivots_type), intent(in) :: pivots
 
-        self%has_pivots = self%held_has_pivots
-        self%order(:) = self%held_order
-        self%row_size(:) = self%held_row_size
-        self%parity = self%held_parity
-        self%choice = self%held_choice
+        self%has_pivots = pivots%has_pivots
+        self%order(:) = pivots%order
+        self%row_size(:) = pivots%row_size
+        self%parity = pivots%parity
+        self%choice = pivots%choice
         if (self%has_pivots) self%pivot_scale(:self%m) = self%scale(self%order(:self%m))
-    end subroutine release
+    end subroutine restore_saved
 
     !> Eliminate a matrix. stat > 0: the row of this number has no pivot; stat < 0: an entry is not finite.
     subroutine eliminate(self, matrix, scale, stat)

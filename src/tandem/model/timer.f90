@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A timer is notified of each call of a procedure of a model and measures its time. Without a timer, the overhead is the test of a
-!> pointer per call of a single procedure, and nothing if `evaluate` of the model provides all requested terms.
+!> A timer is notified of each call of a procedure of a model, and of each operation of a chart, and measures their times. Without a
+!> timer, the overhead is the test of a pointer per call of a single procedure or operation.
 module tandem_model_timer
     use tandem_model_terms, only: n_terms
     implicit none (type, external)
@@ -11,6 +11,8 @@ module tandem_model_timer
         of_constraint_acceleration, of_mass_matrix, of_inertia_force, of_applied_force, of_kinetic_energy, of_potential_energy, &
         of_jacobian_derivative, of_nu_derivative, of_gamma_q, of_gamma_qd, of_mass_derivative, of_reaction_derivative, &
         of_force_q, of_force_qd, of_evaluate, of_evaluate_derivatives
+    public :: n_operations, of_origin, of_refresh, of_position, of_velocity, of_acceleration, of_errors, of_rank, of_policy, &
+        of_multipliers, of_energy, of_projection, of_matrix, of_reuse, of_correction, of_stage, of_filter
 
     !> Numbers of calls: procedures of one term each, in the order of `model_type`; the need mask is added to the numbers of the
     !> other two.
@@ -20,14 +22,21 @@ module tandem_model_timer
         of_nu_derivative = 13, of_gamma_q = 14, of_gamma_qd = 15, of_mass_derivative = 16, of_reaction_derivative = 17, &
         of_force_q = 18, of_force_qd = 19, of_evaluate = 19, of_evaluate_derivatives = of_evaluate + 2**n_terms - 1
 
+    !> Numbers of operations: of charts, then of Newton's iteration.
+    integer, parameter :: of_origin = 1, of_refresh = 2, of_position = 3, of_velocity = 4, of_acceleration = 5, of_errors = 6, &
+        of_rank = 7, of_policy = 8, of_multipliers = 9, of_energy = 10, of_projection = 11
+    integer, parameter :: of_matrix = 12, of_reuse = 13, of_correction = 14, of_stage = 15, of_filter = 16, n_operations = 16
+
     type, abstract :: timer_type
     contains
         procedure(begin_call_interface), deferred :: begin_call
         procedure(end_call_interface), deferred :: end_call
+        procedure(begin_call_interface), deferred :: begin_operation
+        procedure(end_call_interface), deferred :: end_operation
     end type timer_type
 
     abstract interface
-        !> A procedure is called now; an unfinished previous call has ended.
+        !> A procedure is called now, and an unfinished previous call has ended; or an operation begins, possibly within another.
         subroutine begin_call_interface(self, number)
             import :: timer_type
             implicit none (type, external)
@@ -36,7 +45,7 @@ module tandem_model_timer
             integer, intent(in) :: number
         end subroutine begin_call_interface
 
-        !> The current call has ended.
+        !> The current call has ended, or the operation that was begun last.
         subroutine end_call_interface(self)
             import :: timer_type
             implicit none (type, external)

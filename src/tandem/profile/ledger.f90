@@ -6,12 +6,12 @@
 !> either side is measured in a loop, and subtracted for each call. In a run it is larger, because it restricts out-of-order
 !> execution: `compare` finds the difference from runs with and without clocks.
 !>
-!> For a measured run this is the timer of the model (`model%state%timer`), the chart is a `profiled_chart_type`, and observers are
-!> wrapped (`profiled_observer_type`). Other runs have no overhead.
+!> For a measured run this is the timer of the model (`model%state%timer`), which its chart uses too, and observers are wrapped
+!> (`profiled_observer_type`).
 module tandem_profile_ledger
     use tandem_kinds, only: long, wp
     use tandem_model_timer, only: timer_type
-    use tandem_profile_parts, only: n_parts, part_control, part_open, part_rows, part_single, part_watch
+    use tandem_profile_parts, only: n_parts, part_chart, part_control, part_open, part_rows, part_single, part_watch
     implicit none (type, external)
     private
 
@@ -24,6 +24,9 @@ module tandem_profile_ledger
         integer :: before = part_control, part = part_control
         integer(long) :: since = 0, pairs = 0
     end type mark_type
+
+    !> Deepest nesting of operations of a chart.
+    integer, parameter :: deepest = 8
 
     !> Times and calls of a run, from `begin` to `finish`.
     type, extends(timer_type) :: profile_type
@@ -47,8 +50,11 @@ module tandem_profile_ledger
         !> True during a call of a procedure of the model; mark to leave it.
         logical, private :: is_in_call = .false.
         type(mark_type), private :: call_mark
+        !> Marks of the operations that were begun, and their number.
+        type(mark_type), private :: operation_mark(deepest)
+        integer, private :: depth = 0
     contains
-        procedure :: begin, enter, leave, begin_call, end_call, finish, compare
+        procedure :: begin, enter, leave, begin_call, end_call, begin_operation, end_operation, finish, compare
         procedure :: seconds, whole_seconds, total, output_seconds, bare_seconds, clock_seconds
         procedure, private :: start_clock
     end type profile_type
@@ -95,6 +101,7 @@ contains
         self%processor = 0.0_wp
         self%current = part_control
         self%is_in_call = .false.
+        self%depth = 0
         call cpu_time(self%processor_from)
         call system_clock(self%since, self%rate)
     end subroutine start_clock
@@ -152,6 +159,23 @@ contains
         if (self%is_in_call) call self%leave(self%call_mark)
         self%is_in_call = .false.
     end subroutine end_call
+
+    !> Enter the part of an operation of a chart.
+    subroutine begin_operation(self, number)
+        class(profile_type), intent(inout) :: self
+        integer, intent(in) :: number
+
+        self%depth = self%depth + 1
+        if (self%depth <= deepest) call self%enter(part_chart + number, self%operation_mark(self%depth))
+    end subroutine begin_operation
+
+    !> Leave the part of the last operation.
+    subroutine end_operation(self)
+        class(profile_type), intent(inout) :: self
+
+        if (self%depth <= deepest) call self%leave(self%operation_mark(self%depth))
+        self%depth = self%depth - 1
+    end subroutine end_operation
 
     !> End the measurement.
     subroutine finish(self)

@@ -3,14 +3,16 @@
 module tandem_profile_parts
     use tandem_model_derivatives, only: derivative_name, n_derivatives, need_all_derivatives
     use tandem_model_terms, only: term_name
-    use tandem_model_timer, only: of_evaluate, of_evaluate_derivatives
+    use tandem_model_timer, only: n_operations, of_acceleration, of_correction, of_energy, of_errors, of_evaluate, &
+        of_evaluate_derivatives, of_filter, of_matrix, of_multipliers, of_origin, of_policy, of_position, of_projection, of_rank, &
+        of_refresh, of_reuse, of_stage, of_velocity
     implicit none (type, external)
     private
 
     public :: n_parts, part_name, part_group, n_part_groups, part_group_name, terms_of_part
     public :: part_control, part_start, part_watch, part_rows, part_blocks, part_checkpoint, part_open
-    public :: part_renew, part_refresh, part_position, part_velocity, part_acceleration, part_errors, part_rank, part_health, &
-        part_multipliers, part_energy, part_projection
+    public :: part_chart, part_renew, part_refresh, part_position, part_velocity, part_acceleration, part_errors, part_rank, &
+        part_health, part_multipliers, part_energy, part_projection
     public :: part_matrix, part_reuse, part_correction, part_stage, part_filter
     public :: part_single, part_terms, part_derivatives
     public :: group_model, group_chart, group_newton, group_control, group_output, group_start, group_watch
@@ -21,15 +23,19 @@ module tandem_profile_parts
     integer, parameter :: part_start = 2, part_watch = 3
     !> Parts of output: rows collected in memory, written to disk, state of checkpoints, file opened and closed.
     integer, parameter :: part_rows = 4, part_blocks = 5, part_checkpoint = 6, part_open = 7
-    !> Operations of a chart.
-    integer, parameter :: part_renew = 8, part_refresh = 9, part_position = 10, part_velocity = 11, part_acceleration = 12, &
-        part_errors = 13, part_rank = 14, part_health = 15, part_multipliers = 16, part_energy = 17, part_projection = 18
+    !> Operation number i of a chart (`tandem_model_timer`) is the part `part_chart + i`.
+    integer, parameter :: part_chart = 7, part_renew = part_chart + of_origin, part_refresh = part_chart + of_refresh, &
+        part_position = part_chart + of_position, part_velocity = part_chart + of_velocity, &
+        part_acceleration = part_chart + of_acceleration, part_errors = part_chart + of_errors, &
+        part_rank = part_chart + of_rank, part_health = part_chart + of_policy, part_multipliers = part_chart + of_multipliers, &
+        part_energy = part_chart + of_energy, part_projection = part_chart + of_projection
     !> Newton's iteration: matrices computed and factored, reused from previous steps, corrections, points of iterates with their
     !> residuals and systems, error filter by the matrix.
-    integer, parameter :: part_matrix = 19, part_reuse = 20, part_correction = 21, part_stage = 22, part_filter = 23
+    integer, parameter :: part_matrix = part_chart + of_matrix, part_reuse = part_chart + of_reuse, &
+        part_correction = part_chart + of_correction, part_stage = part_chart + of_stage, part_filter = part_chart + of_filter
     !> Call number i of a model (`tandem_model_timer`) is the part `part_single + i`; those of the single procedures come first
     !> (`single_name`).
-    integer, parameter :: part_single = 23, n_singles = of_evaluate
+    integer, parameter :: part_single = part_chart + n_operations, n_singles = of_evaluate
     !> A call of `evaluate`, or of `evaluate_derivatives`, with the need mask m is `part_terms + m`, or `part_derivatives + m`.
     integer, parameter :: part_terms = part_single + of_evaluate, part_derivatives = part_single + of_evaluate_derivatives
     !> Number of parts.

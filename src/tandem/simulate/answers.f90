@@ -33,21 +33,14 @@ contains
         integer :: stat
 
         lambda = 0.0_wp
-        if (self%is_ready) call self%chart%multipliers(self%state%t, self%state%q, self%state%qd, self%state%qdd, lambda, stat)
+        if (self%is_ready) call self%chart%find_multipliers(self%state%t, self%state%q, self%state%qd, self%state%qdd, lambda, stat)
     end procedure multipliers
 
     module procedure kinetic_energy
         energy = 0.0_wp
         stat = status_invalid_option
         if (.not. self%is_ready) return
-        if (associated(self%model%kinetic_energy)) then
-            self%chart%counts%kinetic_energies = self%chart%counts%kinetic_energies + 1
-            if (associated(self%model%state%timer)) call self%model%state%timer%begin_call(of_kinetic_energy)
-            call self%model%kinetic_energy(self%state%q, self%state%qd, energy, stat)
-            if (associated(self%model%state%timer)) call self%model%state%timer%end_call()
-        else
-            call self%chart%kinetic_energy(self%state%t, self%state%q, self%state%qd, energy, stat)
-        end if
+        call self%energy%find(self%model, self%state%t, self%state%q, self%state%qd, self%chart%counts, energy, stat)
     end procedure kinetic_energy
 
     module procedure potential_energy

@@ -28,7 +28,7 @@ contains
         self%tally%rejected = self%tally%rejected + 1
         call self%control%reject(h, norm)
         call self%lost_rank%go_back(h)
-        call self%chart%retry_step()
+        call self%chart%set_memory()
         self%hindrance = status_ok
     end procedure judge_between
 

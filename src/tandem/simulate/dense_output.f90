@@ -2,7 +2,8 @@
 !> Dense output: the motion at times within the last step, between the steps' own. It does not affect the integration: the original
 !> state is restored.
 module tandem_simulate_dense_output
-    use tandem_chart, only: chart_type
+    use tandem_chart, only: chart_memory_type, chart_type, step_end
+    use tandem_chart_implicit, only: filter_error
     use tandem_kinds, only: wp
     use tandem_model, only: model_type
     use tandem_pack, only: pack_type
@@ -31,6 +32,8 @@ module tandem_simulate_dense_output
         real(wp), allocatable, private :: slope(:, :), filtered(:, :)
         !> State at the measured position of a step.
         type(state_type), private :: probe
+        !> The chart's start of the next step, while other points are evaluated.
+        class(chart_memory_type), allocatable, private :: memory
     contains
         procedure :: initialize, note_step, forget_step, look_at, look_back, measure, stay, keep, give_back, jump, pack_state
     end type dense_output_type
@@ -87,7 +90,7 @@ contains
         if (.not. self%is_looking) then
             call self%keep(state, errors)
             self%kept_segment = model%segment
-            if (self%has_step) call chart%hold()
+            if (self%has_step) call chart%get_memory(self%memory)
             self%is_looking = .true.
         end if
         stat = status_ok
@@ -101,10 +104,10 @@ contains
         end if
         if (model%segment /= self%segment) then
             model%segment = self%segment
-            call chart%forget()
+            call chart%forget(.false.)
         end if
         call go_to(self, t, stepper, chart, start, arrived, state, stat)
-        if (stat == status_ok) call chart%constraint_errors(t, state%q, state%qd, state%qdd, errors, rows, stat)
+        if (stat == status_ok) call chart%find_errors(t, state%q, state%qd, state%qdd, errors, rows, stat)
         if (stat /= status_ok) return
         call find_errors(self, arrived%t - start%t, is_implicit, model%n_constraints() > 0, chart, scales, state)
         call scales%largest_parts(state, self%slope(:, 1), self%slope(:, 2), part_q, part_qd)
@@ -134,7 +137,7 @@ contains
 
         norm = 0.0_wp
         if (.not. allocated(self%probe%q)) call self%probe%allocate(size(start%q))
-        call chart%hold()
+        call chart%get_memory(self%memory)
         call go_to(self, start%t + place*(arrived%t - start%t), stepper, chart, start, arrived, self%probe, stat)
         if (stat == status_ok) then
             call find_errors(self, arrived%t - start%t, is_implicit, model%n_constraints() > 0, chart, scales, self%probe)
@@ -142,7 +145,7 @@ contains
                 norm = max(norm, self%slope(i, 1)*weight_q(i), self%slope(i, 2)*weight_qd(i))
             end do
         end if
-        call chart%release()
+        call chart%set_memory(self%memory)
     end subroutine measure
 
     !> Set `state` for a time within a step, on all three constraint levels, and `slope` for the interpolant.
@@ -161,10 +164,10 @@ contains
             call stepper%interpolate(chart, start, arrived, t, state%dq, state%dqd, slope(:, 1), slope(:, 2), stat)
             if (stat == status_ok) then
                 call follow_states(start, arrived, state, slope)
-                call chart%restore_near(t, state%q, state%qd, stat)
+                call chart%project(t, state%q, state%qd, .true., stat)
             end if
         end associate
-        if (stat == status_ok) call chart%solve_dynamics(t, state%q, state%qd, state%qdd, stat)
+        if (stat == status_ok) call chart%accelerate(t, state%q, state%qd, step_end, state%qdd, stat)
     end subroutine go_to
 
     !> The point and the velocity of interpolated increments. Increments are the motion itself except for the part that the
@@ -209,12 +212,12 @@ contains
         associate (error => self%slope)
             error(:, 1) = part*(error(:, 1) - state%qd)
             error(:, 2) = part*(error(:, 2) - state%qdd)
-            call chart%keep_tangent(error(:, 1), error(:, 2))
+            call chart%remove_normal(error(:, 1), error(:, 2))
             if (is_implicit) then
                 ! As for local errors: a stiff mode has a rate that is large against its error.
                 if (.not. allocated(self%filtered)) allocate (self%filtered(size(error, 1), 2))
                 self%filtered(:, :) = error
-                call chart%filter_error(self%filtered(:, 1), self%filtered(:, 2))
+                call filter_error(chart, self%filtered(:, 1), self%filtered(:, 2))
                 if (scales%largest_part(state, self%filtered(:, 1), self%filtered(:, 2)) < &
                     0.1_wp*scales%largest_part(state, error(:, 1), error(:, 2))) error(:, :) = self%filtered
             end if
@@ -240,9 +243,9 @@ contains
         if (.not. self%has_step) return
         if (model%segment /= self%kept_segment) then
             model%segment = self%kept_segment
-            call chart%forget()
+            call chart%forget(.false.)
         end if
-        call chart%release()
+        call chart%set_memory(self%memory)
     end subroutine look_back
 
     !> Continue from the current state instead of the original one.
@@ -250,7 +253,7 @@ contains
         class(dense_output_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
 
-        if (self%is_looking) call chart%release()
+        if (self%is_looking) call chart%set_memory(self%memory)
         self%is_looking = .false.
     end subroutine stay
 

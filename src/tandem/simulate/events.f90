@@ -222,7 +222,8 @@ contains
         call self%stiffness%smoothness%restart()
         ! A loss of rank that was ahead need not be ahead now.
         call self%lost_rank%forget_ahead()
-        call self%chart%forget_model()
+        call self%chart%forget(.true.)
+        call self%energy%forget()
         stat = status_ok
         if (self%method%implicit) then
             ! Bases of implicit steps are complements of the rows before the action: with a row that it locks or frees, C X may be
@@ -232,8 +233,8 @@ contains
             self%state%dqd(:) = 0.0_wp
         end if
         associate (state => self%state, chart => self%chart)
-            if (stat == status_ok) call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
-            if (stat == status_ok) call chart%constraint_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
+            if (stat == status_ok) call chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)
+            if (stat == status_ok) call chart%find_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
             if (stat == status_ok .and. self%errors(1) > self%options%constraint_tolerance) then
                 call set_error(error, status_inconsistent_start, 'an event at t = '//to_text(state%t)// &
                     ' has moved the position off the constraint "'//self%model%row_name(rows(1))//'" by '// &
@@ -241,8 +242,8 @@ contains
                 return
             end if
             if (stat == status_ok .and. self%errors(2) > 0.01_wp*self%options%constraint_tolerance) then
-                call chart%project_velocity(state%t, state%q, state%qd, stat)
-                if (stat == status_ok) call chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+                call chart%project(state%t, state%q, state%qd, .false., stat)
+                if (stat == status_ok) call chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)
                 if (stat == status_ok .and. allocated(self%model%state%impulses)) call find_impulses(self, before, stat)
             end if
             self%tally%velocity_jump = max(self%tally%velocity_jump, self%dense%jump(state%qd))
@@ -265,10 +266,10 @@ contains
 
         associate (state => self%state, chart => self%chart)
             jump = 0.0_wp
-            call chart%multipliers(state%t, state%q, state%qd, jump, at_rest, stat)
+            call chart%find_multipliers(state%t, state%q, state%qd, jump, at_rest, stat)
             if (stat /= status_ok) return
             jump = state%qd - before
-            call chart%multipliers(state%t, state%q, state%qd, jump, self%model%state%impulses, stat)
+            call chart%find_multipliers(state%t, state%q, state%qd, jump, self%model%state%impulses, stat)
             self%model%state%impulses = self%model%state%impulses - at_rest
         end associate
     end subroutine find_impulses

@@ -83,7 +83,6 @@ contains
         integer :: stat
 
         call self%make_room()
-        call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)
         call self%take_stepper(.not. self%switching%is_implicit, stat)
         if (stat /= status_ok) then
             ! Implicit steps are impossible here: the run continues unchanged.
@@ -94,7 +93,7 @@ contains
             self%state%dqd(:) = 0.0_wp
             return
         end if
-        self%state%dq(:) = self%next%dq
+        self%state%dq(:) = 0.0_wp
         self%state%dqd(:) = 0.0_wp
         call self%switching%note_switch(self%state%t, self%tally%steps, self%tally%steps + self%tally%rejected + &
             self%tally%failed, self%stiffness%smoothness%needed)
@@ -111,7 +110,6 @@ contains
 
     module procedure take_stepper
         class(chart_type), allocatable :: former
-        type(counts_type) :: counts
         type(error_type), allocatable :: error
         integer :: n_dropped
 
@@ -125,20 +123,19 @@ contains
         if (n_dropped > 0 .and. .not. self%is_sparse) then
             call self%choose_rows_anew(stat)
         else
-            counts = self%chart%counts
             call move_alloc(self%chart, former)
             call self%allocate_chart()
-            call self%chart%initialize(self%model, self%options, self%method%implicit, error)
-            self%chart%counts = counts
+            call self%chart%attach(self%model, self%options, self%method%implicit, self%method%damps, error)
+            call self%chart%inherit(former)
             if (allocated(error)) then
                 stat = error%stat
             else if (n_dropped > 0) then
                 call self%chart%leave_out_dependent(self%state%t, self%state%q, self%state%qd, stat)
                 if (stat == status_ok .and. self%chart%n_dropped /= n_dropped) stat = status_rank_deficient
             else
-                call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+                self%next%dq(:) = 0.0_wp
+                call self%chart%set_origin(self%state%t, self%state%q, self%state%qd, .false., self%next%dq, stat)
             end if
-            call self%chart%inherit(former)
         end if
         self%chart_is_current = stat == status_ok
     end procedure take_stepper

@@ -2,7 +2,7 @@
 !> Detects a loss of rank along the steps of a run, beyond which the motion is not unique: of C, or of the conditioning of a
 !> coordinate without mass.
 module tandem_simulate_lost_rank
-    use tandem_chart, only: chart_type
+    use tandem_chart, only: chart_type, measure_type, need_change, need_line, need_rank
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
     use tandem_simulate_local_error, only: local_error_type
@@ -23,15 +23,18 @@ module tandem_simulate_lost_rank
     type :: lost_rank_type
         !> Time until the loss, if the smallest singular value continues to fall at its rate.
         real(wp), private :: room = huge(1.0_wp)
+        !> Remaining part of the independence, and of the conditioning of massless coordinates, at the last step.
+        real(wp), private :: fallen = 1.0_wp, loosened = 1.0_wp
         !> Status for which a controlled step was given up, a loss or a status that may hide one, and the time until which it may
         !> still be ahead or close behind.
         integer, private :: reason = status_ok
         real(wp), private :: until = -huge(1.0_wp)
+        !> End of a line ahead (n).
+        real(wp), allocatable, private :: ahead(:)
     contains
-        procedure :: forget_ahead, go_back, is_ahead, was_met, is_near, longest_step, look_ahead, look_within
-        procedure, nopass :: find_near, find_close
-        procedure :: check
-        procedure, nopass :: find_behind
+        procedure :: forget_ahead, forget_measure, go_back, is_ahead, was_met, is_near, longest_step, look_ahead, look_within
+        procedure :: find_near, find_close, check, find_behind
+        procedure, private :: loss_ahead
         procedure :: remember, check_branch, pack_state
     end type lost_rank_type
 
@@ -43,6 +46,28 @@ contains
 
         self%room = huge(1.0_wp)
     end subroutine forget_ahead
+
+    !> Another chart, whose independence has not been measured yet.
+    pure subroutine forget_measure(self)
+        class(lost_rank_type), intent(inout) :: self
+
+        self%fallen = 1.0_wp
+        self%loosened = 1.0_wp
+    end subroutine forget_measure
+
+    !> The loss on the straight line from a state within the time h, ok if there is none.
+    subroutine loss_ahead(self, chart, t, q, qd, h, loss)
+        class(lost_rank_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        real(wp), intent(in) :: t, h
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        integer, intent(out) :: loss
+        type(measure_type) :: measure
+
+        if (.not. allocated(self%ahead)) allocate (self%ahead(size(q)))
+        self%ahead(:) = q + h*qd
+        call chart%measure(need_line, t, q, t + h, self%ahead, qd, measure, loss)
+    end subroutine loss_ahead
 
     !> Reject a step of size h: the loss is farther ahead again.
     pure subroutine go_back(self, h)
@@ -96,20 +121,22 @@ contains
 
         loss = status_ok
         t = state%t + self%room
-        if (self%is_ahead() .and. min(chart%fallen, chart%loosened) < least_independence) then
+        if (self%is_ahead() .and. min(self%fallen, self%loosened) < least_independence) then
             ! Determines the rows of the message.
-            loss = chart%loss_ahead(state%t, state%q, state%qd, 2*self%room)
-            loss = merge(status_rank_deficient, status_singular_mass, chart%fallen < least_independence)
+            call self%loss_ahead(chart, state%t, state%q, state%qd, 2*self%room, loss)
+            loss = merge(status_rank_deficient, status_singular_mass, self%fallen < least_independence)
         else if (0.5_wp*self%room < h .and. chart%n_dropped == 0) then
             ! Redundant rows belong to linkages with symmetries, whose branches may cross where C loses two ranks at once and keeps
             ! its orientation.
-            if (chart%loss_ahead(state%t, state%q, state%qd, 2*self%room) == status_ok) call self%forget_ahead()
+            call self%loss_ahead(chart, state%t, state%q, state%qd, 2*self%room, loss)
+            if (loss == status_ok) call self%forget_ahead()
+            loss = status_ok
         end if
     end subroutine look_ahead
 
     !> The loss within a fixed step of size h, ok if there is none.
     subroutine look_within(self, chart, state, h, loss)
-        class(lost_rank_type), intent(in) :: self
+        class(lost_rank_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         real(wp), intent(in) :: h
@@ -118,12 +145,13 @@ contains
         real(wp), parameter :: hair = 1.0e-7_wp
 
         loss = status_ok
-        if (self%room < 1.5_wp*h) loss = chart%loss_ahead(state%t, state%q, state%qd, (1.0_wp + hair)*h)
+        if (self%room < 1.5_wp*h) call self%loss_ahead(chart, state%t, state%q, state%qd, (1.0_wp + hair)*h, loss)
     end subroutine look_within
 
     !> Steps have become hopelessly short. A loss within a millionth of the run ahead, or weak conditioning of a massless
     !> coordinate, is the cause: the errors of steps grow without bound towards it.
-    subroutine find_near(chart, state, span, loss)
+    subroutine find_near(self, chart, state, span, loss)
+        class(lost_rank_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         !> Time since the start of the run.
@@ -131,14 +159,15 @@ contains
         integer, intent(out) :: loss
         real(wp), parameter :: near = 1.0e-6_wp
 
-        loss = chart%loss_ahead(state%t, state%q, state%qd, near*span)
-        if (loss == status_ok .and. chart%loosened < least_independence) loss = status_singular_mass
+        call self%loss_ahead(chart, state%t, state%q, state%qd, near*span, loss)
+        if (loss == status_ok .and. self%loosened < least_independence) loss = status_singular_mass
     end subroutine find_near
 
     !> Loss close ahead, ok if there is none: accelerations, and so their rounding, grow without bound towards it, faster with more
     !> loops involved, until constraints are violated or steps creep. The search covers at most a ten-thousandth of the coordinates'
     !> scale.
-    subroutine find_close(chart, state, rate, reach, room, loss)
+    subroutine find_close(self, chart, state, rate, reach, room, loss)
+        class(lost_rank_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         !> The largest velocity on the coordinates' scales, the usual reach of steps, and the largest time of the search.
@@ -151,7 +180,7 @@ contains
         if (.not. rate*reach <= close) return
         ahead = room
         if (rate*ahead > close) ahead = close/rate
-        if (ahead > 0.0_wp) loss = chart%loss_ahead(state%t, state%q, state%qd, ahead)
+        if (ahead > 0.0_wp) call self%loss_ahead(chart, state%t, state%q, state%qd, ahead, loss)
     end subroutine find_close
 
     !> Check if C has lost rank between a state and the next: behind such a step the motion is not unique.
@@ -160,22 +189,25 @@ contains
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         type(state_type), intent(inout) :: next
-        !> ok, or the status of `measure_rank`.
+        !> ok, or the status of `measure` of the chart.
         integer, intent(out) :: stat
-        real(wp) :: room
+        type(measure_type) :: measure
 
-        call chart%measure_rank(state%t, state%q, next%t, next%q, room, stat)
-        if (stat == status_ok .and. .not. room > 0.0_wp) stat = status_rank_deficient
+        call chart%measure(need_rank, state%t, state%q, next%t, next%q, next%qd, measure, stat)
+        self%fallen = measure%fallen
+        self%loosened = measure%loosened
+        if (stat == status_ok .and. .not. measure%room > 0.0_wp) stat = status_rank_deficient
         ! A rotation of this size may hide a loss.
         if (stat == status_chart_left) call self%find_behind(chart, state, next, stat)
         ! A rejected step gives no prediction for the next.
         if (stat /= status_ok) return
-        self%room = room
-        if (room < huge(1.0_wp)) self%room = room*(next%t - state%t)
+        self%room = measure%room
+        if (measure%room < huge(1.0_wp)) self%room = measure%room*(next%t - state%t)
     end subroutine check
 
     !> The step to `next` could not be completed. If C loses rank on its straight line, that is the reason.
-    subroutine find_behind(chart, state, next, stat)
+    subroutine find_behind(self, chart, state, next, stat)
+        class(lost_rank_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         !> Its coordinates are used as work space.
@@ -189,7 +221,7 @@ contains
             ! From a little behind, since the state may lie just beyond the loss, and further than the step, since the path bends
             ! and stages fail first; stages that are solved together fail two steps before.
             next%q = state%q - h*state%qd
-            loss = chart%loss_ahead(state%t - h, next%q, state%qd, 4.0_wp*h)
+            call self%loss_ahead(chart, state%t - h, next%q, state%qd, 4.0_wp*h, loss)
             if (loss /= status_ok) stat = loss
         end associate
     end subroutine find_behind
@@ -223,13 +255,16 @@ contains
         !> Relative to the velocity; steps that meet usual tolerances leave far less. Loose tolerances may leave as much, and the
         !> step is repeated, since the gap of a step onto another branch may be no larger.
         real(wp), parameter :: least_gap = 1.0e-3_wp
+        type(measure_type) :: measure
         real(wp) :: gap
+        integer :: stat_there
 
         stat = status_ok
         if (state%t > self%until) return
         gap = local_error%gap(state, next)
         if (.not. gap > least_gap) return
-        if (chart%relative_change() > gap) stat = self%reason
+        call chart%measure(need_change, state%t, state%q, next%t, next%q, next%qd, measure, stat_there)
+        if (measure%change > gap) stat = self%reason
     end subroutine check_branch
 
     !> All components.
@@ -237,7 +272,7 @@ contains
         class(lost_rank_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%room)
+        call pack%item(self%room, self%fallen, self%loosened)
         call pack%item(self%reason)
         call pack%item(self%until)
     end subroutine pack_state

@@ -17,19 +17,19 @@ contains
         circumstance_ = anywhere
         if (present(circumstance)) circumstance_ = circumstance
         message = trim(adjustl(meaning(stat)))//' '//where_
-        if (self%chart%failed_row > 0) then
-            message = message//', constraint "'//self%model%row_name(self%chart%failed_row)//'"'
-            if (stat == status_rank_deficient .and. allocated(self%chart%failed_rows)) then
-                message = message//trim(self%with_rows(self%chart%failed_rows, self%chart%failed_row, ' with '))
+        if (self%chart%failure%row > 0) then
+            message = message//', constraint "'//self%model%row_name(self%chart%failure%row)//'"'
+            if (stat == status_rank_deficient .and. allocated(self%chart%failure%rows)) then
+                message = message//trim(self%with_rows(self%chart%failure%rows, self%chart%failure%row, ' with '))
             end if
             if (stat /= status_rank_deficient .and. stat /= status_singular_mass) then
-                message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
+                message = message//', error '//to_text(self%chart%failure%value)//' of its natural scale'
             end if
         end if
-        if (stat == status_singular_mass .and. self%chart%failed_coordinate > 0) message = message//': nothing ties "'// &
-            trim(self%model%coordinate_label(self%chart%failed_coordinate))//'", which has no mass'
-        if (stat == status_invalid_model .and. allocated(self%chart%failed_term)) then
-            associate (term => self%chart%failed_term)
+        if (stat == status_singular_mass .and. self%chart%failure%coordinate > 0) message = message//': nothing ties "'// &
+            trim(self%model%coordinate_label(self%chart%failure%coordinate))//'", which has no mass'
+        if (stat == status_invalid_model .and. allocated(self%chart%failure%term)) then
+            associate (term => self%chart%failure%term)
                 if (index(term, 'outside') == 1) then
                     message = 'the mass matrix is not zero outside of mass_blocks '//where_//', entry mass'//term(8:)// &
                         ': give larger blocks'
@@ -39,11 +39,11 @@ contains
             end associate
         end if
         if (any(stat == [status_callback_failed, status_not_evaluable, status_not_finite]) .and. &
-            allocated(self%chart%failed_term)) then
-            message = message//', term '//self%chart%failed_term
+            allocated(self%chart%failure%term)) then
+            message = message//', term '//self%chart%failure%term
         end if
         call set_error(error, stat, message, trim(advice_on_failure(stat, circumstance_, self%model, self%options, self%method, &
-            self%chart%failed_row > 0)))
+            self%chart%failure%row > 0)))
     end procedure fail
 
     module procedure explain

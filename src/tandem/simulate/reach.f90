@@ -7,7 +7,7 @@
 !> angle, which grows with the length of steps. If a step fails although the predicted angle is small, later steps stay below that
 !> angle: the motion turns faster than before, or stages are far from the manifold.
 module tandem_simulate_reach
-    use tandem_chart, only: chart_type
+    use tandem_chart, only: chart_type, measure_type, need_contraction
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
     use tandem_stepper_state, only: state_type
@@ -29,8 +29,6 @@ module tandem_simulate_reach
         !> since then.
         real(wp), private :: limit = farthest, rate = 0.0_wp, length = 0.0_wp
         integer, private :: skipped = 0
-        !> The displacement of the last step (n).
-        real(wp), allocatable, private :: way(:)
     contains
         procedure :: begin, find_longest, note_failure, pack_state
     end type reach_type
@@ -48,18 +46,16 @@ contains
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: start, arrived
         real(wp), intent(out) :: longest
+        type(measure_type) :: measure
         real(wp) :: h
-        integer :: i
+        integer :: stat
 
         h = arrived%t - start%t
         self%limit = min(rise*self%limit, farthest)
         self%skipped = self%skipped + 1
         if (self%skipped > most_skipped .or. h > grown*self%length .or. self%rate*h > small*self%limit) then
-            if (.not. allocated(self%way)) allocate (self%way(size(start%q)))
-            do i = 1, size(start%q)
-                self%way(i) = arrived%q(i) - start%q(i)
-            end do
-            self%rate = acos(1.0_wp - min(chart%contraction(self%way), 2.0_wp))/h
+            call chart%measure(need_contraction, start%t, start%q, arrived%t, arrived%q, arrived%qd, measure, stat)
+            self%rate = acos(1.0_wp - min(measure%contraction, 2.0_wp))/h
             self%length = h
             self%skipped = 0
         end if

@@ -13,20 +13,18 @@ contains
         else
             call new_chart(self%is_sparse, self%chart)
         end if
-        self%chart%damps = self%method%damps
+        call self%lost_rank%forget_measure()
     end procedure allocate_chart
 
     module procedure renew_chart
         integer :: stat
 
-        self%next%dq(:) = 0.0_wp
-        if (self%tally%charts > 0) call self%chart%remainder(self%state%dq, self%state%q, self%next%dq)
         call self%move_origin(stat)
         if (stat /= status_ok) then
             call self%fail(stat, 'at a new chart at t = '//to_text(self%state%t), error)
             return
         end if
-        self%state%dq(:) = self%next%dq
+        if (self%tally%charts == 0) self%state%dq(:) = 0.0_wp
         self%state%dqd(:) = 0.0_wp
         self%chart_is_current = .true.
         self%tally%charts_by(reason) = self%tally%charts_by(reason) + 1
@@ -34,7 +32,7 @@ contains
     end procedure renew_chart
 
     module procedure move_origin
-        call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+        call self%chart%set_origin(self%state%t, self%state%q, self%state%qd, .false., self%state%dq, stat)
         if (.not. self%chart%wants_other_rows()) return
         call self%choose_rows_anew(stat)
         ! If no choice of rows is independent, all rows lose rank ahead.
@@ -42,7 +40,7 @@ contains
     end procedure move_origin
 
     module procedure renew_by_policy
-        type(health_type) :: health
+        type(measure_type) :: measure
         !> The secant of 70 degrees, which ends a chart of implicit steps for all limits of the paper, and a chart of explicit steps
         !> if these are off.
         real(wp), parameter :: farthest = 3.0_wp
@@ -60,35 +58,36 @@ contains
                 call self%renew_chart(by_step, error)
                 return
             end if
-            call self%chart%measure_health(self%state%t, self%state%q, self%state%qd, health, stat)
+            call self%chart%measure(need_policy, self%state%t, self%state%q, self%state%t, self%state%q, self%state%qd, &
+                measure, stat)
             if (stat /= status_ok) then
                 call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
                 return
             end if
             if (options%chart == 'adaptive') then
-                if (.not. health%d <= options%secant_limit) then
+                if (.not. measure%d <= options%secant_limit) then
                     call self%renew_chart(by_d, error)
-                else if (.not. health%fbar <= options%secant_limit) then
+                else if (.not. measure%fbar <= options%secant_limit) then
                     call self%renew_chart(by_fbar, error)
                 end if
             else
-                if (options%v_limit > 0.0_wp .and. health%v > options%v_limit) then
+                if (options%v_limit > 0.0_wp .and. measure%v > options%v_limit) then
                     call self%renew_chart(by_v, error)
-                else if (options%w_limit > 0.0_wp .and. health%w > options%w_limit) then
+                else if (options%w_limit > 0.0_wp .and. measure%w > options%w_limit) then
                     call self%renew_chart(by_w, error)
-                else if (options%condition_limit > 0.0_wp .and. .not. health%condition <= options%condition_limit) then
+                else if (options%condition_limit > 0.0_wp .and. .not. measure%condition <= options%condition_limit) then
                     call self%renew_chart(by_condition, error)
-                else if (options%iteration_limit > 0 .and. health%corrections > options%iteration_limit) then
+                else if (options%iteration_limit > 0 .and. measure%corrections > options%iteration_limit) then
                     call self%renew_chart(by_iterations, error)
-                else if (.not. health%d <= farthest) then
+                else if (.not. measure%d <= farthest) then
                     call self%renew_chart(by_d, error)
-                else if (.not. health%fbar <= farthest) then
+                else if (.not. measure%fbar <= farthest) then
                     call self%renew_chart(by_fbar, error)
                 end if
             end if
         end associate
         if (allocated(error) .or. self%chart_is_current) return
-        call self%chart%refresh(self%state%t, self%state%q, stat)
+        call self%chart%set_origin(self%state%t, self%state%q, self%state%qd, .true., self%state%dq, stat)
         if (stat /= status_ok) call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
     end procedure renew_by_policy
 
@@ -111,13 +110,13 @@ contains
             call self%dense_control%begin()
             call self%local_error%restart()
             call self%stiffness%smoothness%restart()
-            call self%chart%forget()
+            call self%chart%forget(.false.)
             stat = status_ok
             if (jumps) then
-                call self%chart%project_velocity(state%t, state%q, state%qd, stat)
+                call self%chart%project(state%t, state%q, state%qd, .false., stat)
                 self%tally%velocity_jump = max(self%tally%velocity_jump, maxval(abs(state%qd - qd)))
             end if
-            if (stat == status_ok) call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+            if (stat == status_ok) call self%chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)
             ! The chart of the step that ends here is kept for its dense output until the next step.
             self%renewal = by_breakpoint
             self%n_collapsed = 0
@@ -130,7 +129,7 @@ contains
             end if
             if (.not. allocated(error)) return
             model%segment = model%segment - 1
-            call self%chart%forget()
+            call self%chart%forget(.false.)
             state%qd(:) = qd
             state%qdd(:) = qdd
         end associate

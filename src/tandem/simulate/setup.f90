@@ -55,7 +55,8 @@ contains
         if (allocated(error)) return
         call model%arrive(t, self%state%q, .false.)
         call self%allocate_chart()
-        if (.not. self%has_surplus_rows()) call self%chart%initialize(model, self%options, self%method%implicit, error)
+        if (.not. self%has_surplus_rows()) call self%chart%attach(model, self%options, &
+            self%method%implicit, self%method%damps, error)
         if (allocated(error)) return
         call allocate_work(self, model%scales(), model%time_scale)
         call self%next%allocate(model%n)
@@ -155,6 +156,7 @@ contains
         self%watch = event_watch_type()
         if (allocated(self%warnings)) deallocate (self%warnings)
         if (allocated(self%blank)) deallocate (self%blank)
+        self%energy = kinetic_energy_type()
         if (allocated(self%own_stepper)) deallocate (self%own_stepper)
         if (allocated(self%control)) deallocate (self%control)
         if (allocated(self%events)) deallocate (self%events)

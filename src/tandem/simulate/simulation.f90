@@ -34,7 +34,9 @@ module tandem_simulation
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_factory, only: new_stepper, stepper_choices
     use tandem_stepper_state, only: state_type
-    use tandem_chart, only: chart_type, health_type
+    use tandem_chart, only: chart_type, measure_type, need_policy, step_end
+    use tandem_chart_implicit, only: filter_error
+    use tandem_model_kinetic_energy, only: kinetic_energy_type
     use tandem_model_counts, only: counts_type
     use tandem_chart_factory, only: choose_chart, cost_type, is_sparse_chart, new_chart, suits_redundancy
     use tandem_model_derivatives, only: need_all_derivatives
@@ -93,6 +95,7 @@ module tandem_simulation
         class(chart_type), allocatable, private :: chart
         !> Prototype of the chart, if user-defined.
         class(chart_type), allocatable, private :: blank
+        type(kinetic_energy_type), private :: energy
         class(stepper_type), allocatable, private :: stepper
         !> Prototype of the stepper, if it is the caller's own.
         class(stepper_type), allocatable, private :: own_stepper
@@ -610,7 +613,7 @@ contains
         integer :: rows(3), stat, i
 
         associate (state => self%state, tally => self%tally)
-            call self%chart%constraint_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
+            call self%chart%find_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
             if (stat /= status_ok) then
                 call self%fail(stat, 'at t = '//to_text(state%t), error)
                 return

@@ -39,7 +39,7 @@ contains
         if (stat == status_rank_deficient .or. (stat == status_ok .and. .not. self%is_sparse .and. may_hide_redundancy(self))) then
             call drop_redundant_rows(self, stat == status_rank_deficient, error)
             if (allocated(error)) return
-            call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+            call self%chart%set_origin(self%state%t, self%state%q, self%state%qd, .false., self%state%dq, stat)
             if (stat == status_ok) call measure(self, rows, stat)
         end if
         if (stat /= status_ok) then
@@ -66,7 +66,7 @@ contains
         call self%renew_chart(by_start, error)
         if (allocated(error)) return
         associate (state => self%state)
-            call self%chart%solve_dynamics(state%t, state%q, state%qd, state%qdd, stat)
+            call self%chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)
         end associate
         if (stat /= status_ok) then
             call self%fail(stat, 'at the start', error, before_steps)
@@ -88,7 +88,7 @@ contains
         if (.not. has_changed) return
         self%is_sparse = .true.
         call self%allocate_chart()
-        call self%chart%initialize(self%model, self%options, self%method%implicit, error)
+        call self%chart%attach(self%model, self%options, self%method%implicit, self%method%damps, error)
         if (.not. allocated(error)) call begin_chart(self, stat)
     end subroutine enter_sparse
 
@@ -171,18 +171,19 @@ contains
         if (self%options%chart_kind /= chart_kinds(1) .or. allocated(self%blank)) then
             if (stat == status_rank_deficient) then
                 call set_error(error, status_invalid_option, 'the chart is sparse, but the constraint "'// &
-                    self%model%row_name(self%chart%failed_row)//'" depends on others at the start', &
+                    self%model%row_name(self%chart%failure%row)//'" depends on others at the start', &
                     'take it out where it is redundant, or use chart_kind = "dense"')
             else
                 call set_error(error, status_invalid_option, 'the chart is sparse, but the coordinate "'// &
-                    self%model%coordinate_label(self%chart%failed_coordinate)//'" has no mass of its own', &
+                    self%model%coordinate_label(self%chart%failure%coordinate)//'" has no mass of its own', &
                     'give its body mass and inertia, or use chart_kind = "dense"')
             end if
             return
         end if
         self%is_sparse = .false.
         call self%allocate_chart()
-        if (.not. self%has_surplus_rows()) call self%chart%initialize(self%model, self%options, self%method%implicit, error)
+        if (self%has_surplus_rows()) return
+        call self%chart%attach(self%model, self%options, self%method%implicit, self%method%damps, error)
     end subroutine leave_sparse
 
     !> Make a chart of all rows at the start.
@@ -191,7 +192,8 @@ contains
         integer, intent(out) :: stat
 
         stat = status_rank_deficient
-        if (.not. self%has_surplus_rows()) call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+        if (self%has_surplus_rows()) return
+        call self%chart%set_origin(self%state%t, self%state%q, self%state%qd, .false., self%state%dq, stat)
     end subroutine begin_chart
 
     module procedure has_surplus_rows
@@ -204,7 +206,7 @@ contains
         integer, intent(out) :: rows(3), stat
 
         associate (state => self%state)
-            call self%chart%constraint_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
+            call self%chart%find_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
         end associate
     end subroutine measure
 
@@ -224,8 +226,7 @@ contains
         associate (state => self%state)
             state%dq = 0.0_wp
             state%dqd = 0.0_wp
-            call self%chart%restore_position(state%t, state%dq, self%next%q, stat)
-            if (stat == status_ok) call self%chart%restore_velocity(state%t, self%next%q, state%dqd, self%next%qd, stat)
+            call self%chart%restore(state%t, state%dq, state%dqd, step_end, self%next%q, self%next%qd, stat)
             if (stat /= status_ok) return
             state%q = self%next%q
             state%qd = self%next%qd
@@ -260,9 +261,9 @@ contains
                 return
             else if (stat == status_rank_deficient .or. (is_deficient .and. stat == status_ok .and. &
                 size(redundancy%dropped) == 0)) then
-                if (self%chart%failed_row == 0 .and. redundancy%failed_row > 0) then
-                    self%chart%failed_row = redundancy%failed_row
-                    self%chart%failed_rows = redundancy%partners(findloc(redundancy%dropped, redundancy%failed_row, dim=1))
+                if (self%chart%failure%row == 0 .and. redundancy%failed_row > 0) then
+                    self%chart%failure%row = redundancy%failed_row
+                    self%chart%failure%rows = redundancy%partners(findloc(redundancy%dropped, redundancy%failed_row, dim=1))
                 end if
                 call self%fail(status_rank_deficient, 'at the start, though not beside it (a singular configuration)', error, &
                     before_steps)
@@ -314,7 +315,9 @@ contains
             stat = error%stat
             return
         end if
-        call self%chart%renew(self%state%t, self%state%q, self%state%qd, stat)
+        ! The state keeps the rounding error that the chart before has found.
+        self%next%dq(:) = 0.0_wp
+        call self%chart%set_origin(self%state%t, self%state%q, self%state%qd, .false., self%next%dq, stat)
     end procedure choose_rows_anew
 
     !> A chart that uses some of the rows.
@@ -323,15 +326,12 @@ contains
         !> Their numbers, ascending.
         integer, intent(in) :: kept(:)
         type(error_type), allocatable, intent(out) :: error
-        type(counts_type) :: counts
-        real(wp) :: best
+        class(chart_type), allocatable :: former
 
-        counts = self%chart%counts
-        best = self%chart%best_independence
+        call move_alloc(self%chart, former)
         call self%allocate_chart()
-        call self%chart%initialize(self%model, self%options, self%method%implicit, error, kept)
-        self%chart%counts = counts
-        self%chart%best_independence = best
+        call self%chart%attach(self%model, self%options, self%method%implicit, self%method%damps, error, kept)
+        call self%chart%inherit(former)
     end subroutine use_rows
 
     !> Warn of nonholonomic rows that are integrable.

@@ -21,9 +21,8 @@ contains
             ! The change of the rates in one Euler step.
             next%dq = state%dq + h*state%qd
             next%dqd = state%dqd + h*state%qdd
-            call self%chart%restore_position(state%t + h, next%dq, next%q, stat)
-            if (stat == status_ok) call self%chart%restore_velocity(state%t + h, next%q, next%dqd, next%qd, stat)
-            if (stat == status_ok) call self%chart%solve_dynamics(state%t + h, next%q, next%qd, next%qdd, stat)
+            call self%chart%restore(state%t + h, next%dq, next%dqd, step_end, next%q, next%qd, stat)
+            if (stat == status_ok) call self%chart%accelerate(state%t + h, next%q, next%qd, step_end, next%qdd, stat)
             if (stat == status_ok) then
                 change = weighted_norm(next%qd - state%qd, next%qdd - state%qdd, control%weight_q, control%weight_qd)*(unit/h)*unit
                 change = 0.01_wp/max(size_f, change, 1.0e-15_wp)
@@ -58,7 +57,7 @@ contains
                 if (self%method%implicit) then
                     ! Stiff modes have rates that are large against their changes. The filter removes them, and also the errors of
                     ! dependent velocities, so it is used only if it removes nearly all.
-                    call self%chart%filter_error(local%error_q, local%error_qd)
+                    call filter_error(self%chart, local%error_q, local%error_qd)
                     filtered = local%size_of_window(self%next)
                     if (filtered < 0.1_wp*relative) relative = filtered
                 end if

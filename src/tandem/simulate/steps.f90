@@ -312,7 +312,7 @@ contains
             call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error, &
                 merge(in_first_step, in_step, self%tally%steps == 0))
             ! A shorter step that follows must not depend on this one.
-            call self%chart%retry_step()
+            call self%chart%set_memory()
             if (has_spoilt(self, stat)) then
                 self%chart_is_current = .false.
                 self%renewal = by_failure
@@ -510,7 +510,7 @@ contains
         else
             call self%control%fail(h)
         end if
-        call self%chart%retry_step()
+        call self%chart%set_memory()
         if (outcome == misses_tolerance) return
         if (.not. self%chart_is_current .or. has_spoilt(self, stat)) call self%renew_chart(by_failure, error)
     end subroutine give_up_try

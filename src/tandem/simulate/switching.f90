@@ -8,7 +8,7 @@
 !> While they are implicit: the largest eigenvalue gives the length of explicit steps, and the last steps give the cost of implicit
 !> ones. After a method that returns soon the next exchange is delayed, so that useless tries cost a small part of a run.
 module tandem_simulate_switching
-    use tandem_chart, only: chart_type
+    use tandem_chart, only: chart_memory_type, chart_type, step_end
     use tandem_kinds, only: long, wp
     use tandem_pack, only: pack_type
     use tandem_status, only: status_ok
@@ -51,6 +51,8 @@ module tandem_simulate_switching
         !> 1 over the time scale, the least relevant eigenvalue.
         real(wp), private :: least = 1.0_wp
         type(state_type), private :: moved
+        !> The chart's start of the next step, while other points are evaluated.
+        class(chart_memory_type), allocatable, private :: memory
     contains
         procedure :: begin, is_asked
         procedure :: count_implicit, may_begin_implicit, begins_implicit, wants_implicit
@@ -216,11 +218,10 @@ contains
             moved%t = state%t
             moved%dq(:) = state%dq + small*scale*self%direction_q
             moved%dqd(:) = state%dqd + small*scale*self%direction_qd*max(self%lambda, self%least)
-            call chart%hold()
-            call chart%restore_position(moved%t, moved%dq, moved%q, stat)
-            if (stat == status_ok) call chart%restore_velocity(moved%t, moved%q, moved%dqd, moved%qd, stat)
-            if (stat == status_ok) call chart%solve_dynamics(moved%t, moved%q, moved%qd, moved%qdd, stat)
-            call chart%release()
+            call chart%get_memory(self%memory)
+            call chart%restore(moved%t, moved%dq, moved%dqd, step_end, moved%q, moved%qd, stat)
+            if (stat == status_ok) call chart%accelerate(moved%t, moved%q, moved%qd, step_end, moved%qdd, stat)
+            call chart%set_memory(self%memory)
             if (stat /= status_ok) return
             ! Velocities count in units of the eigenvalue.
             unit = 1.0_wp/max(self%lambda, self%least)

@@ -14,7 +14,7 @@ module tandem_stepper_explicit
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_combination, only: combination_type
     use tandem_stepper_state, only: go_along, state_type
-    use tandem_chart, only: chart_type
+    use tandem_chart, only: chart_type, goal_type, step_end
     implicit none (type, external)
     private
 
@@ -158,7 +158,6 @@ contains
         do i = 2, s
             t = state%t + self%c(i)*h
             if (self%c(i) >= 1.0_wp) t = next%t
-            chart%defect = h**2*self%defect(i)
             call set_stage(self, chart, h, t, self%stage_sum(i), i, stat)
             if (stat /= 0) exit
         end do
@@ -171,10 +170,8 @@ contains
                 next%dq(i) = self%y(i)
                 next%dqd(i) = self%y(self%offset + i)
             end do
-            chart%defect = h**2*self%defect(s + 1)
-            call chart%restore_motion(next%t, next%dq, next%dqd, next%q, next%qd, next%qdd, stat)
+            call arrive(self, chart, h, next, stat)
         end if
-        chart%defect = huge(1.0_wp)
         if (stat /= 0 .or. size(self%estimate_sum) == 0) return
         !GCC$ UNROLL 1
         do i = 1, n
@@ -213,31 +210,24 @@ contains
                     call go_along(n, self%b(i - 1), next%qd, next%qdd, sum_q, sum_qd)
                     call step_from_start(h*self%a(i - 1, i), next%qd, next%qdd)
                 end if
-                chart%defect = h**2*self%defect(i)
-                chart%is_stage = .true.
-                chart%stage_number = merge(i, 0, self%has_rough_stages)
-                chart%step_size = h
-                associate (t => merge(next%t, state%t + self%c(i)*h, self%c(i) >= 1.0_wp))
+                associate (t => merge(next%t, state%t + self%c(i)*h, self%c(i) >= 1.0_wp), goal => stage_goal(self, i, h))
+                    stat = 0
                     if (self%projects_stages) then
-                        call chart%restore_motion(t, next%dq, next%dqd, next%q, next%qd, next%qdd, stat)
+                        call chart%restore(t, next%dq, next%dqd, goal, next%q, next%qd, stat)
                     else
                         next%q(:) = next%dq
                         next%qd(:) = next%dqd
-                        call chart%solve_dynamics(t, next%q, next%qd, next%qdd, stat)
                     end if
+                    if (stat == 0) call chart%accelerate(t, next%q, next%qd, goal, next%qdd, stat)
                 end associate
-                chart%is_stage = .false.
-                chart%stage_number = 0
                 if (stat /= 0) exit
             end do
             if (stat == 0) then
                 call leave_stages(n, h, self%b(s), state%dq, state%dqd, next%q, next%qd, next%qdd, self%q, sum_q, sum_qd, &
                     next%dq, next%dqd)
-                chart%defect = h**2*self%defect(s + 1)
-                call chart%restore_motion(next%t, next%dq, next%dqd, next%q, next%qd, next%qdd, stat)
+                call arrive(self, chart, h, next, stat)
             end if
         end associate
-        chart%defect = huge(1.0_wp)
 
     contains
 
@@ -335,10 +325,10 @@ contains
 
         associate (n => self%n, offset => self%offset, rate => self%rate, y => self%y)
             call sum_before%add(size(rate, 1), size(rate, 2), h, rate, self%y_start, y)
-            call chart%restore_near(t, y(:n), y(offset + 1:offset + n), stat)
+            call chart%project(t, y(:n), y(offset + 1:offset + n), .true., stat)
             if (stat /= 0) return
             rate(:n, stage) = y(offset + 1:offset + n)
-            call chart%solve_dynamics(t, y(:n), y(offset + 1:offset + n), rate(offset + 1:offset + n, stage), stat)
+            call chart%accelerate(t, y(:n), y(offset + 1:offset + n), step_end, rate(offset + 1:offset + n, stage), stat)
         end associate
     end subroutine set_near
 
@@ -351,25 +341,48 @@ contains
         type(combination_type), intent(in) :: sum_before
         integer, intent(in) :: stage
         integer, intent(out) :: stat
+        type(goal_type) :: goal
 
         associate (n => self%n, offset => self%offset, rate => self%rate, y => self%y)
-            chart%is_stage = .true.
-            chart%stage_number = merge(stage, 0, self%has_rough_stages)
-            chart%step_size = h
+            goal = stage_goal(self, stage, h)
             call sum_before%add(size(rate, 1), size(rate, 2), h, rate, self%y_start, y)
             if (self%projects_stages) then
-                call chart%restore_motion(t, y(:n), y(offset + 1:offset + n), self%q, rate(:n, stage), &
-                    rate(offset + 1:offset + n, stage), stat)
+                call chart%restore(t, y(:n), y(offset + 1:offset + n), goal, self%q, rate(:n, stage), stat)
+                if (stat /= 0) return
             else
                 ! From the state itself: the origin of the chart and its u are not used.
                 self%q(:) = y(:n)
                 rate(:n, stage) = y(offset + 1:offset + n)
-                call chart%solve_dynamics(t, self%q, rate(:n, stage), rate(offset + 1:offset + n, stage), stat)
             end if
-            chart%is_stage = .false.
-            chart%stage_number = 0
+            call chart%accelerate(t, self%q, rate(:n, stage), goal, rate(offset + 1:offset + n, stage), stat)
         end associate
     end subroutine set_stage
+
+    !> Goal of a stage.
+    pure type(goal_type) function stage_goal(self, stage, h) result(goal)
+        class(explicit_type), intent(in) :: self
+        integer, intent(in) :: stage
+        real(wp), intent(in) :: h
+
+        goal%is_stage = .true.
+        if (self%has_rough_stages) goal%stage = stage
+        goal%h = h
+        goal%defect = h**2*self%defect(stage)
+    end function stage_goal
+
+    !> Restore the end of a step and find the acceleration there.
+    subroutine arrive(self, chart, h, next, stat)
+        class(explicit_type), intent(in) :: self
+        class(chart_type), intent(inout) :: chart
+        real(wp), intent(in) :: h
+        type(state_type), intent(inout) :: next
+        integer, intent(out) :: stat
+        type(goal_type) :: goal
+
+        goal%defect = h**2*self%defect(size(self%defect))
+        call chart%restore(next%t, next%dq, next%dqd, goal, next%q, next%qd, stat)
+        if (stat == 0) call chart%accelerate(next%t, next%q, next%qd, step_end, next%qdd, stat)
+    end subroutine arrive
 
     !> y := the increments of a state, or the state.
     pure subroutine load(n, offset, dq, dqd, y)

@@ -14,7 +14,8 @@ module tandem_stepper_newton
     use tandem_stepper_prediction, only: prediction_type
     use tandem_stepper_state, only: state_type
     use tandem_status, only: status_newton_failed, status_ok
-    use tandem_chart, only: chart_type
+    use tandem_chart, only: goal_type, step_end
+    use tandem_chart_implicit, only: implicit_chart_type
     implicit none (type, external)
     private
 
@@ -27,9 +28,11 @@ module tandem_stepper_newton
         real(wp), allocatable :: base_dq(:), base_dqd(:)
         !> Relative error of recent steps of equal size, against s + |y|; 0 if unknown.
         real(wp) :: error_of_steps = 0.0_wp
-        !> Tolerance of the iteration independent of the error of steps; amplification of each stage's remainder at the end of the
-        !> step; tolerance of each stage in this step.
-        real(wp), private :: least_tolerance = 0.0_wp
+        !> For stages that are solved together: ratios of the ha of complex pairs of systems to the real ha; else empty.
+        complex(wp), allocatable :: ratios(:)
+        !> Tolerance of the iteration independent of the error of steps, and in this step; amplification of each stage's remainder
+        !> at the end of the step; tolerance of each stage in this step.
+        real(wp), private :: least_tolerance = 0.0_wp, step_tolerance = 0.0_wp
         real(wp), allocatable, private :: amplification(:), tolerance(:)
         !> Defect of increments in the second derivative of the motion, over ha^2.
         real(wp), allocatable, private :: defect(:)
@@ -53,7 +56,7 @@ module tandem_stepper_newton
         real(wp), allocatable, private :: dq(:), dqd(:), residual(:)
     contains
         procedure :: allocate => allocate_newton, prepare, solve, renew, renew_in_step
-        procedure :: correct, restore
+        procedure :: correct, restore, goal
         procedure, private :: iterate
         procedure :: finish, pack_state
     end type newton_type
@@ -76,6 +79,8 @@ contains
         self%defect = defect
         self%error_of_steps = 0.0_wp
         self%least_tolerance = tolerance
+        self%step_tolerance = tolerance
+        self%ratios = [complex(wp) ::]
         self%amplification = max(amplification, 1.0_wp)
         self%tolerance = self%amplification
         self%standstill = 1.0e3_wp*tolerance
@@ -100,7 +105,7 @@ contains
     !> Begin a step: reuse the matrix, or make one at an extrapolated point within the step, or at its start.
     subroutine prepare(self, chart, history, state, h, ha, continues, stat)
         class(newton_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         type(history_type), intent(in) :: history
         !> The state at the start of the step.
         type(state_type), intent(in) :: state
@@ -124,10 +129,10 @@ contains
             self%told = 0.0_wp
             self%error_of_steps = 0.0_wp
         end if
-        chart%iterate_tolerance = max(self%least_tolerance, min(share*self%error_of_steps, loosest*self%least_tolerance))
-        self%tolerance(:) = max(chart%iterate_tolerance/self%amplification, 2*epsilon(1.0_wp))
+        self%step_tolerance = max(self%least_tolerance, min(share*self%error_of_steps, loosest*self%least_tolerance))
+        self%tolerance(:) = max(self%step_tolerance/self%amplification, 2*epsilon(1.0_wp))
         keeps = continues .and. .not. self%is_worn
-        if (keeps) call chart%reuse_stage(ha, keeps)
+        if (keeps) call chart%reuse(ha, self%ratios, keeps)
         if (keeps) return
         if (continues) then
             call self%renew_in_step(chart, history, state, h, ha, is_new, stat)
@@ -140,7 +145,7 @@ contains
     !> start of the step, then none.
     subroutine renew_in_step(self, chart, history, state, h, ha, is_new, stat)
         class(newton_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         type(history_type), intent(in) :: history
         !> The state at the start of the step.
         type(state_type), intent(in) :: state
@@ -162,7 +167,7 @@ contains
     !> rotating body changes considerably, which slows the contraction.
     subroutine renew_ahead(self, chart, history, state, h, ha)
         class(newton_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         type(history_type), intent(in) :: history
         !> The state at the start of the step.
         type(state_type), intent(in) :: state
@@ -177,8 +182,7 @@ contains
         call history%extrapolate(t, self%rate_q, self%rate_qd)
         self%dq = state%dq + (0.5_wp*amid*h)*(state%qd + self%rate_q)
         self%dqd = state%dqd + (0.5_wp*amid*h)*(state%qdd + self%rate_qd)
-        call chart%restore_position(t, self%dq, self%q, stat)
-        if (stat == status_ok) call chart%restore_velocity(t, self%q, self%dqd, self%qd, stat)
+        call chart%restore(t, self%dq, self%dqd, step_end, self%q, self%qd, stat)
         if (stat == status_ok) call self%renew(chart, t, self%q, self%qd, self%rate_qd, ha, stat)
         self%is_ahead = stat == status_ok
     end subroutine renew_ahead
@@ -186,18 +190,18 @@ contains
     !> Make a matrix at a point.
     subroutine renew(self, chart, t, q, qd, qdd, ha, stat)
         class(newton_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         real(wp), intent(in) :: t, ha
         !> Coordinates, velocities, accelerations (n).
         real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
         integer, intent(out) :: stat
 
-        call chart%factor_stage(t, q, qd, qdd, ha, stat)
+        call chart%factor(t, q, qd, qdd, ha, self%ratios, stat)
         self%is_fresh = .true.
         self%is_ahead = .false.
         self%is_worn = stat /= status_ok
         self%n_served = 0
-        self%spent = chart%matrix_cost()
+        self%spent = chart%matrix_cost
         self%seen_steps = 0
     end subroutine renew
 
@@ -206,7 +210,7 @@ contains
     !> iterate.
     subroutine solve(self, chart, history, state, stage, t, h, ha, stat)
         class(newton_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         type(history_type), intent(inout) :: history
         !> The state at the start of the step.
         type(state_type), intent(in) :: state
@@ -254,7 +258,7 @@ contains
     !> repeated when it is old, or when the first correction has grown since.
     subroutine iterate(self, chart, stage, t, ha, stat)
         class(newton_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         integer, intent(in) :: stage
         real(wp), intent(in) :: t, ha
         integer, intent(out) :: stat
@@ -277,7 +281,6 @@ contains
         logical :: says, suffices
         integer :: k
 
-        chart%counts%implicit_stages = chart%counts%implicit_stages + 1
         self%age(stage) = self%age(stage) + 1
         first_change = 0.0_wp
         last_change = 1.0_wp
@@ -329,48 +332,59 @@ contains
     !> One correction of a stage.
     subroutine correct(self, chart, stage, is_first, t, ha, change, stat)
         class(newton_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         integer, intent(in) :: stage
         !> True if `q` are predicted coordinates, not those of the last iterate.
         logical, intent(in) :: is_first
         real(wp), intent(in) :: t, ha
-        !> See `update_stage` of the chart.
+        !> See `update` of the chart.
         real(wp), intent(out) :: change
         integer, intent(out) :: stat
-        real(wp) :: defect
 
         change = 0.0_wp
         if (size(self%residual) < chart%n_residual) self%residual = spread(0.0_wp, 1, chart%n_residual)
-        defect = huge(1.0_wp)
-        if (stage <= size(self%defect)) defect = ha**2*self%defect(stage)
         associate (residual => self%residual(:chart%n_residual))
             self%dq = self%base_dq + ha*self%rate_q
             self%dqd = self%base_dqd + ha*self%rate_qd
-            call chart%stage_residual(stage, is_first, defect, t, self%dq, self%dqd, &
-                self%q, self%qd, self%rate_q, self%rate_qd, residual, stat)
+            call chart%find_residual(self%goal(stage, is_first, ha), t, self%dq, self%dqd, self%q, self%qd, self%rate_q, &
+                self%rate_qd, residual, stat)
             if (stat /= status_ok) return
-            call chart%solve_real(residual)
-            call chart%update_stage(stage, self%q, self%qd, ha, residual, self%rate_q, self%rate_qd, change, stat)
+            call chart%solve(residual)
+            call chart%update(stage, self%q, self%qd, ha, residual, self%rate_q, self%rate_qd, change, stat)
         end associate
     end subroutine correct
+
+    !> Goal of an iterate of a stage.
+    pure type(goal_type) function goal(self, stage, is_first, ha)
+        class(newton_type), intent(in) :: self
+        integer, intent(in) :: stage
+        logical, intent(in) :: is_first
+        !> h a_ii, for stages with a known defect.
+        real(wp), intent(in) :: ha
+
+        goal%is_iterate = .true.
+        goal%is_first = is_first
+        goal%stage = stage
+        goal%tolerance = self%step_tolerance
+        if (stage <= size(self%defect)) goal%defect = ha**2*self%defect(stage)
+    end function goal
 
     !> Position and velocity of the stage from its rates.
     subroutine restore(self, chart, t, ha, stat)
         class(newton_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         real(wp), intent(in) :: t, ha
         integer, intent(out) :: stat
 
         self%dq = self%base_dq + ha*self%rate_q
         self%dqd = self%base_dqd + ha*self%rate_qd
-        call chart%restore_position(t, self%dq, self%q, stat)
-        if (stat == status_ok) call chart%restore_velocity(t, self%q, self%dqd, self%qd, stat)
+        call chart%restore(t, self%dq, self%dqd, step_end, self%q, self%qd, stat)
     end subroutine restore
 
     !> Complete the state at the end of a stiffly accurate step, whose last stage was solved last.
     subroutine finish(self, chart, ha, next, stat)
         class(newton_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         real(wp), intent(in) :: ha
         !> The state at next%t.
         type(state_type), intent(inout) :: next
@@ -383,7 +397,7 @@ contains
         next%dqd = self%dqd
         next%q = self%q
         next%qd = self%qd
-        call chart%solve_dynamics(next%t, next%q, next%qd, next%qdd, stat)
+        call chart%accelerate(next%t, next%q, next%qd, step_end, next%qdd, stat)
         taken = real(chart%counts%newton_corrections - self%counted, wp)
         self%n_served = self%n_served + 1
         self%spent = self%spent + taken

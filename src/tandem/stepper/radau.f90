@@ -10,21 +10,23 @@
 module tandem_stepper_radau
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
-    use tandem_stepper, only: properties_type, stepper_type, weighted_norm
+    use tandem_stepper, only: properties_type, weighted_norm
+    use tandem_stepper_implicit, only: implicit_type
     use tandem_stepper_history, only: history_type
     use tandem_stepper_newton, only: newton_type
     use tandem_stepper_radau_choice, only: choice_type
     use tandem_stepper_radau_tableau, only: most_stages, tableau_of, tableau_type
     use tandem_stepper_state, only: state_type
     use tandem_status, only: status_newton_failed, status_ok
-    use tandem_chart, only: chart_type
+    use tandem_chart, only: chart_type, step_end
+    use tandem_chart_implicit, only: implicit_chart_type
     implicit none (type, external)
     private
 
     public :: radau_type
 
     !> The method with automatic choice of the order.
-    type, extends(stepper_type) :: radau_type
+    type, extends(implicit_type) :: radau_type
         !> Smallest and largest number of stages. To be set before `initialize`.
         integer :: least = 3, most = most_stages
         type(newton_type), private :: newton
@@ -51,7 +53,7 @@ module tandem_stepper_radau
         logical, private :: was_hard = .false.
     contains
         procedure, nopass :: properties
-        procedure :: initialize, advance, estimate, interpolate, longest_next, order_of_estimate, pack_state
+        procedure :: initialize, advance_stages, estimate_stages, interpolate, longest_next, order_of_estimate, pack_state
         procedure, private :: iterate
     end type radau_type
 
@@ -61,7 +63,7 @@ module tandem_stepper_radau
         module subroutine rescue(self, chart, state, h, t_end, stat)
             implicit none (type, external)
             class(radau_type), intent(inout) :: self
-            class(chart_type), intent(inout) :: chart
+            class(implicit_chart_type), intent(inout) :: chart
             !> The state at the start of the step.
             type(state_type), intent(in) :: state
             !> Step size and end of the step.
@@ -120,9 +122,9 @@ contains
 
     !> One step: from the extrapolated past; if this fails with an old matrix, with a new one; then with fewer stages, if allowed,
     !> in a shorter step, because the step size for more stages is too large for them.
-    subroutine advance(self, chart, state, h, next, stat)
+    subroutine advance_stages(self, chart, state, h, next, stat)
         class(radau_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         real(wp), intent(in) :: h
         type(state_type), intent(inout) :: next
@@ -144,7 +146,7 @@ contains
         end if
         if (self%wanted /= self%tableau%stages) call change_stages(self)
         associate (m => self%tableau, s => self%tableau%stages)
-            call chart%expect_pairs(m%ratio(:(s - 1)/2))
+            self%newton%ratios = m%ratio(:(s - 1)/2)
             call self%newton%prepare(chart, self%history, state, h, m%diagonal*h, continues, stat)
             if (stat /= status_ok) return
             call solve_stages(self, chart, state, h, next%t, stat)
@@ -169,7 +171,7 @@ contains
             end do
             call self%history%push(next%t, next%q, next%qd, next%qdd)
         end associate
-    end subroutine advance
+    end subroutine advance_stages
 
     !> Change the number of stages.
     subroutine change_stages(self)
@@ -185,7 +187,7 @@ contains
     !> Solve for all stages.
     subroutine solve_stages(self, chart, state, h, t_end, stat)
         class(radau_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         !> Step size and end of the step.
         real(wp), intent(in) :: h, t_end
@@ -242,7 +244,7 @@ contains
     !> Newton's iteration for all stages.
     subroutine iterate(self, chart, h, t_end, most_corrections, stat)
         class(radau_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         !> Step size and end of the step.
         real(wp), intent(in) :: h, t_end
         integer, intent(in) :: most_corrections
@@ -255,7 +257,6 @@ contains
         integer :: k
 
         last_change = 1.0_wp
-        chart%counts%implicit_stages = chart%counts%implicit_stages + self%tableau%stages
         do k = 1, most_corrections
             call correct(self, chart, k == 1, h, t_end, change, stat)
             if (stat /= status_ok) return
@@ -284,7 +285,7 @@ contains
     !> One correction of all stages.
     subroutine correct(self, chart, is_first, h, t_end, change, stat)
         class(radau_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         !> True for the first iterates of the stages, from predicted rates and coordinates.
         logical, intent(in) :: is_first
         !> Step size and end of the step.
@@ -309,20 +310,20 @@ contains
                 if (i == s) t = t_end
                 ! Components of a stage's rates that the chart ignores are changed below, for all stages.
                 self%residual(:m, i) = 0.0_wp
-                call chart%stage_residual(i, is_first, huge(1.0_wp), t, self%dq, self%dqd, self%q(:, i), self%qd(:, i), &
+                call chart%find_residual(self%newton%goal(i, is_first, h), t, self%dq, self%dqd, self%q(:, i), self%qd(:, i), &
                     self%rate_q(:, i), self%rate_qd(:, i), self%residual(:m, i), stat)
                 if (stat /= status_ok) return
             end do
             do j = 1, s
                 call combine(m, height, s, tableau%t_inverse(:, j), self%residual, self%transformed(:, j))
             end do
-            call chart%solve_real(self%transformed(:m, 1))
+            call chart%solve(self%transformed(:m, 1))
             do j = 1, (s - 1)/2
                 call chart%solve_pair(j, self%transformed(:m, 2*j), self%transformed(:m, 2*j + 1))
             end do
             do i = 1, s
                 call combine(m, height, s, tableau%t(:, i), self%transformed, self%residual(:, i))
-                call chart%update_stage(i, self%q(:, i), self%qd(:, i), tableau%diagonal*h, self%residual(:m, i), &
+                call chart%update(i, self%q(:, i), self%qd(:, i), tableau%diagonal*h, self%residual(:m, i), &
                     self%rate_q(:, i), self%rate_qd(:, i), stage_change, stat)
                 if (stat /= status_ok) return
                 change = max(change, stage_change)
@@ -352,36 +353,35 @@ contains
 
     !> Error of the last step (IV.8.19); if it is large in a first step or after a rejection, with the rates at the resulting state
     !> (IV.8.20), so that a fast transient does not count as an error.
-    subroutine estimate(self, chart, h, weight_q, weight_qd, norm)
+    subroutine estimate_stages(self, chart, h, weight_q, weight_qd, norm)
         class(radau_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         real(wp), intent(in) :: h
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
         real(wp), intent(out) :: norm
         integer :: stat
 
         call embed(self, h)
-        call chart%filter_error(self%error_q, self%error_qd)
+        call chart%filter(self%error_q, self%error_qd)
         norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
         if (norm >= 1.0_wp .and. .not. self%is_settled) then
             self%dq = self%start_dq + self%error_q
             self%dqd = self%start_dqd + self%error_qd
             associate (q => self%q(:, 1), qd => self%qd(:, 1))
-                call chart%restore_position(self%t_start, self%dq, q, stat)
-                if (stat == status_ok) call chart%restore_velocity(self%t_start, q, self%dqd, qd, stat)
-                if (stat == status_ok) call chart%solve_dynamics(self%t_start, q, qd, self%dqd, stat)
+                call chart%restore(self%t_start, self%dq, self%dqd, step_end, q, qd, stat)
+                if (stat == status_ok) call chart%accelerate(self%t_start, q, qd, step_end, self%dqd, stat)
                 if (stat == status_ok) then
                     self%start_q = qd
                     self%start_qd = self%dqd
                     call embed(self, h)
-                    call chart%filter_error(self%error_q, self%error_qd)
+                    call chart%filter(self%error_q, self%error_qd)
                     norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
                 end if
             end associate
         end if
         self%is_settled = norm < 1.0_wp
         if (self%is_settled .and. self%most > self%least) call choose_stages(self, chart, h, weight_q, weight_qd, norm)
-    end subroutine estimate
+    end subroutine estimate_stages
 
     !> Difference from the embedded formula.
     subroutine embed(self, h)
@@ -404,7 +404,7 @@ contains
     !> Choose the stages of the next step, if a choice is due.
     subroutine choose_stages(self, chart, h, weight_q, weight_qd, norm)
         class(radau_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         real(wp), intent(in) :: h
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
         !> Error of the last step.
@@ -413,7 +413,7 @@ contains
 
         associate (s => self%tableau%stages)
             call self%choice%note_step(h, real(chart%counts%newton_corrections, wp) + &
-                chart%matrix_cost()*real(chart%counts%newton_matrices, wp))
+                chart%matrix_cost*real(chart%counts%newton_matrices, wp))
             if (.not. self%choice%is_due(norm)) return
             fewer = huge(1.0_wp)
             more = huge(1.0_wp)
@@ -435,7 +435,7 @@ contains
             factor = other%principal*h**(stages + 1)
             self%error_q = factor*self%error_q
             self%error_qd = factor*self%error_qd
-            call chart%filter_error(self%error_q, self%error_qd)
+            call chart%filter(self%error_q, self%error_qd)
             error_with = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
         end function error_with
     end subroutine choose_stages

@@ -43,7 +43,7 @@ contains
     !> the rates at the start of the step would extrapolate too far has decayed. The last of them is the step itself.
     subroutine continue_from_short(self, chart, state, h, t_end, stat)
         class(radau_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         real(wp), intent(in) :: h, t_end
         integer, intent(out) :: stat
@@ -62,7 +62,7 @@ contains
             part = h*0.25_wp**k
             t = state%t + part
             if (k == 0) t = t_end
-            call chart%reuse_stage(self%tableau%diagonal*part, can)
+            call chart%reuse(self%tableau%diagonal*part, self%newton%ratios, can)
             stat = status_ok
             if (.not. can) call self%newton%renew(chart, state%t, state%q, state%qd, state%qdd, self%tableau%diagonal*part, stat)
             if (stat == status_ok) call self%iterate(chart, part, t, many, stat)
@@ -89,7 +89,7 @@ contains
     !> implicit iteration methods for ODE-IVP solvers, SIAM J. Sci. Comput. 18, 1997; the factors computed here.
     subroutine solve_in_turn(self, chart, h, t_end, stat)
         class(radau_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         !> Step size and end of the step.
         real(wp), intent(in) :: h, t_end
         integer, intent(out) :: stat
@@ -100,7 +100,6 @@ contains
 
         n = size(self%dq)
         last_change = huge(1.0_wp)
-        chart%counts%implicit_stages = chart%counts%implicit_stages + 3
         do k = 1, most_sweeps
             self%residual(:n, :) = self%rate_q
             self%residual(n + 1:2*n, :) = self%rate_qd
@@ -129,7 +128,7 @@ contains
     !> Solve one of the stages, with the new rates of the previous ones.
     subroutine solve_alone(self, chart, i, h, t_end, first_change, stat)
         class(radau_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         !> Index of the stage.
         integer, intent(in) :: i
         real(wp), intent(in) :: h, t_end

@@ -5,12 +5,13 @@
 module tandem_stepper_sdirk54
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
-    use tandem_stepper, only: properties_type, stepper_type, weighted_norm
+    use tandem_stepper, only: properties_type, weighted_norm
+    use tandem_stepper_implicit, only: implicit_type
     use tandem_stepper_history, only: history_type
     use tandem_stepper_newton, only: newton_type
     use tandem_stepper_state, only: state_type
     use tandem_status, only: status_ok
-    use tandem_chart, only: chart_type
+    use tandem_chart_implicit, only: implicit_chart_type
     implicit none (type, external)
     private
 
@@ -38,7 +39,7 @@ module tandem_stepper_sdirk54
     real(wp), parameter :: unseen = 0.125_wp, striking = 10.0_wp
 
     !> The L-stable method of order 4.
-    type, extends(stepper_type) :: sdirk54_type
+    type, extends(implicit_type) :: sdirk54_type
         private
         type(newton_type) :: newton
         type(history_type) :: history
@@ -46,7 +47,7 @@ module tandem_stepper_sdirk54
         real(wp), allocatable :: rate_q(:, :), rate_qd(:, :), start_q(:), start_qd(:), error_q(:), error_qd(:)
     contains
         procedure, nopass :: properties
-        procedure :: initialize, advance, estimate, learn_error, pack_state
+        procedure :: initialize, advance_stages, estimate_stages, learn_error, pack_state
     end type sdirk54_type
 
 contains
@@ -74,9 +75,9 @@ contains
     end subroutine initialize
 
     !> One step.
-    subroutine advance(self, chart, state, h, next, stat)
+    subroutine advance_stages(self, chart, state, h, next, stat)
         class(sdirk54_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         real(wp), intent(in) :: h
         type(state_type), intent(inout) :: next
@@ -114,14 +115,14 @@ contains
         else
             call self%history%clear()
         end if
-    end subroutine advance
+    end subroutine advance_stages
 
     !> Error of the last step. The embedded method alone is unbounded on stiff modes, R(infinity) = 10/3, so that its error is
     !> filtered by the Newton matrix (Hairer, Wanner II, (IV.8.19)). No stage is in the first quarter of the step: a kink there
     !> appears only in the rates at the start, which then differ from the polynomial through the stages.
-    subroutine estimate(self, chart, h, weight_q, weight_qd, norm)
+    subroutine estimate_stages(self, chart, h, weight_q, weight_qd, norm)
         class(sdirk54_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         real(wp), intent(in) :: h
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
         real(wp), intent(out) :: norm
@@ -134,7 +135,7 @@ contains
             self%error_q = self%error_q - (unseen*h*at_start(i))*self%rate_q(:, i)
             self%error_qd = self%error_qd - (unseen*h*at_start(i))*self%rate_qd(:, i)
         end do
-        call chart%filter_error(self%error_q, self%error_qd)
+        call chart%filter(self%error_q, self%error_qd)
         kink = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
         self%error_q = 0.0_wp
         self%error_qd = 0.0_wp
@@ -142,10 +143,10 @@ contains
             self%error_q = self%error_q + (h*e(i))*self%rate_q(:, i)
             self%error_qd = self%error_qd + (h*e(i))*self%rate_qd(:, i)
         end do
-        call chart%filter_error(self%error_q, self%error_qd)
+        call chart%filter(self%error_q, self%error_qd)
         norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
         if (kink > striking*norm) norm = kink
-    end subroutine estimate
+    end subroutine estimate_stages
 
     !> Set the error of recent steps.
     subroutine learn_error(self, relative)

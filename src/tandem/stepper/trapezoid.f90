@@ -4,19 +4,20 @@
 module tandem_stepper_trapezoid
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
-    use tandem_stepper, only: properties_type, stepper_type, weighted_norm
+    use tandem_stepper, only: properties_type, weighted_norm
+    use tandem_stepper_implicit, only: implicit_type
     use tandem_stepper_history, only: history_type
     use tandem_stepper_newton, only: newton_type
     use tandem_stepper_state, only: state_type
     use tandem_status, only: status_ok
-    use tandem_chart, only: chart_type
+    use tandem_chart_implicit, only: implicit_chart_type
     implicit none (type, external)
     private
 
     public :: trapezoid_type
 
     !> The trapezoidal rule.
-    type, extends(stepper_type) :: trapezoid_type
+    type, extends(implicit_type) :: trapezoid_type
         private
         type(newton_type) :: newton
         type(history_type) :: history
@@ -24,7 +25,7 @@ module tandem_stepper_trapezoid
         real(wp), allocatable :: error_q(:), error_qd(:)
     contains
         procedure, nopass :: properties
-        procedure :: initialize, advance, estimate, pack_state
+        procedure :: initialize, advance_stages, estimate_stages, pack_state
     end type trapezoid_type
 
 contains
@@ -51,9 +52,9 @@ contains
     end subroutine initialize
 
     !> One step: the rates at both ends have weight 1/2.
-    subroutine advance(self, chart, state, h, next, stat)
+    subroutine advance_stages(self, chart, state, h, next, stat)
         class(trapezoid_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         real(wp), intent(in) :: h
         type(state_type), intent(inout) :: next
@@ -74,13 +75,13 @@ contains
         else
             call self%history%clear()
         end if
-    end subroutine advance
+    end subroutine advance_stages
 
     !> Error of the last step, -h^3 y''' / 12 with y''' from the rates at its ends and at the start of the previous step (for a
     !> first step from those at its ends only, as if of order 1), filtered by the Newton matrix.
-    subroutine estimate(self, chart, h, weight_q, weight_qd, norm)
+    subroutine estimate_stages(self, chart, h, weight_q, weight_qd, norm)
         class(trapezoid_type), intent(inout) :: self
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         real(wp), intent(in) :: h
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
         real(wp), intent(out) :: norm
@@ -88,9 +89,9 @@ contains
         call self%history%curvature(self%error_q, self%error_qd)
         self%error_q = (h**3/6.0_wp)*self%error_q
         self%error_qd = (h**3/6.0_wp)*self%error_qd
-        call chart%filter_error(self%error_q, self%error_qd)
+        call chart%filter(self%error_q, self%error_qd)
         norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
-    end subroutine estimate
+    end subroutine estimate_stages
 
     !> Pack the state for the next steps.
     subroutine pack_state(self, pack)

@@ -7,6 +7,7 @@ module test_linearisation
     use subjects, only: new_subject, subject_names
     use tandem, only: at_an_instant, at_equilibrium, failure_type => error_type, in_steady_motion, linearisation_type, model_type, &
         procedure_model_type, of_family, of_symmetry, options_type, simulation_type, wp
+    use tandem_chart, only: step_end
     use tandem_chart_dense, only: dense_chart_type
     use tandem_io, only: find_scene, read_scene, scene_type
     use tandem_linalg_eigenvalues, only: find_eigenvalues, split_zeros
@@ -330,6 +331,7 @@ contains
         type(options_type) :: options
         type(failure_type), allocatable :: failure
         real(wp), allocatable :: expected(:, :), f(:), l(:, :)
+        real(wp) :: none(model%n)
         real(wp), parameter :: weight(4) = [4.0_wp/5, -1.0_wp/5, 4.0_wp/105, -1.0_wp/280]
         !> Coordinates change by up to 4 h and velocities by that over the rate of the motion.
         real(wp) :: h, scale, worst
@@ -337,7 +339,7 @@ contains
 
         ! Kept charts have the paper's complement, with coordinates v and w.
         options%chart = 'adaptive'
-        call chart%initialize(model, options, .false., failure)
+        call chart%attach(model, options, .false., .false., failure)
         call check_no_failure(error, failure)
         if (allocated(error)) return
         call it%make(model, 0.0_wp, q, qd, failure)
@@ -352,7 +354,8 @@ contains
             h = unit_step*scale
             do k = 1, 4
                 do side = -1, 1, 2
-                    call chart%renew(0.0_wp, q, qd, stat)
+                    none = 0.0_wp
+                    call chart%set_origin(0.0_wp, q, qd, .false., none, stat)
                     call evaluate(side*k*h)
                     if (stat /= 0) then
                         call test_failed(error, name//': cannot be evaluated beside the point')
@@ -384,7 +387,8 @@ contains
             else
                 increment_qd = move*it%w(:, j - it%nv)
             end if
-            call chart%restore_motion(0.0_wp, increment, increment_qd, x, v, a, stat)
+            call chart%restore(0.0_wp, increment, increment_qd, step_end, x, v, stat)
+            if (stat == 0) call chart%accelerate(0.0_wp, x, v, step_end, a, stat)
             f = [matmul(it%dual_v, v), matmul(it%dual_w, a)]
         end subroutine evaluate
     end subroutine compare

@@ -5,6 +5,7 @@ module test_small_motions
     use linearised, only: linearise_scene, linearise_text
     use tandem, only: failure_type => error_type, floquet_type, linearisation_type, of_motion, options_type, simulation_type, wp
     use tandem_analysis_floquet, only: exponential
+    use tandem_chart, only: step_end
     use tandem_chart_dense, only: dense_chart_type
     use tandem_io, only: scene_type
     use tandem_linalg_eigenvalues, only: find_eigenvalues
@@ -217,19 +218,20 @@ contains
         type(options_type) :: options
         type(simulation_type), allocatable :: simulation
         type(failure_type), allocatable :: failure
-        real(wp), dimension(size(it%q)) :: x, y, z, move, move_qd
+        real(wp), dimension(size(it%q)) :: x, y, move, move_qd
         integer :: i, stat
 
         if (allocated(error)) return
-        call chart%initialize(scene%model, options, .false., failure)
+        call chart%attach(scene%model, options, .false., .false., failure)
         call check_no_failure(error, failure)
         if (allocated(error)) return
         x = it%q
         y = it%qd
-        call chart%renew(0.0_wp, x, y, stat)
+        move = 0.0_wp
+        call chart%set_origin(0.0_wp, x, y, .false., move, stat)
         move = small*real(it%spectrum%shapes(:, mode), wp)
         move_qd = small*matmul(it%w, matmul(it%dual_w, real(it%spectrum%rates(:, mode), wp)))
-        call chart%restore_motion(0.0_wp, move, move_qd, x, y, z, stat)
+        call chart%restore(0.0_wp, move, move_qd, step_end, x, y, stat)
         call check_true(error, stat == 0, 'a state beside the steady motion')
         options%stepper = 'dop853'
         options%rtol = 1.0e-12_wp

@@ -11,6 +11,7 @@ module test_newton_matrix
     use tandem, only: failure_type => error_type, model_type, options_type, rolling_disk_type, simulation_type, terms_type, wp
     use tandem_linalg_basis, only: basis_type
     use tandem_linalg_lu, only: lu_type
+    use tandem_chart, only: step_end
     use tandem_chart_dense, only: dense_chart_type
     use terms_at, only: get_terms
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
@@ -50,8 +51,8 @@ contains
         real(wp) :: q(model%n), qd(model%n), qdd(model%n), y(model%n_constraints())
         integer :: stat(5)
 
-        call point%chart%restore_position(point%t, matmul(point%v_basis, v), q, stat(1))
-        call point%chart%restore_velocity(point%t, q, matmul(point%w_basis, w), qd, stat(2))
+        call point%chart%restore(point%t, matmul(point%v_basis, v), matmul(point%w_basis, w), step_end, q, qd, stat(1))
+        stat(2) = 0
         call get_terms(model, point%t, q, qd, terms, stat(3))
         qdd = matmul(point%w_basis, point%wd)
         y = matmul(terms%jacobian, qdd) + terms%gamma
@@ -78,7 +79,7 @@ contains
         type(failure_type), allocatable :: failure
         type(options_type) :: options
         real(wp), dimension(size(q0)) :: q, qd, qdd
-        integer :: n, nh, m, stat(6)
+        integer :: n, nh, m, stat(5)
 
         n = model%n
         nh = model%n_holonomic
@@ -88,9 +89,9 @@ contains
         call check_no_failure(error, failure)
         if (allocated(error)) return
         point%t = t
-        point%chart%damps = .true.
-        call point%chart%initialize(model, options, .true., failure)
-        call point%chart%renew(t, simulation%state%q, simulation%state%qd, stat(1))
+        call point%chart%attach(model, options, .true., .true., failure)
+        qdd = 0.0_wp
+        call point%chart%set_origin(t, simulation%state%q, simulation%state%qd, .false., qdd, stat(1))
         ! The bases of the chart are private; the same factorisation gives the same ones.
         call get_terms(model, t, simulation%state%q, simulation%state%qd, terms, stat(2))
         call basis%allocate(n, nh, m)
@@ -104,14 +105,13 @@ contains
         call random_vector(seed, point%w)
         point%v = 0.1_wp*point%v
         point%w = 0.5_wp*point%w
-        call point%chart%restore_position(t, matmul(point%v_basis, point%v), q, stat(3))
-        call point%chart%restore_velocity(t, q, matmul(point%w_basis, point%w), qd, stat(4))
-        call point%chart%solve_dynamics(t, q, qd, qdd, stat(5))
+        call point%chart%restore(t, matmul(point%v_basis, point%v), matmul(point%w_basis, point%w), step_end, q, qd, stat(3))
+        call point%chart%accelerate(t, q, qd, step_end, qdd, stat(4))
         point%wd = matmul(qdd, point%w_basis)
         point%lambda = spread(0.0_wp, 1, m)
-        call point%chart%multipliers(t, q, qd, qdd, point%lambda, stat(6))
+        call point%chart%find_multipliers(t, q, qd, qdd, point%lambda, stat(5))
         if (any(stat /= 0)) call test_failed(error, model%name//': the point is off the chart')
-        call point%chart%factor_stage(t, q, qd, qdd, 1.0e-3_wp, stat(1))
+        call point%chart%factor(t, q, qd, qdd, 1.0e-3_wp, [complex(wp) ::], stat(1))
         if (stat(1) /= 0) call test_failed(error, model%name//': no Newton matrix')
     end subroutine enter_stage
 
@@ -215,15 +215,14 @@ contains
         if (allocated(error)) return
         allocate (chart)
         associate (state => simulation%state)
-            chart%damps = .true.
-            call chart%initialize(model, options, .true., failure)
-            call chart%renew(state%t, state%q, state%qd, stat)
+            call chart%attach(model, options, .true., .true., failure)
+            noise = 0.0_wp
+            call chart%set_origin(state%t, state%q, state%qd, .false., noise, stat)
             rate_q = state%qd
             rate_qd = state%qdd
-            call chart%restore_position(state%t + ha, ha*rate_q, q, stat)
-            call chart%restore_velocity(state%t + ha, q, ha*rate_qd, qd, stat)
-            call chart%solve_dynamics(state%t + ha, q, qd, qdd, stat)
-            call chart%factor_stage(state%t + ha, q, qd, qdd, ha, stat)
+            call chart%restore(state%t + ha, ha*rate_q, ha*rate_qd, step_end, q, qd, stat)
+            call chart%accelerate(state%t + ha, q, qd, step_end, qdd, stat)
+            call chart%factor(state%t + ha, q, qd, qdd, ha, [complex(wp) ::], stat)
             seed = 208
             call random_vector(seed, noise)
             rate_q = rate_q + 1.0e-2_wp*noise
@@ -258,17 +257,17 @@ contains
         if (allocated(error)) return
         allocate (chart)
         associate (state => simulation%state)
-            chart%damps = .true.
-            call chart%initialize(disk, options, .true., failure)
-            call chart%reuse_stage(ha, can)
+            call chart%attach(disk, options, .true., .true., failure)
+            call chart%reuse(ha, [complex(wp) ::], can)
+            rate_q = 0.0_wp
             call check_true(error, .not. can, 'there is no matrix yet')
-            call chart%renew(state%t, state%q, state%qd, stat)
-            call chart%factor_stage(state%t, state%q, state%qd, state%qdd, ha/1.5_wp, stat)
+            call chart%set_origin(state%t, state%q, state%qd, .false., rate_q, stat)
+            call chart%factor(state%t, state%q, state%qd, state%qdd, ha/1.5_wp, [complex(wp) ::], stat)
             call simulation%integrate(1.02_wp, failure)
-            call chart%renew(state%t, state%q, state%qd, stat)
+            call chart%set_origin(state%t, state%q, state%qd, .false., rate_q, stat)
             do i = 1, 2
-                if (i == 1) call chart%reuse_stage(ha, can)
-                if (i == 2) call chart%factor_stage(state%t, state%q, state%qd, state%qdd, ha, stat)
+                if (i == 1) call chart%reuse(ha, [complex(wp) ::], can)
+                if (i == 2) call chart%factor(state%t, state%q, state%qd, state%qdd, ha, [complex(wp) ::], stat)
                 call check_true(error, can .and. stat == 0, 'there is a matrix')
                 call check_count(error, chart%counts%newton_matrices, i, 'matrices')
                 call check_count(error, chart%counts%newton_factorizations, i + 1, 'factorizations')
@@ -282,7 +281,7 @@ contains
                 found_qd(:, i) = qd
             end do
             disk%segment = 2
-            call chart%reuse_stage(ha, can)
+            call chart%reuse(ha, [complex(wp) ::], can)
             disk%segment = 1
         end associate
         call check_true(error, .not. can, 'a matrix of another segment')

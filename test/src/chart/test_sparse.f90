@@ -9,6 +9,7 @@ module test_sparse
     use model_beads, only: beads_type
     use tandem, only: chart_type, failure_type => error_type, mechanism_type, options_type, polynomial_type, simulation_type, &
         statistics_type, wp
+    use tandem_chart, only: measure_type, need_change
     use tandem_chart_factory, only: new_chart
     use testdrive, only: error_type, new_unittest, test_failed, unittest_type
     implicit none (type, external)
@@ -598,27 +599,31 @@ contains
         class(chart_type), allocatable :: chart
         type(failure_type), allocatable :: failure
         real(wp) :: change(2)
-        real(wp), allocatable :: q(:), qd(:)
+        real(wp), allocatable :: q(:), qd(:), turned(:)
+        type(measure_type) :: measure
         integer :: i, j, stat
 
         call make_large('net', 9, mechanism, failure)
         call check_no_failure(error, failure)
         if (allocated(error)) return
-        allocate (q(mechanism%n), qd(mechanism%n))
+        allocate (q(mechanism%n), qd(mechanism%n), turned(mechanism%n))
         mechanism%coordinate_scale = [(1.0_wp + mod(i, 7), i=1, mechanism%n)]
         call mechanism%start(q, qd)
         do i = 1, 2
             call new_chart(i == 2, chart)
-            call chart%initialize(mechanism, options_type(rtol=1.0e-6_wp, &
-                chart_kind=merge('dense ', 'sparse', i == 1)), .false., failure)
+            call chart%attach(mechanism, options_type(rtol=1.0e-6_wp, chart_kind=merge('dense ', 'sparse', i == 1)), .false., &
+                .false., failure)
             call check_no_failure(error, failure)
             if (allocated(error)) return
-            call chart%renew(0.0_wp, q, qd, stat)
+            turned = 0.0_wp
+            call chart%set_origin(0.0_wp, q, qd, .false., turned, stat)
             call check_count(error, stat, 0, 'status')
-            call chart%refresh(0.0_wp, q, stat)
-            call chart%project_velocity(0.1_wp, q + 0.01_wp*[(sin(real(j, wp)), j=1, mechanism%n)], qd, stat)
+            turned = q + 0.01_wp*[(sin(real(j, wp)), j=1, mechanism%n)]
+            call chart%project(0.1_wp, turned, qd, .false., stat)
             call check_count(error, stat, 0, 'status')
-            change(i) = chart%relative_change()
+            call chart%measure(need_change, 0.0_wp, q, 0.1_wp, turned, qd, measure, stat)
+            call check_count(error, stat, 0, 'status')
+            change(i) = measure%change
         end do
         call check_below(error, 1.0e-3_wp, change(1), 'the rows turn')
         call check_close(error, change(2:2), change(1:1), 1.0e-12_wp, 'change of the rows')

@@ -282,15 +282,16 @@ contains
         type(sparse_chart_type) :: chart
         type(terms_type) :: terms
         type(failure_type), allocatable :: failure
-        real(wp) :: q(mechanism%n), qd(mechanism%n)
+        real(wp), dimension(mechanism%n) :: q, qd, dq
         integer, allocatable :: start(:), partners(:), norms(:)
         integer :: i, k, stat
 
         call mechanism%start(q, qd)
-        call chart%initialize(mechanism, options_type(stepper='rk4'), .false., failure)
+        call chart%attach(mechanism, options_type(stepper='rk4'), .false., .false., failure)
         call check_no_failure(error, failure)
         if (allocated(error)) return
-        call chart%renew(0.0_wp, q, qd, stat)
+        dq = 0.0_wp
+        call chart%set_origin(0.0_wp, q, qd, .false., dq, stat)
         call chart%leave_out_dependent(0.0_wp, q, qd, stat)
         call check_count(error, stat, 0, 'status')
         call check_count(error, chart%n_dropped, expected, 'rows left out')

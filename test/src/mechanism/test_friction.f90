@@ -6,6 +6,7 @@ module test_friction
     use mechanism_checks, only: verify
     use stage_corrections, only: correct_stage
     use tandem, only: failure_type => error_type, mechanism_type, options_type, terms_type, wp
+    use tandem_chart, only: step_end
     use tandem_chart_dense, only: dense_chart_type
     use tandem_chart_factory, only: choose_chart, cost_type
     use tandem_status, only: status_not_evaluable
@@ -86,7 +87,7 @@ contains
         real(wp), allocatable, dimension(:) :: q0, qd0, q, qd, qdd, dq, dqd, lambda, normals, left
         real(wp), allocatable :: directions(:, :), gradient(:, :)
         real(wp) :: worst, scale
-        integer :: k, i, seed, stat(7)
+        integer :: k, i, seed, stat(6)
 
         seed = 301
         do k = 1, 4
@@ -103,21 +104,20 @@ contains
             call choose_chart(mechanism, options, .false., 0.0_wp, q0, qd0, is_sparse, cost)
             call check_true(error, .not. is_sparse, 'a sparse chart')
             allocate (chart)
-            call chart%initialize(mechanism, options, k > 2, failure)
+            call chart%attach(mechanism, options, k > 2, .false., failure)
             call check_no_failure(error, failure)
             worst = 0.0_wp
             do i = 1, 200
-                call chart%renew(0.0_wp, q0, qd0, stat(1))
+                call chart%set_origin(0.0_wp, q0, qd0, .false., dq, stat(1))
                 call random_vector(seed, dq)
                 call random_vector(seed, dqd)
                 dq = 0.05_wp*dq
                 dqd = 2*dqd
-                call chart%restore_position(0.0_wp, dq, q, stat(2))
-                call chart%restore_velocity(0.0_wp, q, dqd, qd, stat(3))
-                call chart%solve_dynamics(0.0_wp, q, qd, qdd, stat(4))
-                call chart%multipliers(0.0_wp, q, qd, qdd, lambda, stat(5))
-                call get_terms(mechanism, 0.0_wp, q, qd, terms, stat(6))
-                call mechanism%friction_directions(0.0_wp, q, qd, directions, stat(7))
+                call chart%restore(0.0_wp, dq, dqd, step_end, q, qd, stat(2))
+                call chart%accelerate(0.0_wp, q, qd, step_end, qdd, stat(3))
+                call chart%find_multipliers(0.0_wp, q, qd, qdd, lambda, stat(4))
+                call get_terms(mechanism, 0.0_wp, q, qd, terms, stat(5))
+                call mechanism%friction_directions(0.0_wp, q, qd, directions, stat(6))
                 call mechanism%normal_forces(lambda, normals, gradient)
                 if (any(stat /= 0)) then
                     call test_failed(error, 'a state cannot be evaluated')
@@ -182,7 +182,7 @@ contains
         type(dense_chart_type), allocatable :: chart
         type(options_type) :: options
         type(failure_type), allocatable :: failure
-        real(wp), allocatable, dimension(:) :: q0, qd0, q, qd, qdd, rate_q, rate_qd, noise
+        real(wp), allocatable, dimension(:) :: q0, qd0, q, qd, qdd, rate_q, rate_qd, noise, dq
         real(wp) :: change(5)
         integer :: k, seed, stat
 
@@ -193,24 +193,23 @@ contains
         allocate (q0(mechanism%n), qd0(mechanism%n), q(mechanism%n), qd(mechanism%n), qdd(mechanism%n), noise(mechanism%n))
         call mechanism%start(q0, qd0)
         allocate (chart)
-        chart%damps = .true.
-        call chart%initialize(mechanism, options, .true., failure)
-        call chart%renew(0.0_wp, q0, qd0, stat)
+        call chart%attach(mechanism, options, .true., .true., failure)
+        dq = 0*q0
+        call chart%set_origin(0.0_wp, q0, qd0, .false., dq, stat)
         seed = 303
         call random_vector(seed, noise)
-        call chart%restore_velocity(0.0_wp, q0, 0.5_wp*noise, qd, stat)
-        call chart%renew(0.0_wp, q0, qd, stat)
-        call chart%restore_position(0.0_wp, 0*q0, q, stat)
-        call chart%restore_velocity(0.0_wp, q, 0*q0, qd, stat)
-        call chart%solve_dynamics(0.0_wp, q, qd, qdd, stat)
+        call chart%restore(0.0_wp, 0*q0, 0.5_wp*noise, step_end, q, qd, stat)
+        call chart%set_origin(0.0_wp, q0, qd, .false., dq, stat)
+        call chart%restore(0.0_wp, 0*q0, 0*q0, step_end, q, qd, stat)
+        call chart%accelerate(0.0_wp, q, qd, step_end, qdd, stat)
         rate_q = qd
         rate_qd = qdd
-        call chart%factor_stage(0.0_wp, q, qd, qdd, ha, stat)
+        call chart%factor(0.0_wp, q, qd, qdd, ha, [complex(wp) ::], stat)
         do k = 1, 2
             ! To a matrix at the solution itself.
             call solve(4)
-            call chart%solve_dynamics(ha, q, qd, qdd, stat)
-            call chart%factor_stage(ha, q, qd, qdd, ha, stat)
+            call chart%accelerate(ha, q, qd, step_end, qdd, stat)
+            call chart%factor(ha, q, qd, qdd, ha, [complex(wp) ::], stat)
         end do
         call random_vector(seed, noise)
         rate_qd = rate_qd + 1.0e-4_wp*noise
@@ -228,8 +227,7 @@ contains
             do i = 1, corrections
                 call correct_stage(chart, i == 1, ha, ha, q, qd, rate_q, rate_qd, change(i), stat)
             end do
-            call chart%restore_position(ha, ha*rate_q, q, stat)
-            call chart%restore_velocity(ha, q, ha*rate_qd, qd, stat)
+            call chart%restore(ha, ha*rate_q, ha*rate_qd, step_end, q, qd, stat)
         end subroutine solve
     end subroutine test_contraction
 
@@ -240,7 +238,7 @@ contains
         type(dense_chart_type), allocatable :: chart
         type(options_type) :: options
         type(failure_type), allocatable :: failure
-        real(wp) :: q(3), qd(3), qdd(3)
+        real(wp) :: q(3), qd(3), qdd(3), zero(3)
         integer :: k, stat
 
         do k = 1, 2
@@ -254,11 +252,11 @@ contains
             call mechanism%define(failure)
             call mechanism%start(q, qd)
             allocate (chart)
-            call chart%initialize(mechanism, options, .false., failure)
-            call chart%renew(0.0_wp, q, qd, stat)
-            call chart%restore_position(0.0_wp, 0*q, q, stat)
-            call chart%restore_velocity(0.0_wp, q, 0*q, qd, stat)
-            call chart%solve_dynamics(0.0_wp, q, qd, qdd, stat)
+            call chart%attach(mechanism, options, .false., .false., failure)
+            zero = 0.0_wp
+            call chart%set_origin(0.0_wp, q, qd, .false., zero, stat)
+            call chart%restore(0.0_wp, zero, zero, step_end, q, qd, stat)
+            call chart%accelerate(0.0_wp, q, qd, step_end, qdd, stat)
             call check_count(error, stat, merge(0, status_not_evaluable, k == 1), 'status')
             deallocate (chart)
         end do

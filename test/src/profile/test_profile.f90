@@ -12,7 +12,6 @@ module test_profile
         part_start, part_watch, profile_type, profiled_observer_type, simulation_type, statistics_type, &
         stepper_names, term_name, terms_of_part, to_text, wp
     use tandem_io_output_observers, only: observer_list_type
-    use tandem_profile_chart, only: profiled_chart_type
     use tandem_profile_parts, only: part_acceleration, part_control, part_correction, part_derivatives, part_energy, part_matrix, &
         part_multipliers, part_renew, part_terms
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -324,18 +323,14 @@ contains
         type(options_type), intent(in) :: options
         logical, intent(in) :: is_profiled
         type(error_type), allocatable, intent(inout) :: error
-        type(profiled_chart_type) :: chart
         type(failure_type), allocatable :: failure
 
         if (allocated(error)) return
         if (is_profiled) then
             call self%profile%begin()
             self%model%state%timer => self%profile
-            chart%profile => self%profile
-            call self%simulation%initialize(self%model, options, 0.0_wp, self%q, self%qd, failure, chart=chart)
-        else
-            call self%simulation%initialize(self%model, options, 0.0_wp, self%q, self%qd, failure)
         end if
+        call self%simulation%initialize(self%model, options, 0.0_wp, self%q, self%qd, failure)
         call check_no_failure(error, failure)
     end subroutine set_up
 

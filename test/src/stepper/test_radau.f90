@@ -10,8 +10,8 @@ module test_radau
     use tandem, only: failure_type => error_type, long, model_type, procedure_model_type, motorcycle_type, new_stepper, &
         options_type, profile_type, &
         properties_type, simulation_type, statistics_type, stepper_choices, to_text, wp
+    use tandem_chart, only: step_end
     use tandem_chart_dense, only: dense_chart_type
-    use tandem_profile_chart, only: profiled_chart_type
     use tandem_stepper, only: stepper_type
     use tandem_stepper_radau, only: radau_type
     use tandem_stepper_radau_tableau, only: tableau_of, tableau_type
@@ -166,7 +166,7 @@ contains
         integer :: k, stat
 
         call model%define()
-        call chart%initialize(model, options_type(), .true., failure)
+        call chart%attach(model, options_type(), .true., .false., failure)
         call check_no_failure(error, failure)
         if (allocated(error)) return
         stepper%least = s
@@ -175,10 +175,10 @@ contains
         call state%allocate(1)
         call next%allocate(1)
         state%qd = 2*sin(1.0_wp)*sqrt(pendulum%g/pendulum%length)
-        call chart%renew(0.0_wp, state%q, state%qd, stat)
-        call chart%restore_motion(0.0_wp, state%dq, state%dqd, next%q, next%qd, state%qdd, stat)
+        call chart%set_origin(0.0_wp, state%q, state%qd, .false., state%dq, stat)
+        call chart%accelerate(0.0_wp, state%q, state%qd, step_end, state%qdd, stat)
         do k = 1, n
-            if (stat == 0) call chart%renew(state%t, state%q, state%qd, stat)
+            if (stat == 0) call chart%set_origin(state%t, state%q, state%qd, .false., state%dq, stat)
             state%dq = 0.0_wp
             state%dqd = 0.0_wp
             next%t = real(k, wp)*h
@@ -528,13 +528,12 @@ contains
             'angle')
     end subroutine test_events
 
-    !> The chart with time measurement gives identical results for all numbers of stages, word by word.
+    !> A chart whose time is measured gives identical results for all numbers of stages, word by word.
     subroutine test_profile(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: one, two
         type(simulation_type) :: plain, profiled
         type(profile_type), target :: profile
-        type(profiled_chart_type) :: chart
         type(failure_type), allocatable :: failure
         type(options_type) :: options
         type(statistics_type) :: statistics
@@ -547,10 +546,9 @@ contains
         call get_start('motorcycle', q, qd)
         call profile%begin()
         two%state%timer => profile
-        chart%profile => profile
         options = options_type(stepper='radau', rtol=1.0e-10_wp)
         call plain%initialize(one, options, 0.0_wp, q, qd, failure)
-        if (.not. allocated(failure)) call profiled%initialize(two, options, 0.0_wp, q, qd, failure, chart=chart)
+        if (.not. allocated(failure)) call profiled%initialize(two, options, 0.0_wp, q, qd, failure)
         do k = 1, 35
             if (.not. allocated(failure)) call plain%step(100.0_wp, failure)
             if (.not. allocated(failure)) call profiled%step(100.0_wp, failure)

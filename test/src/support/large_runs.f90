@@ -3,8 +3,7 @@
 module large_runs
     use asserts, only: check_count, check_no_failure, check_true
     use large_mechanisms, only: make_large
-    use tandem, only: chart_type, failure_type => error_type, long, mechanism_type, new_profiled_chart, options_type, &
-        profile_type, simulation_type, wp
+    use tandem, only: failure_type => error_type, long, mechanism_type, options_type, profile_type, simulation_type, wp
     use testdrive, only: error_type
     implicit none (type, external)
     private
@@ -112,7 +111,6 @@ contains
         type(mechanism_type), target :: one, two
         type(simulation_type) :: plain, timed
         type(profile_type), target :: profile
-        class(chart_type), allocatable :: chart
         type(failure_type), allocatable :: failure
         real(wp), allocatable :: q(:), qd(:)
 
@@ -123,9 +121,8 @@ contains
         allocate (q(two%n), qd(two%n))
         call two%start(q, qd)
         call profile%begin()
-        call new_profiled_chart(two, options, 0.0_wp, q, qd, profile, chart)
         two%state%timer => profile
-        call timed%initialize(two, options, 0.0_wp, q, qd, failure, chart=chart)
+        call timed%initialize(two, options, 0.0_wp, q, qd, failure)
         call check_no_failure(error, failure)
         call check_true(error, timed%is_sparse .and. plain%is_sparse, 'a chart is dense')
         call go_on(plain, 0.02_wp, error)

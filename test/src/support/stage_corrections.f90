@@ -2,7 +2,8 @@
 !> Newton corrections of one implicit stage, as steppers make them.
 module stage_corrections
     use tandem, only: wp
-    use tandem_chart, only: chart_type
+    use tandem_chart, only: goal_type
+    use tandem_chart_implicit, only: implicit_chart_type
     implicit none (type, external)
     private
 
@@ -12,12 +13,12 @@ contains
 
     !> One correction of a stage whose increments are ha times its rates.
     subroutine correct_stage(chart, is_first, t, ha, q, qd, rate_q, rate_qd, change, stat)
-        class(chart_type), intent(inout) :: chart
+        class(implicit_chart_type), intent(inout) :: chart
         !> True if q are predicted coordinates.
         logical, intent(in) :: is_first
         real(wp), intent(in) :: t, ha
         real(wp), intent(inout), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:)
-        !> See `update_stage`.
+        !> See `update` of the chart.
         real(wp), intent(out) :: change
         integer, intent(out) :: stat
         real(wp) :: residual(chart%n_residual), dq(chart%n), dqd(chart%n)
@@ -25,9 +26,10 @@ contains
         change = huge(1.0_wp)
         dq = ha*rate_q
         dqd = ha*rate_qd
-        call chart%stage_residual(1, is_first, huge(1.0_wp), t, dq, dqd, q, qd, rate_q, rate_qd, residual, stat)
+        call chart%find_residual(goal_type(is_iterate=.true., is_first=is_first, stage=1), t, dq, dqd, q, qd, rate_q, rate_qd, &
+            residual, stat)
         if (stat /= 0) return
-        call chart%solve_real(residual)
-        call chart%update_stage(1, q, qd, ha, residual, rate_q, rate_qd, change, stat)
+        call chart%solve(residual)
+        call chart%update(1, q, qd, ha, residual, rate_q, rate_qd, change, stat)
     end subroutine correct_stage
 end module stage_corrections

@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> Results at a point: multipliers, the nearest velocity, constraint errors, measures for policies, kinetic energy.
+!> Results at a point: multipliers, projections, constraint errors.
 submodule(tandem_chart_dense) tandem_chart_dense_answers
     use tandem_linalg_lapack, only: dpotrf, dpotrs
     implicit none (type, external)
 
 contains
 
-    module procedure multipliers
+    module procedure do_find_multipliers
         lambda = 0.0_wp
         call self%move_with(t, q, qd, stat)
         if (stat == status_ok) call self%complete_velocity_basis(stat)
@@ -43,10 +43,24 @@ contains
             lambda(self%model%kept) = mu - matmul(share, combination)
             lambda(left_out) = share
         end subroutine share_load
-    end procedure multipliers
+    end procedure do_find_multipliers
 
-    module procedure project_velocity
-        self%failed_row = 0
+    module procedure do_project
+        if (moves_q) then
+            call restore_near(self, t, q, qd, stat)
+        else
+            call project_velocity(self, t, q, qd, stat)
+        end if
+    end procedure do_project
+
+    !> The nearest velocity in the mass metric.
+    subroutine project_velocity(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t, q(self%n)
+        real(wp), intent(inout) :: qd(self%n)
+        integer, intent(out) :: stat
+
+        self%failure%row = 0
         call self%move_to(t, q, stat)
         if (stat == status_ok) call self%complete_velocity_basis(stat)
         if (stat /= status_ok) return
@@ -56,18 +70,22 @@ contains
             call self%dynamics%project(d, r, self%model%terms%nu, qd)
         end associate
         if (.not. sum(abs(qd)) <= huge(1.0_wp)) stat = status_not_finite
-    end procedure project_velocity
+    end subroutine project_velocity
 
     !> Bring a point beside the manifold onto it: q := q - R (Phi, 0) until Phi = 0 and qd := qd - R (C qd - nu), with the R of the
     !> point itself. Newton's iteration, but C is reused while Phi falls fast.
-    module procedure restore_near
+    subroutine restore_near(self, t, q, qd, stat)
+        class(dense_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: q(self%n), qd(self%n)
+        integer, intent(out) :: stat
         !> From an error of the size of the coordinates a few corrections suffice; an iteration that takes more diverges.
         integer, parameter :: most = 30
         real(wp), parameter :: fast = 0.1_wp, slow = 0.5_wp
         real(wp) :: error, last_error
         integer :: k, pass
 
-        self%failed_row = 0
+        self%failure%row = 0
         last_error = huge(1.0_wp)
         stat = status_ok
         do k = 0, merge(most, -1, self%nh > 0)
@@ -116,11 +134,11 @@ contains
             call self%move_to(t, q, stat)
             if (stat == status_ok) call self%complete_velocity_basis(stat)
         end subroutine split_at
-    end procedure restore_near
+    end subroutine restore_near
 
-    !> Remove from errors of rates at the point of the last `restore_near` their components normal to a curve: R Phi_q e_q from the
+    !> Remove from errors of rates at the point of the last projection their components normal to a curve: R Phi_q e_q from the
     !> error of q, because the velocity constraints do not bind the curve itself, and R C e_qd from the error of qd.
-    module procedure keep_tangent
+    module procedure remove_normal
         self%x = 0.0_wp
         call add_product(self%model%terms%jacobian, error_q, 1.0_wp, self%x)
         self%x(self%nh + 1:) = 0.0_wp
@@ -128,9 +146,9 @@ contains
         self%x = 0.0_wp
         call add_product(self%model%terms%jacobian, error_qd, 1.0_wp, self%x)
         call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, error_qd)
-    end procedure keep_tangent
+    end procedure remove_normal
 
-    module procedure constraint_errors
+    module procedure do_find_errors
         errors = 0.0_wp
         rows = 0
         if (self%m == 0) then
@@ -161,61 +179,29 @@ contains
         subroutine measure(terms)
             type(terms_type), intent(in) :: terms
 
-            call find_errors(terms%phi, terms%nu, terms%gamma, terms%jacobian, self%magnitude, qd, qdd, self%scale, self%rate, &
-                errors, rows)
+            call constraint_errors(terms%phi, terms%nu, terms%gamma, terms%jacobian, self%magnitude, qd, qdd, self%scale, &
+                self%rate, errors, rows)
         end subroutine measure
-    end procedure constraint_errors
-
-    module procedure measure_health
-        self%failed_row = 0
-        call self%move_to(t, q, stat)
-        if (stat == status_ok .and. self%watch%condition) call self%complete_velocity_basis(stat)
-        if (stat /= status_ok) return
-        health%corrections = max(self%position%most_corrections, self%velocity_basis%most_corrections)
-        self%position%most_corrections = 0
-        self%velocity_basis%most_corrections = 0
-        associate (terms => self%model%terms, watch => self%watch)
-            if (watch%v) health%v = length_outside(self%basis%q(:, :self%nh), (q - self%q0)/self%basis_scale)
-            if (watch%w) health%w = length_outside(self%basis%q(:, :self%m), (qd - self%qd0)/self%basis_scale)
-            if (watch%condition .and. self%is_implicit) then
-                ! The condition number of the reduced Newton matrix (81).
-                health%condition = 1.0_wp/max(self%stage%reciprocal_condition(), tiny(1.0_wp))
-            else if (watch%condition) then
-                call watch%condition_of(terms%mass, self%velocity_basis%null_space, terms%jacobian, health%condition)
-            end if
-            if (watch%secants) then
-                self%counts%basis_factorizations = self%counts%basis_factorizations + 1
-                call watch%measure_secants(terms%jacobian, self%basis_scale, self%basis%q(:, :self%m), health%d, health%fbar)
-            end if
-        end associate
-    end procedure measure_health
-
-    module procedure kinetic_energy
-        energy = 0.0_wp
-        call self%move_to(t, q, stat)
-        if (stat /= status_ok) return
-        self%counts%kinetic_energies = self%counts%kinetic_energies + 1
-        energy = 0.5_wp*dot_product(qd, matmul(self%model%terms%mass, qd))
-    end procedure kinetic_energy
+    end procedure do_find_errors
 
     !> Find the term that is not finite, if there is one, after a failure. Invalidate the point, so that it can be tried again.
     module procedure name_infinite
-        call self%forget()
+        call self%point%forget()
         associate (terms => self%model%terms)
             if (.not. sum(abs(terms%phi)) <= huge(1.0_wp)) then
-                self%failed_term = 'phi'
+                self%failure%term = 'phi'
             else if (.not. sum(abs(terms%jacobian)) <= huge(1.0_wp)) then
-                self%failed_term = 'jacobian'
+                self%failure%term = 'jacobian'
             else if (.not. sum(abs(terms%nu)) <= huge(1.0_wp)) then
-                self%failed_term = 'nu'
+                self%failure%term = 'nu'
             else if (.not. sum(abs(terms%mass)) <= huge(1.0_wp)) then
-                self%failed_term = 'mass'
+                self%failure%term = 'mass'
             else if (.not. sum(abs(terms%gamma)) <= huge(1.0_wp)) then
-                self%failed_term = 'gamma'
+                self%failure%term = 'gamma'
             else if (.not. sum(abs(terms%force)) <= huge(1.0_wp)) then
-                self%failed_term = 'force'
+                self%failure%term = 'force'
             else
-                self%failed_term = 'the velocity'
+                self%failure%term = 'the velocity'
                 return
             end if
         end associate

@@ -25,14 +25,18 @@ module tandem_chart_dense
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_invalid_model, status_not_finite, status_ok, &
         status_position_diverged, status_rank_deficient, status_singular_mass
-    use tandem_chart, only: chart_type, health_type, least_bend
+    use tandem_chart, only: chart_memory_type, chart_type, goal_type, least_bend, measure_type, need_change, need_contraction, &
+        need_line, need_policy, need_rank, step_end
+    use tandem_chart_implicit, only: implicit_chart_type
     use tandem_chart_dense_dynamics, only: dynamics_type
-    use tandem_model_natural_scale, only: find_errors => constraint_errors
-    use tandem_chart_dense_position, only: position_type
+    use tandem_model_natural_scale, only: constraint_errors
+    use tandem_model_timer, only: of_position, of_velocity
+    use tandem_chart_dense_position, only: position_memory_type, position_type
     use tandem_chart_dense_free_motion, only: free_motion_type
     use tandem_chart_dense_friction, only: friction_type
     use tandem_chart_dense_rows_in_use, only: rows_in_use_type
-    use tandem_chart_dense_velocity_basis, only: by_elimination, by_factor, by_refinement, velocity_basis_type
+    use tandem_chart_dense_velocity_basis, only: by_elimination, by_factor, by_refinement, &
+        velocity_basis_memory_type, velocity_basis_type
     use tandem_chart_dense_visited_point, only: visited_point_type
     use tandem_chart_dense_newton_matrix, only: stage_type
     use tandem_chart_dense_stage_iterate, only: stage_iterate_type
@@ -44,8 +48,14 @@ module tandem_chart_dense
 
     public :: dense_chart_type
 
+    !> The start of the next step.
+    type, extends(chart_memory_type) :: dense_memory_type
+        type(position_memory_type) :: position
+        type(velocity_basis_memory_type) :: velocity_basis
+    end type dense_memory_type
+
     !> The chart by dense matrices.
-    type, extends(chart_type) :: dense_chart_type
+    type, extends(implicit_chart_type) :: dense_chart_type
         private
         type(evaluator_type) :: model
         type(differences_type) :: differences
@@ -107,39 +117,34 @@ module tandem_chart_dense
         type(lu_type) :: origin_lu
         !> The point of the terms in `model`.
         type(visited_point_type) :: point
-        !> The segment of the model in which the last Newton matrix was formed, and the cost of a new one in corrections.
+        !> The segment of the model in which the last Newton matrix was formed.
         integer :: stage_segment = 0
-        real(wp) :: cost = 0.0_wp
         !> The last iterate of each implicit stage.
         type(stage_iterate_type), allocatable :: iterates(:)
         !> Work space for stages.
         real(wp), allocatable :: b_phi(:, :), lambda(:), change_q(:), change_qd(:)
     contains
-        procedure :: initialize, renew, remainder, refresh
-        procedure :: start_step, retry_step, forget, forget_model
-        procedure :: hold, release
-        procedure :: restore_position, restore_velocity, solve_dynamics, restore_motion
-        procedure :: restore_near, keep_tangent
-        procedure :: factor_stage, reuse_stage, matrix_cost, expect_pairs
-        procedure :: stage_residual, solve_real, solve_pair, update_stage, filter_error
-        procedure :: multipliers, project_velocity, constraint_errors, inherit
-        procedure :: measure_rank, loss_ahead, relative_change, contraction, measure_health, kinetic_energy, pack_state
-        procedure, private, non_overridable :: place_bases, visit, move_to, refuse_infinite, find_velocity_basis
-        procedure, private, non_overridable :: complete_velocity_basis, measure_split, move_with, blame, blame_dependent
-        procedure, private, non_overridable :: fail_term, judge_blocks, name_infinite
+        procedure :: do_attach, do_set_origin, start_step, get_memory, set_memory, forget, inherit
+        procedure :: restore, do_accelerate, do_project, remove_normal
+        procedure :: do_find_multipliers, do_find_errors, do_measure, pack_state
+        procedure :: do_factor, do_reuse, do_find_residual, do_solve, do_solve_pair, do_update, do_filter
+        procedure, private, non_overridable :: make_origin, restore_position, restore_velocity, place_bases, visit, move_to
+        procedure, private, non_overridable :: refuse_infinite, find_velocity_basis, complete_velocity_basis
+        procedure, private, non_overridable :: measure_split, measure_rank, find_loss_ahead, change_from, move_with
+        procedure, private, non_overridable :: blame, blame_dependent, fail_term, judge_blocks, name_infinite
     end type dense_chart_type
 
     interface
         !> Attach the model and allocate the work space.
-        module subroutine initialize(self, model, options, implicit, error, kept)
+        module subroutine do_attach(self, model, options, implicit, damps, error, kept)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             class(model_type), intent(inout), target :: model
             type(options_type), intent(in) :: options
-            logical, intent(in) :: implicit
+            logical, intent(in) :: implicit, damps
             type(error_type), allocatable, intent(out) :: error
             integer, intent(in), optional :: kept(:)
-        end subroutine initialize
+        end subroutine do_attach
 
         !> The origin, its bases, the last evaluations and factors, and the Newton matrix.
         module subroutine pack_state(self, pack)
@@ -149,13 +154,13 @@ module tandem_chart_dense
         end subroutine pack_state
 
         !> Make (t, q, qd) the origin.
-        module subroutine renew(self, t, q, qd, stat)
+        module subroutine make_origin(self, t, q, qd, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             real(wp), intent(in), contiguous :: q(:), qd(:)
             integer, intent(out) :: stat
-        end subroutine renew
+        end subroutine make_origin
 
         !> Bases at the origin from the orthonormal ones, complements orthogonal in the metric.
         module subroutine place_bases(self)
@@ -171,11 +176,22 @@ module tandem_chart_dense
             integer, intent(inout) :: stat
         end subroutine name_infinite
 
+        !> Point and velocity of increments.
+        module subroutine restore(self, t, dq, dqd, goal, q, qd, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t, dq(self%n), dqd(self%n)
+            type(goal_type), intent(in) :: goal
+            real(wp), intent(out) :: q(self%n), qd(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore
+
         !> q = q0 + xi - U u with Phi(t, q) = 0.
-        module subroutine restore_position(self, t, increment, q, stat)
+        module subroutine restore_position(self, t, increment, goal, q, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(in) :: t, increment(self%n)
+            type(goal_type), intent(in) :: goal
             real(wp), intent(out) :: q(self%n)
             integer, intent(out) :: stat
         end subroutine restore_position
@@ -218,10 +234,11 @@ module tandem_chart_dense
         end subroutine complete_velocity_basis
 
         !> qd = qd0 + eta - X x with C qd = nu.
-        module subroutine restore_velocity(self, t, q, increment, qd, stat)
+        module subroutine restore_velocity(self, t, q, increment, goal, qd, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(in) :: t, q(self%n), increment(self%n)
+            type(goal_type), intent(in) :: goal
             real(wp), intent(out) :: qd(self%n)
             integer, intent(out) :: stat
         end subroutine restore_velocity
@@ -234,39 +251,32 @@ module tandem_chart_dense
             integer, intent(out) :: stat
         end subroutine move_with
 
-        !> The acceleration at the point of `restore_velocity`.
-        module subroutine solve_dynamics(self, t, q, qd, qdd, stat)
+        !> The acceleration at a point.
+        module subroutine do_accelerate(self, t, q, qd, goal, qdd, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(in) :: t, q(self%n), qd(self%n)
+            type(goal_type), intent(in) :: goal
             real(wp), intent(out) :: qdd(self%n)
             integer, intent(out) :: stat
-        end subroutine solve_dynamics
-
-        !> Position, velocity and acceleration, assuming that the point is new.
-        module subroutine restore_motion(self, t, increment, increment_qd, q, qd, qdd, stat)
-            implicit none (type, external)
-            class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t, increment(self%n), increment_qd(self%n)
-            real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
-            integer, intent(out) :: stat
-        end subroutine restore_motion
+        end subroutine do_accelerate
 
         !> Bring a point beside the manifold onto it, by C there.
-        module subroutine restore_near(self, t, q, qd, stat)
+        module subroutine do_project(self, t, q, qd, moves_q, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             real(wp), intent(inout) :: q(self%n), qd(self%n)
+            logical, intent(in) :: moves_q
             integer, intent(out) :: stat
-        end subroutine restore_near
+        end subroutine do_project
 
-        !> Remove from errors of rates the components that `restore_near` removes from a curve.
-        module subroutine keep_tangent(self, error_q, error_qd)
+        !> Remove from errors of rates the components that `project` removes from a curve.
+        module subroutine remove_normal(self, error_q, error_qd)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
-        end subroutine keep_tangent
+        end subroutine remove_normal
 
         !> Copy the independence measures of another chart of the same run.
         module subroutine inherit(self, other)
@@ -275,13 +285,24 @@ module tandem_chart_dense
             class(chart_type), intent(in) :: other
         end subroutine inherit
 
-        !> Number of steps like the one to (t, q) until C loses rank.
-        module subroutine measure_rank(self, t_from, q_from, t, q, room, stat)
+        !> Measures along a step.
+        module subroutine do_measure(self, need, t_from, q_from, t, q, qd, measure, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            integer, intent(in) :: need
+            real(wp), intent(in) :: t_from, t
+            real(wp), intent(in), contiguous :: q_from(:), q(:), qd(:)
+            type(measure_type), intent(out) :: measure
+            integer, intent(out) :: stat
+        end subroutine do_measure
+
+        !> Independence at (t, q), and losses since the start of the step.
+        module subroutine measure_rank(self, t_from, q_from, t, q, measure, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(in) :: t_from, t
             real(wp), intent(in), contiguous :: q_from(:), q(:)
-            real(wp), intent(out) :: room
+            type(measure_type), intent(inout) :: measure
             integer, intent(out) :: stat
         end subroutine measure_rank
 
@@ -291,26 +312,21 @@ module tandem_chart_dense
             class(dense_chart_type), intent(inout) :: self
         end subroutine measure_split
 
-        !> Loss of C on the straight line ahead of a state, unless C changes too much on the line.
-        module integer function loss_ahead(self, t, q, qd, h)
+        !> Loss of C on the straight line between two points, unless C changes too much on the line; else ok.
+        module integer function find_loss_ahead(self, t_from, q_from, t, q) result(loss)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t, h
-            real(wp), intent(in), contiguous :: q(:), qd(:)
-        end function loss_ahead
+            real(wp), intent(in) :: t_from, t
+            real(wp), intent(in), contiguous :: q_from(:), q(:)
+        end function find_loss_ahead
 
-        !> See `chart_type`.
-        module real(wp) function contraction(self, way)
-            implicit none (type, external)
-            class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in), contiguous :: way(:)
-        end function contraction
-
-        !> Change of C from the start of the step to the current point: rows of unit length, Frobenius norm.
-        module real(wp) function relative_change(self)
+        !> Change of C from another point to the current point: rows of unit length at the other point, Frobenius norm.
+        pure module real(wp) function change_from(self, other)
             implicit none (type, external)
             class(dense_chart_type), intent(in) :: self
-        end function relative_change
+            !> C elsewhere (m, n).
+            real(wp), intent(in) :: other(:, :)
+        end function change_from
 
         !> Store the rows that depend on each other at the current point.
         module subroutine blame_dependent(self, row)
@@ -320,67 +336,54 @@ module tandem_chart_dense
             integer, intent(in) :: row
         end subroutine blame_dependent
 
-        !> Form and factor the Newton matrix at the last point of `solve_dynamics`.
-        module subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
+        !> Form and factor the Newton matrix.
+        module subroutine do_factor(self, t, q, qd, qdd, ha, ratios, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
             real(wp), intent(in) :: ha
+            complex(wp), intent(in), contiguous :: ratios(:)
             integer, intent(out) :: stat
-        end subroutine factor_stage
+        end subroutine do_factor
 
         !> Reuse the last Newton matrix for ha.
-        module subroutine reuse_stage(self, ha, can)
+        module subroutine do_reuse(self, ha, ratios, can)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(in) :: ha
-            logical, intent(out) :: can
-        end subroutine reuse_stage
-
-        !> Cost of a new Newton matrix, in corrections.
-        pure module real(wp) function matrix_cost(self)
-            implicit none (type, external)
-            class(dense_chart_type), intent(in) :: self
-        end function matrix_cost
-
-        !> From now on complex pairs of systems are factored too.
-        module subroutine expect_pairs(self, ratios)
-            implicit none (type, external)
-            class(dense_chart_type), intent(inout) :: self
             complex(wp), intent(in), contiguous :: ratios(:)
-        end subroutine expect_pairs
+            logical, intent(out) :: can
+        end subroutine do_reuse
 
         !> The point and the residual of an iterate of a stage.
-        module subroutine stage_residual(self, stage, is_first, defect, t, increment, increment_qd, q, qd, rate_q, rate_qd, &
-            residual, stat)
+        module subroutine do_find_residual(self, goal, t, dq, dqd, q, qd, rate_q, rate_qd, residual, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
-            integer, intent(in) :: stage
-            logical, intent(in) :: is_first
-            real(wp), intent(in) :: defect, t
-            real(wp), intent(in), contiguous :: increment(:), increment_qd(:)
+            type(goal_type), intent(in) :: goal
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: dq(:), dqd(:)
             real(wp), intent(inout), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:), residual(:)
             integer, intent(out) :: stat
-        end subroutine stage_residual
+        end subroutine do_find_residual
 
         !> The correction of the real system of stages that are solved together.
-        module subroutine solve_real(self, x)
+        module subroutine do_solve(self, x)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(inout), contiguous :: x(:)
-        end subroutine solve_real
+        end subroutine do_solve
 
         !> The correction of one of their pairs of systems.
-        module subroutine solve_pair(self, k, x, y)
+        module subroutine do_solve_pair(self, k, x, y)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             integer, intent(in) :: k
             real(wp), intent(inout), contiguous :: x(:), y(:)
-        end subroutine solve_pair
+        end subroutine do_solve_pair
 
         !> Add a correction to a stage's rates.
-        module subroutine update_stage(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        module subroutine do_update(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             integer, intent(in) :: stage
@@ -390,64 +393,34 @@ module tandem_chart_dense
             real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
             real(wp), intent(out) :: change
             integer, intent(out) :: stat
-        end subroutine update_stage
+        end subroutine do_update
 
         !> Filter an error by a solve with the Newton matrix.
-        module subroutine filter_error(self, error_q, error_qd)
+        module subroutine do_filter(self, error_q, error_qd)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
-        end subroutine filter_error
+        end subroutine do_filter
 
         !> lambda at (t, q, qd, qdd).
-        module subroutine multipliers(self, t, q, qd, qdd, lambda, stat)
+        module subroutine do_find_multipliers(self, t, q, qd, qdd, lambda, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
             real(wp), intent(out), contiguous :: lambda(:)
             integer, intent(out) :: stat
-        end subroutine multipliers
-
-        !> The nearest velocity in the mass metric that satisfies the constraints at (t, q).
-        module subroutine project_velocity(self, t, q, qd, stat)
-            implicit none (type, external)
-            class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            real(wp), intent(in), contiguous :: q(:)
-            real(wp), intent(inout), contiguous :: qd(:)
-            integer, intent(out) :: stat
-        end subroutine project_velocity
+        end subroutine do_find_multipliers
 
         !> The errors of the three constraint levels at the last point.
-        module subroutine constraint_errors(self, t, q, qd, qdd, errors, rows, stat)
+        module subroutine do_find_errors(self, t, q, qd, qdd, errors, rows, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
             real(wp), intent(out) :: errors(3)
             integer, intent(out) :: rows(3), stat
-        end subroutine constraint_errors
-
-        !> Measures for the policy: |v|, |w|, the condition and the iterations, or |D| and |Fbar|.
-        module subroutine measure_health(self, t, q, qd, health, stat)
-            implicit none (type, external)
-            class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            real(wp), intent(in), contiguous :: q(:), qd(:)
-            type(health_type), intent(out) :: health
-            integer, intent(out) :: stat
-        end subroutine measure_health
-
-        !> qd' M qd / 2 at (t, q, qd).
-        module subroutine kinetic_energy(self, t, q, qd, energy, stat)
-            implicit none (type, external)
-            class(dense_chart_type), intent(inout) :: self
-            real(wp), intent(in) :: t
-            real(wp), intent(in), contiguous :: q(:), qd(:)
-            real(wp), intent(out) :: energy
-            integer, intent(out) :: stat
-        end subroutine kinetic_energy
+        end subroutine do_find_errors
     end interface
 
 contains
@@ -460,34 +433,35 @@ contains
         call self%position%start_step(self%step_jacobian, qdd)
     end subroutine start_step
 
-    !> Go back to the start of the step.
-    subroutine retry_step(self)
+    !> Begin steps at a point.
+    subroutine do_set_origin(self, t, q, qd, keeps, dq, stat)
         class(dense_chart_type), intent(inout) :: self
-
-        self%may_lean = self%is_at_origin
-        call self%position%retry_step()
-    end subroutine retry_step
-
-    !> Rounding error of q = q0 + xi - U u.
-    pure subroutine remainder(self, increment, q, left)
-        class(dense_chart_type), intent(in) :: self
-        real(wp), intent(in), contiguous :: increment(:), q(:)
-        real(wp), intent(out), contiguous :: left(:)
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        logical, intent(in) :: keeps
+        real(wp), intent(inout), contiguous :: dq(:)
+        integer, intent(out) :: stat
         logical :: is_rounding
 
-        call self%position%find_remainder(self%q0, increment, q, self%scale, left, is_rounding)
+        if (keeps) then
+            call keep_origin(self, t, q, stat)
+            return
+        end if
+        call self%position%find_remainder(self%q0, dq, q, self%scale, self%trial, is_rounding)
         ! More than rounding: q is not the point of that increment.
-        if (.not. is_rounding) left = 0.0_wp
-    end subroutine remainder
+        if (.not. is_rounding) self%trial = 0.0_wp
+        call copy(self%n, self%trial, dq)
+        call self%make_origin(t, q, qd, stat)
+    end subroutine do_set_origin
 
     !> Bring the row scales and the factor of Phi_q U to (t, q).
-    subroutine refresh(self, t, q, stat)
+    subroutine keep_origin(self, t, q, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:)
         integer, intent(out) :: stat
 
-        self%failed_row = 0
+        self%failure%row = 0
         self%is_at_origin = .false.
         self%may_lean = .false.
         call self%move_to(t, q, stat)
@@ -497,43 +471,55 @@ contains
             call self%model%set_magnitudes(q, self%magnitude)
             call self%position%refresh(t, self%model%terms%jacobian, self%magnitude, self%scale, self%counts, stat)
         end if
-    end subroutine refresh
-
-    !> Invalidate the last point.
-    subroutine forget(self)
-        class(dense_chart_type), intent(inout) :: self
-
-        call self%point%forget()
-    end subroutine forget
-
-    !> Invalidate the last point, the constant mass matrix, and the Newton matrix, because the model has changed.
-    subroutine forget_model(self)
-        class(dense_chart_type), intent(inout) :: self
-
-        call self%forget()
-        self%model%mass_is_known = .false.
-        self%stage_segment = 0
-    end subroutine forget_model
+    end subroutine keep_origin
 
     !> Save the start of the next step.
-    subroutine hold(self)
+    subroutine get_memory(self, memory)
         class(dense_chart_type), intent(inout) :: self
+        class(chart_memory_type), allocatable, intent(inout) :: memory
 
-        call self%position%hold()
-        call self%velocity_basis%hold()
-    end subroutine hold
+        if (allocated(memory)) then
+            if (.not. same_type_as(memory, dense_memory_type())) deallocate (memory)
+        end if
+        if (.not. allocated(memory)) allocate (dense_memory_type :: memory)
+        select type (memory)
+        type is (dense_memory_type)
+            call self%position%save(memory%position)
+            call self%velocity_basis%save(memory%velocity_basis)
+        end select
+    end subroutine get_memory
 
-    !> Restore the saved state.
-    subroutine release(self)
+    !> Restore the saved start of the next step, or return to the start of the current one.
+    subroutine set_memory(self, memory)
         class(dense_chart_type), intent(inout) :: self
+        class(chart_memory_type), intent(in), optional :: memory
         integer :: choice
 
-        call self%position%release()
-        choice = self%velocity_basis%elimination%choice
-        call self%velocity_basis%release()
-        ! Factors of an elimination with other pivots are not usable with the restored pivots.
-        if (self%velocity_basis%elimination%choice /= choice) call self%point%forget_velocity_basis()
-    end subroutine release
+        if (.not. present(memory)) then
+            self%may_lean = self%is_at_origin
+            call self%position%retry_step()
+            return
+        end if
+        select type (memory)
+        type is (dense_memory_type)
+            call self%position%restore_saved(memory%position)
+            choice = self%velocity_basis%elimination%choice
+            call self%velocity_basis%restore_saved(memory%velocity_basis)
+            ! Factors of an elimination with other pivots are not usable with the restored pivots.
+            if (self%velocity_basis%elimination%choice /= choice) call self%point%forget_velocity_basis()
+        end select
+    end subroutine set_memory
+
+    !> Invalidate the last point, and all that depends on parameters of the model.
+    subroutine forget(self, parameters)
+        class(dense_chart_type), intent(inout) :: self
+        logical, intent(in) :: parameters
+
+        call self%point%forget()
+        if (.not. parameters) return
+        self%model%mass_is_known = .false.
+        self%stage_segment = 0
+    end subroutine forget
 
     !> Store the row at fault, by its number in the model.
     subroutine blame(self, row, value)
@@ -542,9 +528,9 @@ contains
         integer, intent(in) :: row
         real(wp), intent(in) :: value
 
-        self%failed_row = row
-        self%failed_value = value
-        if (row > 0 .and. allocated(self%rows%dropped)) self%failed_row = self%model%kept(row)
+        self%failure%row = row
+        self%failure%value = value
+        if (row > 0 .and. allocated(self%rows%dropped)) self%failure%row = self%model%kept(row)
     end subroutine blame
 
     !> Refuse M at the start of a step if it is not zero outside its blocks.
@@ -561,6 +547,6 @@ contains
     subroutine fail_term(self)
         class(dense_chart_type), intent(inout) :: self
 
-        self%failed_term = trim(self%model%failed_term)
+        self%failure%term = trim(self%model%failed_term)
     end subroutine fail_term
 end module tandem_chart_dense

@@ -5,8 +5,9 @@ submodule(tandem_chart_dense) tandem_chart_dense_implicit_stage
 
 contains
 
-    module procedure factor_stage
-        self%failed_row = 0
+    module procedure do_factor
+        self%failure%row = 0
+        call self%stage%expect_pairs(ratios)
         call self%move_with(t, q, qd, stat)
         if (stat == status_ok) call self%complete_velocity_basis(stat)
         if (stat /= status_ok) return
@@ -15,7 +16,7 @@ contains
             call self%rows%evaluate_derivatives(self%differences, self%model%kept, t, q, qd, qdd, self%lambda, &
                 self%derivatives, self%counts, stat)
             if (stat /= status_ok) then
-                self%failed_term = 'a derivative'
+                self%failure%term = 'a derivative'
                 return
             end if
             if (self%follows_stiffness) call self%metric%load(terms%mass, self%derivatives%dynamics_qd, &
@@ -39,14 +40,15 @@ contains
         self%stage_segment = self%model%segment()
         self%counts%newton_matrices = self%counts%newton_matrices + 1
         self%counts%newton_factorizations = self%counts%newton_factorizations + 1
-    end procedure factor_stage
+    end procedure do_factor
 
-    module procedure reuse_stage
+    module procedure do_reuse
+        call self%stage%expect_pairs(ratios)
         can = self%stage_segment == self%model%segment()
         if (.not. can) return
         call follow_stiffness(self, ha)
         call self%stage%adapt(ha, self%v_basis, self%v_dual, self%w_basis, self%w_dual, self%counts%newton_factorizations, can)
-    end procedure reuse_stage
+    end procedure do_reuse
 
     !> Adapt the chart's complements to the metric for ha. Other complements define another chart: not within a step.
     subroutine follow_stiffness(self, ha)
@@ -62,11 +64,6 @@ contains
         ! X has changed, and R and D with it.
         call self%point%forget_velocity_basis()
     end subroutine follow_stiffness
-
-    !> Cost of a new Newton matrix, in corrections.
-    module procedure matrix_cost
-        matrix_cost = self%cost
-    end procedure matrix_cost
 
     !> Measure the size of the last correction, and check that the rates are finite.
     subroutine judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
@@ -90,32 +87,28 @@ contains
         self%counts%newton_corrections = self%counts%newton_corrections + 1
     end subroutine judge_correction
 
-    module procedure expect_pairs
-        call self%stage%expect_pairs(ratios)
-    end procedure expect_pairs
-
     !> One correction per level with factors of the stage's first iterate, or restored points.
-    module procedure stage_residual
+    module procedure do_find_residual
         !> Change of a stage's coordinates, relative to them, after which its factors are made again.
         real(wp), parameter :: far = 1.0e-3_wp
 
-        self%failed_row = 0
+        self%failure%row = 0
         self%may_lean = .false.
         if (restores(self)) then
-            call self%restore_position(t, increment, q, stat)
-            if (stat == status_ok) call self%restore_velocity(t, q, increment_qd, qd, stat)
+            call self%restore_position(t, dq, step_end, q, stat)
+            if (stat == status_ok) call self%restore_velocity(t, q, dqd, step_end, qd, stat)
             if (stat == status_ok) call residual_at(self, t, q, qd, rate_q, rate_qd, residual, stat)
             return
         end if
-        associate (iterate => self%iterates(stage), terms => self%model%terms)
+        associate (iterate => self%iterates(goal%stage), terms => self%model%terms)
             ! Factors are made again after large changes, which the factors of the first iterate would follow too slowly.
-            if (is_first .or. iterate%drift > far) then
-                call begin_stage(self, iterate, t, increment, q, stat)
+            if (goal%is_first .or. iterate%drift > far) then
+                call begin_stage(self, iterate, t, dq, q, stat)
             else
-                call continue_stage(self, iterate, t, increment, q, stat)
+                call continue_stage(self, iterate, t, dq, q, stat)
             end if
             if (stat /= status_ok) return
-            qd = self%qd0 + increment_qd
+            qd = self%qd0 + dqd
             if (self%m > 0) call iterate%correct_velocity(terms%jacobian, terms%nu, self%x_basis, qd)
             call self%move_with(t, q, qd, stat)
             if (stat /= status_ok) return
@@ -123,7 +116,7 @@ contains
                 self%w_dual, qd, rate_q, rate_qd, self%change_q, iterate)
             call self%stage%get_residual(residual)
         end associate
-    end procedure stage_residual
+    end procedure do_find_residual
 
     !> True if iterates are restored completely: also close to a loss of rank, where small errors of a point are large ones of its
     !> rates.
@@ -179,7 +172,7 @@ contains
             if (.not. is_near) then
                 ! The prediction is not used again: it may not even be finite.
                 self%position%u = 0.0_wp
-                call self%restore_position(t, increment, q, stat)
+                call self%restore_position(t, increment, step_end, q, stat)
                 if (stat /= status_ok) return
                 iterate%u = self%position%u(:self%nh)
             end if
@@ -274,15 +267,15 @@ contains
         call self%move_to(t, q, stat)
     end subroutine continue_stage
 
-    module procedure solve_real
+    module procedure do_solve
         call self%stage%solve_real(self%v_basis, self%v_dual, self%w_basis, self%w_dual, x)
-    end procedure solve_real
+    end procedure do_solve
 
-    module procedure solve_pair
+    module procedure do_solve_pair
         call self%stage%solve_pair(self%v_basis, self%v_dual, self%w_basis, self%w_dual, k, x, y)
-    end procedure solve_pair
+    end procedure do_solve_pair
 
-    module procedure update_stage
+    module procedure do_update
         real(wp) :: left, turned
         integer :: j
 
@@ -301,11 +294,11 @@ contains
             change = max(change, min(iterate%drift, 1.0_wp)*left)
             iterate%drift = iterate%drift + turned
         end associate
-    end procedure update_stage
+    end procedure do_update
 
-    module procedure filter_error
+    module procedure do_filter
         call self%stage%filter(self%v_basis, self%v_dual, self%w_basis, self%w_dual, error_q, error_qd)
         if (self%point%has_velocity_basis) call self%stage%restore_error(self%model%terms%jacobian, self%velocity_basis, &
             self%x_basis, error_qd)
-    end procedure filter_error
+    end procedure do_filter
 end submodule tandem_chart_dense_implicit_stage

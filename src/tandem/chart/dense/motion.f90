@@ -5,11 +5,20 @@ submodule(tandem_chart_dense) tandem_chart_dense_motion
 
 contains
 
+    module procedure restore
+        if (associated(self%timer)) call self%timer%begin_operation(of_position)
+        call self%restore_position(t, dq, goal, q, stat)
+        if (associated(self%timer)) call self%timer%end_operation()
+        if (stat /= status_ok) return
+        if (associated(self%timer)) call self%timer%begin_operation(of_velocity)
+        call self%restore_velocity(t, q, dqd, goal, qd, stat)
+        if (associated(self%timer)) call self%timer%end_operation()
+    end procedure restore
+
     module procedure restore_position
-        call self%position%restore(self%model, t, self%q0, increment, self%is_stage, self%defect, self%stage_number, &
-            self%step_size, q, self%counts, stat)
-        self%point%has_phi = stat == status_ok .and. self%nh > 0 .and. .not. self%is_stage
-        self%failed_row = 0
+        call self%position%restore(self%model, t, self%q0, increment, goal, q, self%counts, stat)
+        self%point%has_phi = stat == status_ok .and. self%nh > 0 .and. .not. goal%is_stage
+        self%failure%row = 0
         if (stat == status_ok) return
         call self%blame(self%position%failed_row, self%position%failed_value)
         call self%fail_term()
@@ -17,21 +26,13 @@ contains
 
     module procedure visit
         stat = status_ok
-        if (.not. self%point%is_at(t, q)) call go_to(self, t, q, stat)
-    end procedure visit
-
-    !> Evaluate C, nu and M at (t, q).
-    subroutine go_to(self, t, q, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(self%n)
-        integer, intent(out) :: stat
-
+        if (self%point%is_at(t, q)) return
         call self%point%leave()
         call evaluate_place(self, t, q, stat)
         if (stat == status_ok) call self%point%arrive(t, q)
-    end subroutine go_to
+    end procedure visit
 
-    !> Evaluate C, nu and M at (t, q) unconditionally.
+    !> Evaluate C, nu and M at (t, q).
     subroutine evaluate_place(self, t, q, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(self%n)
@@ -59,16 +60,19 @@ contains
     module procedure find_velocity_basis
         stat = status_ok
         if (self%point%has_velocity_basis) return
-        ! An elimination detects values of C that are not finite.
-        if (self%has_bases .or. self%has_nu) call self%refuse_infinite(stat)
-        if (stat /= status_ok) return
         associate (jacobian => self%model%terms%jacobian)
             if (self%has_bases) then
+                call self%refuse_infinite(stat)
+                if (stat /= status_ok) return
                 if (self%refines) call self%position%refine(jacobian, self%counts, stat)
                 if (stat /= status_ok) return
                 call self%velocity_basis%update(jacobian, self%x_basis, self%w_basis, self%counts, stat)
             else
+                ! An elimination detects values of C that are not finite.
                 call self%velocity_basis%eliminate(self%n, jacobian, self%scale, self%counts, stat)
+                if (stat == status_ok .and. self%has_nu) then
+                    if (.not. is_finite(self%m, self%model%terms%nu)) stat = status_not_finite
+                end if
             end if
         end associate
         if (stat /= status_ok) then
@@ -94,29 +98,26 @@ contains
     end procedure complete_velocity_basis
 
     module procedure restore_velocity
-        self%failed_row = 0
-        call self%visit(t, q, stat)
-        if (stat == status_ok) call self%find_velocity_basis(stat)
-        if (stat == status_ok) call restore_velocity_here(self, increment, qd, stat)
-    end procedure restore_velocity
-
-    !> Restore the velocity at the current point.
-    subroutine restore_velocity_here(self, increment, qd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: increment(self%n)
-        real(wp), intent(out) :: qd(self%n)
-        integer, intent(out) :: stat
         integer :: pass
 
-        stat = status_ok
-        if (self%is_stage .and. self%skips_basis) then
+        self%failure%row = 0
+        if (goal%is_stage) then
+            ! Only its acceleration is requested next: the coordinates need not be stored and compared.
+            call self%point%pass(t)
+            call evaluate_place(self, t, q, stat)
+        else
+            call self%visit(t, q, stat)
+        end if
+        if (stat == status_ok) call self%find_velocity_basis(stat)
+        if (stat /= status_ok) return
+        if (goal%is_stage .and. self%skips_basis) then
             call self%position%follow(self%point%t, self%velocity_basis%elimination%height, &
                 self%velocity_basis%elimination%matrix, self%counts)
         end if
         call add(self%n, self%qd0, increment, qd)
         if (self%m == 0) return
         if (.not. self%has_bases) then
-            call self%free_motion%restore_velocity(self%velocity_basis%elimination, self%has_nu, .not. self%is_stage, &
+            call self%free_motion%restore_velocity(self%velocity_basis%elimination, self%has_nu, .not. goal%is_stage, &
                 self%model%terms%nu, qd, stat)
             return
         end if
@@ -128,26 +129,18 @@ contains
                 call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, qd)
             end do
         end associate
-    end subroutine restore_velocity_here
+    end procedure restore_velocity
 
     module procedure move_with
         call self%visit(t, q, stat)
         if (stat /= status_ok) return
-        if (.not. self%point%is_moving_with(qd)) call go_with(self, t, q, qd, stat)
-    end procedure move_with
-
-    !> Evaluate gamma and the forces at the current point.
-    subroutine go_with(self, t, q, qd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t, q(self%n), qd(self%n)
-        integer, intent(out) :: stat
-
+        if (self%point%is_moving_with(qd)) return
         call self%point%forget_motion()
         call evaluate_motion(self, t, q, qd, stat)
         if (stat == status_ok) call self%point%note_motion(qd)
-    end subroutine go_with
+    end procedure move_with
 
-    !> Evaluate gamma and the forces at the current point unconditionally.
+    !> Evaluate gamma and the forces at the current point.
     subroutine evaluate_motion(self, t, q, qd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(self%n), qd(self%n)
@@ -173,21 +166,18 @@ contains
             self%velocity_basis%right_inverse, t, q, qd, stat)
     end subroutine add_friction
 
-    module procedure solve_dynamics
-        self%failed_row = 0
+    module procedure do_accelerate
+        self%failure%row = 0
         ! Phi still belongs to another point after a stage that was not projected.
-        if (self%is_stage) self%point%has_phi = .false.
-        call self%move_with(t, q, qd, stat)
+        if (goal%is_stage) self%point%has_phi = .false.
+        if (goal%is_stage .and. self%point%is_passed) then
+            call self%point%leave_passed()
+            call evaluate_motion(self, t, q, qd, stat)
+        else
+            call self%move_with(t, q, qd, stat)
+        end if
         if (stat == status_ok) call self%find_velocity_basis(stat)
-        if (stat == status_ok) call solve_here(self, qdd, stat)
-    end procedure solve_dynamics
-
-    !> The acceleration at the current point, with known gamma and forces.
-    subroutine solve_here(self, qdd, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(out) :: qdd(self%n)
-        integer, intent(out) :: stat
-
+        if (stat /= status_ok) return
         self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%n - self%m, 1)
         associate (terms => self%model%terms, velocity_basis => self%velocity_basis)
             if (self%has_bases) then
@@ -196,58 +186,10 @@ contains
                 if (stat == status_ok) call self%dynamics%solve(terms%mass, terms%jacobian, velocity_basis%null_space, &
                     velocity_basis%right_inverse, terms%gamma, terms%force, .not. self%refines, qdd, stat)
             else
-                call self%free_motion%solve(velocity_basis%elimination, .not. self%is_stage, self%model%n_blocks, &
+                call self%free_motion%solve(velocity_basis%elimination, .not. goal%is_stage, self%model%n_blocks, &
                     self%model%blocks, terms%mass, terms%gamma, terms%force, qdd, stat)
             end if
             if (stat /= status_ok) call self%name_infinite(stat)
         end associate
-    end subroutine solve_here
-
-    module procedure restore_motion
-        call restore_position(self, t, increment, q, stat)
-        if (stat /= status_ok) return
-        if (self%is_stage) then
-            ! No later call requests the point of a stage again.
-            call self%point%pass(t)
-            call evaluate_place(self, t, q, stat)
-        else
-            call go_to(self, t, q, stat)
-        end if
-        if (stat /= status_ok) return
-        if (self%has_bases .or. self%m == 0) then
-            call self%find_velocity_basis(stat)
-            if (stat == status_ok) call restore_velocity_here(self, increment_qd, qd, stat)
-            if (stat == status_ok) call go_with(self, t, q, qd, stat)
-            if (stat == status_ok) call solve_here(self, qdd, stat)
-            return
-        end if
-        ! The three calls in sequence, for explicit steps, which spend their time here.
-        associate (terms => self%model%terms, elimination => self%velocity_basis%elimination)
-            call self%velocity_basis%eliminate(self%n, terms%jacobian, self%scale, self%counts, stat)
-            if (stat == status_ok .and. self%has_nu) then
-                if (.not. is_finite(self%m, terms%nu)) stat = status_not_finite
-            end if
-            if (stat /= status_ok) then
-                call blame_velocity_basis(self, stat)
-                return
-            end if
-            call self%point%note_velocity_basis()
-            call self%free_motion%load(elimination)
-            if (self%is_stage .and. self%skips_basis) then
-                call self%position%follow(self%point%t, elimination%height, elimination%matrix, self%counts)
-            end if
-            call add(self%n, self%qd0, increment_qd, qd)
-            call self%free_motion%restore_velocity(elimination, self%has_nu, .not. self%is_stage, terms%nu, qd, stat)
-            if (stat == status_ok .and. self%is_stage) then
-                call evaluate_motion(self, t, q, qd, stat)
-            else if (stat == status_ok) then
-                call go_with(self, t, q, qd, stat)
-            end if
-            if (stat /= status_ok) return
-            self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%n - self%m, 1)
-            call self%free_motion%solve(elimination, .not. self%is_stage, self%model%n_blocks, self%model%blocks, &
-                terms%mass, terms%gamma, terms%force, qdd, stat)
-            if (stat /= status_ok) call self%name_infinite(stat)
-        end associate
-    end procedure restore_motion
+    end procedure do_accelerate
 end submodule tandem_chart_dense_motion

@@ -4,6 +4,7 @@
 !> U = diag(s)^2 Phi_q0' spans the same space, and B is the inverse of a Gram matrix, which then follows the motion: by Broyden's
 !> updates, and by one refinement (20) at stages that took many corrections.
 module tandem_chart_dense_position
+    use tandem_chart_goal, only: goal_type
     use tandem_kinds, only: lane, short, wp
     use tandem_linalg_aligned, only: allocate_aligned
     use tandem_linalg_elimination, only: largest_small
@@ -21,7 +22,7 @@ module tandem_chart_dense_position
     implicit none (type, external)
     private
 
-    public :: position_type
+    public :: position_type, position_memory_type
     ! For tests: the operations of the iteration of `restore`.
     public :: correct, place
 
@@ -29,6 +30,15 @@ module tandem_chart_dense_position
     integer, parameter :: most_stages = 16
     !> Stands for an unknown error or part of an error.
     real(wp), parameter :: unknown = 1.0e100_wp
+
+    !> u, B and the data of its updates.
+    type :: position_memory_type
+        private
+        real(wp), allocatable :: u(:), b(:, :), gram(:, :)
+        real(wp) :: b_time = 0.0_wp, b_rest = 0.0_wp, ageing = unknown
+        integer :: most_corrections = 0
+        logical :: has_learnt = .false.
+    end type position_memory_type
 
     type :: position_type
         !> diag(s) U (n, width): nh columns, and zeros up to `width`.
@@ -59,46 +69,37 @@ module tandem_chart_dense_position
         !> updated by other points and corrections if `has_learnt`; the last Phi and the first u of an iteration (width); true if B
         !> is in use; work space.
         real(wp), allocatable, private :: gram(:, :), origin_gram(:, :), product(:, :), residual(:, :), last_phi(:), first_u(:)
-        logical, private :: has_learnt = .false., held_has_learnt = .false.
+        logical, private :: has_learnt = .false.
         integer, private :: width = 0
         logical, private :: has_gram = .false.
-        integer, private :: held_most_corrections = 0
         !> The time of B and of the origin. A correction with a B of age t recently left the part `ageing` t of an error. Number of
         !> corrections at the last point.
         real(wp), private :: b_time = 0.0_wp, origin_time = 0.0_wp, ageing = unknown
         !> Remaining part of an error after a refinement, at the time of B.
         real(wp), private :: b_rest = 0.0_wp
         integer, private :: n_taken = 0
-        !> Saved u and B while the caller evaluates other points.
-        real(wp), allocatable, private :: held_u(:), held_b(:, :), held_gram(:, :)
-        real(wp), private :: held_b_time = 0.0_wp, held_b_rest = 0.0_wp, held_ageing = unknown
         type(lu_type), private :: lu
         type(refinement_type), private :: b
     contains
         procedure :: allocate => allocate_position, start, start_without_basis
         procedure :: start_step, retry_step, follow, refresh, refine, restore
         procedure :: find_remainder, judge, is_restored, get_b_phi, contraction
-        procedure :: hold, release, pack_state
+        procedure :: save, restore_saved, pack_state
         procedure, private :: forget_motion, factor
     end type position_type
 
     interface
-        !> q = origin + increment - U u with Phi(t, q) = 0. Leaves Phi at q in the evaluator, unless `is_stage`.
-        module subroutine restore(self, model, t, origin, increment, is_stage, defect, stage, step, q, counts, stat)
+        !> q = origin + increment - U u with Phi(t, q) = 0. Leaves Phi at q in the evaluator, unless it is a stage.
+        module subroutine restore(self, model, t, origin, increment, goal, q, counts, stat)
             implicit none (type, external)
             class(position_type), intent(inout) :: self
             type(evaluator_type), intent(inout) :: model
             real(wp), intent(in) :: t
             !> q0 (n) and xi (n).
             real(wp), intent(in) :: origin(self%n), increment(self%n)
-            !> True if the tolerance of stages suffices, and the last correction may be assumed to contract like the previous ones.
-            logical, intent(in) :: is_stage
-            !> h^2 (c^2/2 - sum a c) of an explicit stage, by which its increment misses the motion's second derivative; if huge,
-            !> the last u is the start value.
-            real(wp), intent(in) :: defect
-            !> The number of that stage, 0 for none, and the size of its step.
-            integer, intent(in) :: stage
-            real(wp), intent(in) :: step
+            !> At a stage the last correction may be assumed to contract like the previous ones. Without a known defect the last u
+            !> is the start value.
+            type(goal_type), intent(in) :: goal
             real(wp), intent(out) :: q(self%n)
             type(counts_type), intent(inout) :: counts
             !> A status code.
@@ -153,7 +154,6 @@ contains
         call allocate_aligned(self%correction, self%width)
         call allocate_aligned(self%z, self%width)
         self%has_gram = .false.
-        self%held_u = self%u
         self%last_phi = self%u
         self%first_u = self%u
         self%u_start = self%u
@@ -163,14 +163,13 @@ contains
         self%has_tried = .false.
         self%ageing = unknown
         self%weight = self%u
-        if (allocated(self%phi_u)) deallocate (self%phi_u, self%held_b, self%held_gram, self%origin_gram, self%product, &
-            self%residual, self%missed)
+        if (allocated(self%phi_u)) deallocate (self%phi_u, self%origin_gram, self%product, self%residual, self%missed)
         allocate (self%missed(self%width, most_stages, 2), source=0.0_wp)
         call allocate_aligned(self%gram, self%width, self%width)
         call allocate_aligned(self%u_basis, n, self%width)
-        allocate (self%held_gram(self%width, self%width), self%origin_gram(self%width, self%width), &
-            self%product(self%width, self%width), self%residual(self%width, self%width), source=0.0_wp)
-        allocate (self%phi_u(nh, nh), self%held_b(nh, nh), source=0.0_wp)
+        allocate (self%origin_gram(self%width, self%width), self%product(self%width, self%width), &
+            self%residual(self%width, self%width), source=0.0_wp)
+        allocate (self%phi_u(nh, nh), source=0.0_wp)
         call self%lu%allocate(nh)
         call self%b%allocate(nh)
     end subroutine allocate_position
@@ -364,32 +363,34 @@ contains
     end subroutine refine
 
     !> Save the start of the next step, so that other points can be evaluated without effect.
-    subroutine hold(self)
+    subroutine save(self, memory)
+        class(position_type), intent(in) :: self
+        type(position_memory_type), intent(inout) :: memory
+
+        memory%u = self%u
+        memory%ageing = self%ageing
+        memory%b_time = self%b_time
+        memory%b_rest = self%b_rest
+        memory%has_learnt = self%has_learnt
+        memory%most_corrections = self%most_corrections
+        if (self%has_gram) memory%gram = self%gram
+        if (self%refines) memory%b = self%b%inverse
+    end subroutine save
+
+    !> Restore the saved start.
+    subroutine restore_saved(self, memory)
         class(position_type), intent(inout) :: self
+        type(position_memory_type), intent(in) :: memory
 
-        self%held_u = self%u
-        self%held_ageing = self%ageing
-        self%held_b_time = self%b_time
-        self%held_b_rest = self%b_rest
-        self%held_has_learnt = self%has_learnt
-        self%held_most_corrections = self%most_corrections
-        if (self%has_gram) self%held_gram(:, :) = self%gram
-        if (self%refines) self%held_b = self%b%inverse
-    end subroutine hold
-
-    !> Restore the saved state.
-    subroutine release(self)
-        class(position_type), intent(inout) :: self
-
-        self%u = self%held_u
-        self%ageing = self%held_ageing
-        self%b_time = self%held_b_time
-        self%b_rest = self%held_b_rest
-        self%has_learnt = self%held_has_learnt
-        self%most_corrections = self%held_most_corrections
-        if (self%has_gram) self%gram(:, :) = self%held_gram
-        if (self%refines) self%b%inverse = self%held_b
-    end subroutine release
+        self%u(:) = memory%u
+        self%ageing = memory%ageing
+        self%b_time = memory%b_time
+        self%b_rest = memory%b_rest
+        self%has_learnt = memory%has_learnt
+        self%most_corrections = memory%most_corrections
+        if (self%has_gram) self%gram(:, :) = memory%gram
+        if (self%refines) self%b%inverse = memory%b
+    end subroutine restore_saved
 
     !> Rounding error of q = origin + increment - U u with the u of the last `restore`.
     pure subroutine find_remainder(self, origin, increment, q, scale, left, is_rounding)

@@ -12,24 +12,21 @@ contains
             call add(self%n, origin, increment, q)
         else if (self%width == short) then
             ! Calls with a constant length for the common cases.
-            call iterate(self, short, model, t, origin, increment, is_stage, defect, stage, step, q, counts, stat)
+            call iterate(self, short, model, t, origin, increment, goal, q, counts, stat)
         else if (self%width == lane) then
-            call iterate(self, lane, model, t, origin, increment, is_stage, defect, stage, step, q, counts, stat)
+            call iterate(self, lane, model, t, origin, increment, goal, q, counts, stat)
         else
-            call iterate(self, self%width, model, t, origin, increment, is_stage, defect, stage, step, q, counts, stat)
+            call iterate(self, self%width, model, t, origin, increment, goal, q, counts, stat)
         end if
     end procedure restore
 
     !> Newton's iteration for a given padded length.
-    subroutine iterate(self, width, model, t, origin, increment, is_stage, defect, stage, step, q, counts, stat)
+    subroutine iterate(self, width, model, t, origin, increment, goal, q, counts, stat)
         class(position_type), intent(inout) :: self
         integer, intent(in), value :: width
         type(evaluator_type), intent(inout) :: model
         real(wp), intent(in) :: t, origin(self%n), increment(self%n)
-        logical, intent(in) :: is_stage
-        real(wp), intent(in) :: defect
-        integer, intent(in) :: stage
-        real(wp), intent(in) :: step
+        type(goal_type), intent(in) :: goal
         real(wp), intent(out) :: q(self%n)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
@@ -45,17 +42,17 @@ contains
         logical :: is_predicted, learns, remembers, trusts
         integer :: k
 
-        is_predicted = self%predicts .and. defect < huge(1.0_wp)
-        call begin(width, is_predicted, defect, self%u_start, self%curvature, self%u, self%first_u)
+        is_predicted = self%predicts .and. goal%defect < huge(1.0_wp)
+        call begin(width, is_predicted, goal%defect, self%u_start, self%curvature, self%u, self%first_u)
         remembers = .false.
-        if (stage > 0) call expect(self, width, is_predicted, stage, step, remembers)
+        if (goal%stage > 0) call expect(self, width, is_predicted, goal%stage, goal%h, remembers)
         first_error = 0.0_wp
         last_error = unknown
         if (self%has_learnt .and. abs(t - self%b_time) > abs(t - self%origin_time)) call self%forget_motion()
         age = abs(t - self%b_time)
         self%n_taken = 0
-        utol = merge(self%stage_utol, self%utol, is_stage)
-        trusts = is_stage .and. self%predicts
+        utol = merge(self%stage_utol, self%utol, goal%is_stage)
+        trusts = goal%is_stage .and. self%predicts
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do k = 0, limit
@@ -63,7 +60,7 @@ contains
             if (k > 0 .and. trusts) then
                 if (distrust*(self%ageing*age + self%b_rest + last_error)*last_error <= utol) then
                     stat = status_ok
-                    if (remembers) call remember(self, width, defect, stage, step)
+                    if (remembers) call remember(self, width, goal%defect, goal%stage, goal%h)
                     return
                 end if
             end if
@@ -77,7 +74,7 @@ contains
             if (k == 1 .and. age > 0.0_wp .and. total <= huge(1.0_wp)) self%ageing = max(max(error, rounding)/(last_error*age), &
                 merge(kept*self%ageing, 0.0_wp, self%ageing < unknown))
             if (error <= utol .and. total <= huge(1.0_wp)) then
-                if (remembers) call remember(self, width, defect, stage, step)
+                if (remembers) call remember(self, width, goal%defect, goal%stage, goal%h)
                 return
             end if
             if (.not. total <= huge(1.0_wp)) then

@@ -15,11 +15,8 @@ contains
         logical :: falls
         integer :: i, j
 
-        self%failed_row = 0
-        self%failed_coordinate = 0
-        self%fallen = 1.0_wp
-        self%loosened = 1.0_wp
-        room = huge(1.0_wp)
+        self%failure%row = 0
+        self%failure%coordinate = 0
         stat = status_ok
         if (self%m == 0) return
         call self%visit(t, q, stat)
@@ -35,8 +32,8 @@ contains
                     do j = 1, size(d, 2)
                         if (abs(dot_product(row, d(:, j))) <= largest_rest*norm2(row*self%scale)*norm2(d(:, j)/self%scale)) cycle
                         call self%blame_dependent(0)
-                        self%failed_row = self%rows%dropped(i)
-                        room = 0.0_wp
+                        self%failure%row = self%rows%dropped(i)
+                        measure%room = 0.0_wp
                         return
                     end do
                 end associate
@@ -63,18 +60,18 @@ contains
         end if
         self%origin_orientation = self%velocity_basis%orientation
         self%last_independence = self%velocity_basis%independence
-        if (self%ties%n > 0) call self%ties%measure(self%step_jacobian, self%model%terms%jacobian, self%scale, horizon, room, &
-            self%loosened, self%failed_coordinate)
+        if (self%ties%n > 0) call self%ties%measure(self%step_jacobian, self%model%terms%jacobian, self%scale, horizon, &
+            measure%room, measure%loosened, self%failure%coordinate)
         if (.not. falls) return
         call self%row_space%find_weakest(self%m, self%n, self%step_jacobian, self%scale, self%x, smallest_before)
         call self%row_space%find_weakest(self%m, self%n, self%model%terms%jacobian, self%scale, self%x, smallest)
-        if (smallest_before > smallest) room = min(room, smallest/(smallest_before - smallest))
-        self%fallen = smallest/max(self%best_independence, tiny(1.0_wp))
-        if (room <= horizon) call self%blame_dependent(0)
+        if (smallest_before > smallest) measure%room = min(measure%room, smallest/(smallest_before - smallest))
+        measure%fallen = smallest/max(self%best_independence, tiny(1.0_wp))
+        if (measure%room <= horizon) call self%blame_dependent(0)
     end procedure measure_rank
 
     module procedure inherit
-        self%best_independence = max(self%best_independence, other%best_independence)
+        call self%inherit_contract(other)
         select type (other)
         class is (dense_chart_type)
             call self%ties%inherit(other%ties)
@@ -112,7 +109,7 @@ contains
                 near = middle
             else
                 stat = status_chart_left
-                self%failed_coordinate = 0
+                self%failure%coordinate = 0
                 return
             end if
         end do
@@ -147,7 +144,7 @@ contains
         real(wp), intent(in) :: from(:, :), to(:, :)
 
         call self%ties%compare(from, to, self%scale, keeps_ties)
-        if (.not. keeps_ties) self%failed_coordinate = self%ties%loosest
+        if (.not. keeps_ties) self%failure%coordinate = self%ties%loosest
     end function keeps_ties
 
     module procedure measure_split
@@ -169,25 +166,24 @@ contains
         self%last_independence = self%origin_lu%smallest_pivot()
     end subroutine measure_origin
 
-    !> Loss of C on the straight line ahead of a state, unless C changes too much on the line.
-    module procedure loss_ahead
+    module procedure find_loss_ahead
         !> Halvings of the line; largest change of C until the loss.
         integer, parameter :: most_halvings = 12
         real(wp), parameter :: largest_change = 0.5_wp
         real(wp), allocatable :: here(:, :)
         real(wp) :: near, far, middle
-        integer :: k, loss, stat
+        integer :: k, stat
 
-        loss_ahead = status_ok
+        loss = status_ok
         if (self%m == 0) return
-        call self%move_to(t, q, stat)
+        call self%move_to(t_from, q_from, stat)
         if (stat /= status_ok) return
         call self%ties%find_massless(self%model%terms%mass)
         call self%ties%weigh_rows(self%model%terms%jacobian, self%scale)
         allocate (here, source=self%model%terms%jacobian)
         near = 0.0_wp
-        far = h
-        if (keeps_until(h)) return
+        far = 1.0_wp
+        if (keeps_until(far)) return
         do k = 1, most_halvings
             middle = 0.5_wp*(near + far)
             if (keeps_until(middle)) then
@@ -197,40 +193,30 @@ contains
             end if
         end do
         if (keeps_until(far)) return
-        if (.not. change_from(self, here) <= largest_change) return
-        loss_ahead = loss
+        if (.not. self%change_from(here) <= largest_change) then
+            loss = status_ok
+            return
+        end if
         ! This status refers to a coordinate.
-        if (loss == status_singular_mass) self%failed_row = 0
+        if (loss == status_singular_mass) self%failure%row = 0
         if (loss == status_rank_deficient) call self%blame_dependent(0)
 
     contains
 
         !> True if nothing is lost yet; points that are not evaluable count as no loss.
         logical function keeps_until(ahead)
+            !> Part of the line.
             real(wp), intent(in) :: ahead
 
-            self%trial = q + ahead*qd
-            call self%move_to(t + ahead, self%trial, stat)
+            self%trial = q_from + ahead*(q - q_from)
+            call self%move_to(t_from + ahead*(t - t_from), self%trial, stat)
             loss = status_ok
             if (stat == status_ok) loss = loss_between(self, here, self%model%terms%jacobian)
             keeps_until = loss == status_ok
         end function keeps_until
-    end procedure loss_ahead
+    end procedure find_loss_ahead
 
-    !> Change of C from the start of the step to the current point.
-    module procedure relative_change
-        relative_change = change_from(self, self%step_jacobian)
-    end procedure relative_change
-
-    module procedure contraction
-        contraction = self%position%contraction(self%step_jacobian, self%model%terms%jacobian, way, least_bend)
-    end procedure contraction
-
-    !> Change of C from another point to the current point: rows of unit length at the other point, Frobenius norm.
-    pure real(wp) function change_from(self, other)
-        class(dense_chart_type), intent(in) :: self
-        !> C elsewhere (m, n).
-        real(wp), intent(in) :: other(:, :)
+    module procedure change_from
         integer :: i
 
         change_from = 0.0_wp
@@ -239,7 +225,7 @@ contains
                 max(sum((other(i, :)*self%scale)**2), tiny(1.0_wp))
         end do
         change_from = sqrt(change_from)
-    end function change_from
+    end procedure change_from
 
     module procedure blame_dependent
         !> Smaller parts of the combination are not reported.
@@ -250,7 +236,7 @@ contains
         call self%row_space%find_weakest(self%m, self%n, self%model%terms%jacobian, self%scale, share, smallest)
         if (row > 0) share(row) = 1.0_wp
         call self%blame(merge(row, maxloc(abs(share), dim=1), row > 0), smallest)
-        self%failed_rows = pack([(i, i=1, self%m)], abs(share) > smallest_part)
-        if (allocated(self%rows%dropped)) self%failed_rows = self%model%kept(self%failed_rows)
+        self%failure%rows = pack([(i, i=1, self%m)], abs(share) > smallest_part)
+        if (allocated(self%rows%dropped)) self%failure%rows = self%model%kept(self%failure%rows)
     end procedure blame_dependent
 end submodule tandem_chart_dense_rank

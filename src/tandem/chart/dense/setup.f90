@@ -8,13 +8,13 @@ submodule(tandem_chart_dense) tandem_chart_dense_setup
 
 contains
 
-    module procedure initialize
+    module procedure do_attach
         real(wp) :: utol
         integer :: i, way
 
         self%refines = options%refresh == 'refine'
         self%is_implicit = implicit
-        self%follows_stiffness = implicit .and. self%damps .and. options%chart /= 'paper'
+        self%follows_stiffness = implicit .and. damps .and. options%chart /= 'paper'
         self%uses_svd = options%basis == 'svd'
         ! The reach of kept charts is measured for the paper's complement. Without restored stages it makes ends of steps more
         ! accurate. Fixed steps, which have no error estimate, end with `chart_left` if C has turned too far for it.
@@ -95,22 +95,24 @@ contains
                     call self%iterates(i)%allocate(n, nh, m)
                 end do
                 ! Measured: three corrections with the model's own derivatives; differences take 2 (n + 1) evaluations.
-                self%cost = 3.0_wp
-                if (model%provides_derivatives /= need_all_derivatives) self%cost = self%cost + 0.35_wp*real(n + 1, wp)
+                self%matrix_cost = 3.0_wp
+                if (model%provides_derivatives /= need_all_derivatives) then
+                    self%matrix_cost = self%matrix_cost + 0.35_wp*real(n + 1, wp)
+                end if
                 allocate (self%b_phi(nh, n), self%lambda(m), self%change_q(n), self%change_qd(n), source=0.0_wp)
             end if
         end associate
         self%qd0 = self%q0
         self%trial = self%q0
         call self%point%allocate(self%n)
-    end procedure initialize
+    end procedure do_attach
 
     !> Make (t, q, qd) the origin: bases and the rank decision, then the start of the position and velocity levels.
-    module procedure renew
+    module procedure make_origin
         logical :: is_done
         integer :: split_stat
 
-        self%failed_row = 0
+        self%failure%row = 0
         self%is_at_origin = .true.
         self%may_lean = .true.
         if (self%follows_stiffness) call self%metric%note_move(self%basis%q(:, :self%nh), self%q0, q, self%basis_scale)
@@ -156,7 +158,7 @@ contains
                 call self%free_motion%set_origin(0, self%model%blocks)
             end if
         end if
-    end procedure renew
+    end procedure make_origin
 
     !> If masses differ much, scale the bases so that light coordinates move as easily as their masses allow, once per run. In bases
     !> that mix masses the acceleration of a light one loses as many digits as the masses differ by; and a Newton matrix carried to

@@ -8,7 +8,7 @@
 !> solutions with C X. R and D are formed only if they are needed as matrices (`complete`).
 module tandem_chart_dense_velocity_basis
     use tandem_kinds, only: wp
-    use tandem_linalg_elimination, only: elimination_type
+    use tandem_linalg_elimination, only: elimination_type, pivots_type
     use tandem_linalg_kernels, only: add_product, add_transposed_product, set_product
     use tandem_linalg_lu, only: lu_type
     use tandem_pack, only: pack_type
@@ -18,10 +18,18 @@ module tandem_chart_dense_velocity_basis
     implicit none (type, external)
     private
 
-    public :: velocity_basis_type, by_elimination, by_factor, by_refinement
+    public :: velocity_basis_type, velocity_basis_memory_type, by_elimination, by_factor, by_refinement
 
     !> Methods for R and D.
     integer, parameter :: by_elimination = 1, by_factor = 2, by_refinement = 3
+
+    !> Pivots, or H, of an earlier point.
+    type :: velocity_basis_memory_type
+        private
+        type(pivots_type) :: pivots
+        real(wp), allocatable :: h(:, :)
+        integer :: most_corrections = 0
+    end type velocity_basis_memory_type
 
     type :: velocity_basis_type
         !> R (n, m) and D (n, k), k = n - m.
@@ -37,7 +45,6 @@ module tandem_chart_dense_velocity_basis
         integer :: failed_row = 0
         !> Largest number of corrections of a refinement of H since the caller set this to zero.
         integer :: most_corrections = 0
-        integer, private :: held_most_corrections = 0
         !> True if R and D belong to the last `update`.
         logical :: is_complete = .false.
         integer, private :: way = by_elimination
@@ -47,11 +54,11 @@ module tandem_chart_dense_velocity_basis
         type(refinement_type), private :: h
         type(lu_type), private :: c_x_lu
         !> C X (m, m), C W (m, k).
-        real(wp), allocatable, private :: c_x(:, :), c_w(:, :), held_h(:, :), y(:)
+        real(wp), allocatable, private :: c_x(:, :), c_w(:, :), y(:)
     contains
         procedure :: allocate => allocate_split, start, eliminate, update
         procedure :: measure_orientation, complete, subtract_right_inverse, subtract_reaction
-        procedure :: hold, release, pack_state
+        procedure :: save, restore_saved, pack_state
         procedure, private :: invert
     end type velocity_basis_type
 
@@ -68,9 +75,8 @@ contains
         self%m = m
         self%way = way
         self%htol = htol
-        if (allocated(self%right_inverse)) deallocate (self%right_inverse, self%null_space, self%c_x, self%c_w, self%held_h, &
-            self%y)
-        allocate (self%y(m), self%held_h(m, m), source=0.0_wp)
+        if (allocated(self%right_inverse)) deallocate (self%right_inverse, self%null_space, self%c_x, self%c_w, self%y)
+        allocate (self%y(m), source=0.0_wp)
         ! Explicit steps of many coordinates do not use them and need not allocate the memory.
         allocate (self%right_inverse(n, m), self%null_space(n, n - m))
         if (way == by_elimination) then
@@ -211,23 +217,25 @@ contains
         self%independence = self%c_x_lu%smallest_pivot()
     end subroutine measure_orientation
 
-    !> Save the start of the next update, so that other points can be evaluated without effect.
-    subroutine hold(self)
+    !> Save the start of the next step.
+    subroutine save(self, memory)
+        class(velocity_basis_type), intent(in) :: self
+        type(velocity_basis_memory_type), intent(inout) :: memory
+
+        if (self%way == by_elimination) call self%elimination%save(memory%pivots)
+        if (self%way == by_refinement) memory%h = self%h%inverse
+        memory%most_corrections = self%most_corrections
+    end subroutine save
+
+    !> Restore the saved start.
+    subroutine restore_saved(self, memory)
         class(velocity_basis_type), intent(inout) :: self
+        type(velocity_basis_memory_type), intent(in) :: memory
 
-        if (self%way == by_elimination) call self%elimination%hold()
-        if (self%way == by_refinement) self%held_h = self%h%inverse
-        self%held_most_corrections = self%most_corrections
-    end subroutine hold
-
-    !> Restore the saved state.
-    subroutine release(self)
-        class(velocity_basis_type), intent(inout) :: self
-
-        if (self%way == by_elimination) call self%elimination%release()
-        if (self%way == by_refinement) self%h%inverse = self%held_h
-        self%most_corrections = self%held_most_corrections
-    end subroutine release
+        if (self%way == by_elimination) call self%elimination%restore_saved(memory%pivots)
+        if (self%way == by_refinement) self%h%inverse = memory%h
+        self%most_corrections = memory%most_corrections
+    end subroutine restore_saved
 
     !> H = (C X)^-1 by LU.
     subroutine invert(self, jacobian, x_basis, stat)

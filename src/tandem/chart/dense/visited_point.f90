@@ -14,11 +14,13 @@ module tandem_chart_dense_visited_point
         real(wp) :: t = 0.0_wp
         !> True if R and D, and Phi, belong to it; true if C and nu are known to be finite there.
         logical :: has_velocity_basis = .false., has_phi = .false., is_finite = .false.
+        !> True if it is a stage whose acceleration is requested next; its coordinates are not stored.
+        logical :: is_passed = .false.
         !> True if its coordinates are stored; true if gamma and the forces belong to it and to a velocity.
         logical, private :: has_point = .false., has_motion = .false.
         real(wp), allocatable, private :: q(:), qd(:)
     contains
-        procedure :: allocate => allocate_point, is_at, leave, arrive, pass, forget, pack_state
+        procedure :: allocate => allocate_point, is_at, leave, arrive, pass, leave_passed, forget, pack_state
         procedure :: note_velocity_basis, forget_velocity_basis, is_moving_with, note_motion, forget_motion
     end type visited_point_type
 
@@ -50,6 +52,7 @@ contains
         self%has_point = .false.
         self%has_velocity_basis = .false.
         self%has_motion = .false.
+        self%is_passed = .false.
     end subroutine leave
 
     !> C, nu and M were evaluated at (t, q).
@@ -64,15 +67,23 @@ contains
         call copy(size(q), q, self%q)
     end subroutine arrive
 
-    !> A point at time t is to be evaluated that no later call requests.
+    !> A stage at time t is to be evaluated; later calls request only its acceleration, at once.
     pure subroutine pass(self, t)
         class(visited_point_type), intent(inout) :: self
         real(wp), intent(in) :: t
 
         call self%leave()
         self%is_finite = .false.
+        self%is_passed = .true.
         self%t = t
     end subroutine pass
+
+    !> The acceleration of a stage is computed.
+    pure subroutine leave_passed(self)
+        class(visited_point_type), intent(inout) :: self
+
+        self%is_passed = .false.
+    end subroutine leave_passed
 
     !> R and D were found there, which requires a finite C.
     pure subroutine note_velocity_basis(self)

@@ -7,7 +7,8 @@
 !> D + ha^2 K, for the real system and with complex ha for pairs; b corrects qdd, r + ha b corrects rate_q, mu corrects lambda. Each
 !> stage has its own multipliers.
 module tandem_chart_sparse_coupled_stages
-    use tandem_chart_sparse_implicit_stage, only: initialize_implicit => initialize, sparse_implicit_type
+    use tandem_chart, only: goal_type
+    use tandem_chart_sparse_implicit_stage, only: attach_implicit => do_attach, sparse_implicit_type
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_model, only: model_type
@@ -31,26 +32,26 @@ module tandem_chart_sparse_coupled_stages
         !> Work space: forces (n) and right sides (m) of an imaginary part.
         real(wp), allocatable, private :: force_im(:), rows_im(:)
     contains
-        procedure :: initialize, expect_pairs, stage_residual, solve_real, solve_pair, update_stage, pack_coupled
+        procedure :: do_attach, expect_pairs, do_find_residual, do_solve, do_solve_pair, do_update, pack_coupled
         procedure, private :: allocate_stages, begin_stage, is_alone
     end type sparse_coupled_type
 
 contains
 
     !> Attach the model.
-    subroutine initialize(self, model, options, implicit, error, kept)
+    subroutine do_attach(self, model, options, implicit, damps, error, kept)
         class(sparse_coupled_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
         type(options_type), intent(in) :: options
-        logical, intent(in) :: implicit
+        logical, intent(in) :: implicit, damps
         type(error_type), allocatable, intent(out) :: error
         integer, intent(in), optional :: kept(:)
 
-        call initialize_implicit(self, model, options, implicit, error, kept)
+        call attach_implicit(self, model, options, implicit, damps, error, kept)
         self%n_residual = 2*model%n + model%n_constraints()
         if (implicit) self%stage_qd = spread(0.0_wp, 1, model%n)
         if (allocated(self%t_of)) deallocate (self%t_of)
-    end subroutine initialize
+    end subroutine do_attach
 
     !> Also factor the matrices of complex pairs of systems.
     subroutine expect_pairs(self, ratios)
@@ -58,7 +59,7 @@ contains
         complex(wp), intent(in), contiguous :: ratios(:)
 
         call self%newton%expect_pairs(ratios)
-        call self%allocate_stages(2*size(ratios) + 1)
+        if (size(ratios) > 0) call self%allocate_stages(2*size(ratios) + 1)
     end subroutine expect_pairs
 
     !> Allocate for a number of stages, unless this is done.
@@ -80,26 +81,26 @@ contains
     end subroutine allocate_stages
 
     !> The point and the residual of an iterate of a stage. An iterate meets the tolerances of stages: the next correction moves it.
-    subroutine stage_residual(self, stage, is_first, defect, t, increment, increment_qd, q, qd, rate_q, rate_qd, residual, stat)
+    subroutine do_find_residual(self, goal, t, dq, dqd, q, qd, rate_q, rate_qd, residual, stat)
         class(sparse_coupled_type), intent(inout) :: self
-        integer, intent(in) :: stage
-        logical, intent(in) :: is_first
-        real(wp), intent(in) :: defect, t
-        real(wp), intent(in), contiguous :: increment(:), increment_qd(:)
+        type(goal_type), intent(in) :: goal
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: dq(:), dqd(:)
         real(wp), intent(inout), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:), residual(:)
         integer, intent(out) :: stat
+        type(goal_type) :: point
 
-        self%is_iterate = self%is_alone()
-        self%iterate_defect = merge(defect, huge(1.0_wp), is_first)
-        call self%restore_position(t, increment, q, stat)
-        if (stat == status_ok) call self%restore_velocity(t, q, increment_qd, qd, stat)
-        self%is_iterate = .false.
-        self%iterate_defect = huge(1.0_wp)
-        if (stat == status_ok) call find_residual(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
-    end subroutine stage_residual
+        point = goal
+        point%is_iterate = self%is_alone()
+        if (.not. goal%is_first) point%defect = huge(1.0_wp)
+        self%iterate_tolerance = goal%tolerance
+        call self%restore_position(t, dq, point, q, stat)
+        if (stat == status_ok) call self%restore_velocity(t, q, dqd, point, qd, stat)
+        if (stat == status_ok) call find_residual_at(self, goal%stage, t, q, qd, rate_q, rate_qd, residual, stat)
+    end subroutine do_find_residual
 
     !> The residual of a stage at a restored point.
-    subroutine find_residual(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
+    subroutine find_residual_at(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
         class(sparse_coupled_type), intent(inout) :: self
         integer, intent(in) :: stage
         real(wp), intent(in) :: t
@@ -110,7 +111,7 @@ contains
         associate (s => self%system, n => self%n)
             call s%move_with(t, q, qd, self%counts, stat)
             if (stat /= status_ok) then
-                self%failed_term = trim(s%model%failed_term)
+                self%failure%term = trim(s%model%failed_term)
                 return
             end if
             call s%load()
@@ -124,7 +125,7 @@ contains
                 call find_forces(self, rate_qd, self%lambda_of(:, stage), residual)
             end if
         end associate
-    end subroutine find_residual
+    end subroutine find_residual_at
 
     !> The residuals of the equations of motion and of the rows.
     subroutine find_forces(self, rate_qd, lambda, residual)
@@ -206,7 +207,7 @@ contains
     end subroutine begin_stage
 
     !> The correction of the real system, in place.
-    subroutine solve_real(self, x)
+    subroutine do_solve(self, x)
         class(sparse_coupled_type), intent(inout) :: self
         real(wp), intent(inout), contiguous :: x(:)
 
@@ -226,10 +227,10 @@ contains
             x(n + 1:2*n) = self%part
             x(2*n + 1:2*n + m) = self%mu
         end associate
-    end subroutine solve_real
+    end subroutine do_solve
 
     !> The correction x + i y of one of the pairs, in place.
-    subroutine solve_pair(self, k, x, y)
+    subroutine do_solve_pair(self, k, x, y)
         class(sparse_coupled_type), intent(inout) :: self
         integer, intent(in) :: k
         real(wp), intent(inout), contiguous :: x(:), y(:)
@@ -255,10 +256,10 @@ contains
             x(2*n + 1:2*n + m) = self%rows
             y(2*n + 1:2*n + m) = self%rows_im
         end associate
-    end subroutine solve_pair
+    end subroutine do_solve_pair
 
     !> Add a correction to a stage's rates and multipliers.
-    subroutine update_stage(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+    subroutine do_update(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
         class(sparse_coupled_type), intent(inout) :: self
         integer, intent(in) :: stage
         real(wp), intent(in), contiguous :: q(:), qd(:)
@@ -287,10 +288,10 @@ contains
         if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
             stat = status_not_finite
             call self%system%name_infinite(stat)
-            self%failed_term = trim(self%system%model%failed_term)
+            self%failure%term = trim(self%system%model%failed_term)
         end if
         self%counts%newton_corrections = self%counts%newton_corrections + 1
-    end subroutine update_stage
+    end subroutine do_update
 
     !> The stages' multipliers.
     subroutine pack_coupled(self, pack)

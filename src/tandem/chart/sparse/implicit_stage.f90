@@ -9,7 +9,7 @@
 !>
 !> After convergence the equations of motion and C qdd = -gamma hold at the stage itself, whichever matrix was used.
 module tandem_chart_sparse_implicit_stage
-    use tandem_chart_sparse_motion, only: initialize_motion => initialize, sparse_motion_type
+    use tandem_chart_sparse_motion, only: attach_motion => do_attach, sparse_motion_type
     use tandem_chart_sparse_newton_matrix, only: newton_matrix_type
     use tandem_chart_sparse_progress, only: largest_part
     use tandem_error, only: error_type
@@ -23,7 +23,7 @@ module tandem_chart_sparse_implicit_stage
     implicit none (type, external)
     private
 
-    public :: initialize, sparse_implicit_type
+    public :: do_attach, sparse_implicit_type
 
     !> Number of steps whose multipliers extrapolate to those of a stage, and the largest number of stages of a step.
     integer, parameter :: most_past = 6, most_stages = 5
@@ -44,30 +44,43 @@ module tandem_chart_sparse_implicit_stage
         !> Last observed remainder of a system with the M and C of the point after a solution with the matrix; more than 1 if
         !> unknown.
         real(wp), private :: left = 2.0_wp
+        !> Largest errors that the iteration may leave.
+        real(wp) :: iterate_tolerance = 0.0_wp
         !> Angle by which C has turned from the matrix to the chart's origin, if known.
         real(wp), private :: angle = 1.0_wp
         !> Work space: forces, corrections and their sum (n), multipliers and right sides (m).
         real(wp), allocatable :: force(:), part(:), total(:), mu(:), total_mu(:), rows(:)
     contains
-        procedure :: initialize, factor_stage, reuse_stage, matrix_cost, filter_error, pack_newton
+        procedure :: do_attach, do_factor, do_reuse, do_filter, pack_newton
+        procedure(expect_interface), deferred :: expect_pairs
         procedure :: begin_multipliers, find_correction
         procedure, private :: keep_multipliers, make_tangent
     end type sparse_implicit_type
 
+    abstract interface
+        !> Complex pairs of systems are factored too.
+        subroutine expect_interface(self, ratios)
+            import :: sparse_implicit_type, wp
+            implicit none (type, external)
+            class(sparse_implicit_type), intent(inout) :: self
+            complex(wp), intent(in), contiguous :: ratios(:)
+        end subroutine expect_interface
+    end interface
+
 contains
 
     !> Attach the model; for an implicit stepper analyse the Newton matrix too.
-    subroutine initialize(self, model, options, implicit, error, kept)
+    subroutine do_attach(self, model, options, implicit, damps, error, kept)
         class(sparse_implicit_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
         type(options_type), intent(in) :: options
-        logical, intent(in) :: implicit
+        logical, intent(in) :: implicit, damps
         type(error_type), allocatable, intent(out) :: error
         integer, intent(in), optional :: kept(:)
         type(stiffness_type) :: stiffness
         integer, allocatable :: pairs(:, :)
 
-        call initialize_motion(self, model, options, implicit, error, kept)
+        call attach_motion(self, model, options, implicit, damps, error, kept)
         if (allocated(self%newton)) deallocate (self%newton)
         if (allocated(error) .or. .not. implicit) return
         allocate (pairs(2, 0))
@@ -86,20 +99,24 @@ contains
         self%stage_lambda = 0
         self%left = 2.0_wp
         self%iterate_tolerance = options%newton_tolerance()
+        ! Measured on sprung chains.
+        self%matrix_cost = 5.0_wp
         self%mu = self%lambda
         self%total_mu = self%lambda
         self%rows = self%lambda
-    end subroutine initialize
+    end subroutine do_attach
 
-    !> Form and factor the Newton matrix at the last point of `solve_dynamics`.
-    subroutine factor_stage(self, t, q, qd, qdd, ha, stat)
+    !> Form and factor the Newton matrix.
+    subroutine do_factor(self, t, q, qd, qdd, ha, ratios, stat)
         class(sparse_implicit_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
         real(wp), intent(in) :: ha
+        complex(wp), intent(in), contiguous :: ratios(:)
         integer, intent(out) :: stat
 
-        self%failed_row = 0
+        self%failure%row = 0
+        call self%expect_pairs(ratios)
         associate (s => self%system)
             call s%move_with(t, q, qd, self%counts, stat)
             if (stat == status_ok) call s%factorize(self%counts, stat)
@@ -113,7 +130,7 @@ contains
             call s%find_multipliers(self%part, self%lambda)
             call s%model%evaluate_stiffness(t, q, qd, qdd, self%lambda, self%newton%terms%stiffness, self%counts, stat)
             if (stat /= status_ok) then
-                self%failed_term = 'a derivative'
+                self%failure%term = 'a derivative'
                 return
             end if
             call self%newton%form(s%factor(s%here), s%model%terms%mass)
@@ -124,12 +141,13 @@ contains
         end associate
         self%counts%newton_matrices = self%counts%newton_matrices + 1
         self%counts%newton_factorizations = self%counts%newton_factorizations + 1
-    end subroutine factor_stage
+    end subroutine do_factor
 
     !> Reuse the last matrix for ha.
-    subroutine reuse_stage(self, ha, can)
+    subroutine do_reuse(self, ha, ratios, can)
         class(sparse_implicit_type), intent(inout) :: self
         real(wp), intent(in) :: ha
+        complex(wp), intent(in), contiguous :: ratios(:)
         logical, intent(out) :: can
         !> Successive steps of a grid differ by rounding of the time.
         real(wp), parameter :: rounding = 1.0e-6_wp
@@ -142,6 +160,7 @@ contains
         logical :: has_new_ha, is_worn
         integer :: stat
 
+        call self%expect_pairs(ratios)
         can = self%newton%ha > 0.0_wp .and. self%newton_segment == self%system%model%segment()
         if (.not. can) return
         turned = self%newton%turned(self%system%analysis, self%system%factor(self%system%base))
@@ -171,14 +190,7 @@ contains
         call self%newton%factor(ha, stat)
         self%counts%newton_factorizations = self%counts%newton_factorizations + 1
         can = stat == status_ok
-    end subroutine reuse_stage
-
-    !> Cost of a matrix, in corrections; measured on sprung chains.
-    pure real(wp) function matrix_cost(self)
-        class(sparse_implicit_type), intent(in) :: self
-
-        matrix_cost = 5.0_wp
-    end function matrix_cost
+    end subroutine do_reuse
 
     !> Initial multipliers of a stage: after equal steps extrapolated from the same stage of earlier steps, by the polynomial
     !> through their times, because a stage of low stage order has an error of its own, which stiff forces amplify; else the
@@ -319,7 +331,7 @@ contains
     end subroutine add_mass
 
     !> Filter the error by a solve with the Newton matrix; then restore its velocity as the chart at the last point does.
-    subroutine filter_error(self, error_q, error_qd)
+    subroutine do_filter(self, error_q, error_qd)
         class(sparse_implicit_type), intent(inout) :: self
         real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
 
@@ -334,7 +346,7 @@ contains
             error_q(:) = error_q + newton%ha*self%part
             call self%make_tangent(.false., s%m, error_qd)
         end associate
-    end subroutine filter_error
+    end subroutine do_filter
 
     !> Remove from a vector the part that the chart ignores, by the first rows at the origin or at the last point.
     subroutine make_tangent(self, is_origin, n_rows, x)

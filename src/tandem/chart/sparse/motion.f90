@@ -15,26 +15,30 @@ module tandem_chart_sparse_motion
     use tandem_linalg_kernels, only: is_finite
     use tandem_model, only: model_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_mass, need_phi
+    use tandem_model_timer, only: of_position, of_velocity
     use tandem_options, only: options_type
     use tandem_status, only: status_chart_left, status_invalid_option, status_not_finite, status_ok, status_position_diverged, &
         status_rank_deficient, status_singular_mass
-    use tandem_chart, only: chart_type
+    use tandem_chart, only: chart_memory_type, goal_type
+    use tandem_chart_implicit, only: implicit_chart_type
     use tandem_chart_sparse_blocks, only: most_coordinates
     implicit none (type, external)
     private
 
-    public :: sparse_motion_type, find_obstacle, initialize
+    public :: sparse_motion_type, find_obstacle, do_attach
 
     !> If a correction leaves no more than this, the second derivative predicts an implicit stage; if bodies turn far within a step
     !> it is inaccurate.
     real(wp), parameter :: near = 0.05_wp
 
+    !> The start of the next step; the factor of a nearby point is stored in the system itself.
+    type, extends(chart_memory_type) :: sparse_memory_type
+        real(wp), allocatable :: delta(:)
+        type(progress_type) :: position, velocity
+    end type sparse_memory_type
+
     !> The chart without the operations between steps.
-    type, abstract, extends(chart_type) :: sparse_motion_type
-        !> True while an iterate of an implicit stage is restored: the next correction moves it. The defect of its increment at the
-        !> first iterate, see `stage_residual`; huge for none.
-        logical :: is_iterate = .false.
-        real(wp) :: iterate_defect = huge(1.0_wp)
+    type, abstract, extends(implicit_chart_type) :: sparse_motion_type
         type(system_type) :: system
         type(rank_type) :: rank
         !> Largest constraint errors on their natural scale: after projection; of Phi and of C qd - nu at ends of steps and at
@@ -60,36 +64,39 @@ module tandem_chart_sparse_motion
         real(wp) :: defect_of_delta = 0.0_wp, defect_of_rate = 0.0_wp
         !> Reciprocals of the natural scales of rows at the origin (nh), (m).
         real(wp), allocatable :: phi_weight(:), velocity_weight(:)
-        type(progress_type) :: position, velocity, held_position, held_velocity
-        real(wp), allocatable :: held_delta(:)
+        type(progress_type) :: position, velocity
+        !> Rounding error of the origin (n).
+        real(wp), allocatable, private :: rounding(:)
         !> Accelerates slow corrections in steps that may be long.
         type(secants_type) :: secants
     contains
-        procedure :: initialize, renew, remainder, refresh
-        procedure :: start_step, retry_step, forget, forget_model
-        procedure :: leave_out_dependent, find_partners, hold, release
-        procedure :: restore_position, restore_velocity, solve_dynamics, restore_motion
-        procedure, non_overridable :: fail_here
+        procedure :: do_attach, do_set_origin, start_step, get_memory, set_memory, forget
+        procedure :: leave_out_dependent, find_partners
+        procedure :: restore, do_accelerate
+        procedure, non_overridable :: fail_here, restore_position, restore_velocity
+        procedure, private, non_overridable :: make_origin
         procedure, private, non_overridable :: meet_velocity
         procedure, private, nopass, non_overridable :: recall
     end type sparse_motion_type
 
     interface
         !> qd = qd0 + eta - Y0 x with C qd = nu.
-        module subroutine restore_velocity(self, t, q, increment, qd, stat)
+        module subroutine restore_velocity(self, t, q, increment, goal, qd, stat)
             implicit none (type, external)
             class(sparse_motion_type), intent(inout) :: self
             real(wp), intent(in) :: t, q(self%n), increment(self%n)
+            type(goal_type), intent(in) :: goal
             real(wp), intent(out) :: qd(self%n)
             integer, intent(out) :: stat
         end subroutine restore_velocity
 
         !> Corrections of qd at the last point.
-        module subroutine meet_velocity(self, age, qd, stat)
+        module subroutine meet_velocity(self, age, goal, qd, stat)
             implicit none (type, external)
             class(sparse_motion_type), intent(inout) :: self
             !> Time since the origin.
             real(wp), intent(in) :: age
+            type(goal_type), intent(in) :: goal
             real(wp), intent(inout) :: qd(self%n)
             integer, intent(out) :: stat
         end subroutine meet_velocity
@@ -125,11 +132,11 @@ contains
     end function find_obstacle
 
     !> Attach the model, analyse its pattern and allocate the work space.
-    subroutine initialize(self, model, options, implicit, error, kept)
+    subroutine do_attach(self, model, options, implicit, damps, error, kept)
         class(sparse_motion_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
         type(options_type), intent(in) :: options
-        logical, intent(in) :: implicit
+        logical, intent(in) :: implicit, damps
         type(error_type), allocatable, intent(out) :: error
         integer, intent(in), optional :: kept(:)
         character(len=120) :: obstacle
@@ -160,32 +167,58 @@ contains
         end if
         ! Without temporaries, which would fragment the memory.
         if (allocated(self%scale)) deallocate (self%scale, self%q0, self%qd0, self%delta, self%curve, self%delta_rate, &
-            self%phi_weight, self%velocity_weight)
+            self%phi_weight, self%velocity_weight, self%rounding)
         if (allocated(self%bend)) deallocate (self%bend)
         allocate (self%scale(model%n), self%phi_weight(model%n_holonomic), self%velocity_weight(model%n_constraints()), &
             source=1.0_wp)
         if (allocated(model%coordinate_scale)) self%scale(:) = model%coordinate_scale
         allocate (self%q0(model%n), self%qd0(model%n), self%delta(model%n), self%curve(model%n), self%delta_rate(model%n), &
-            source=0.0_wp)
+            self%rounding(model%n), source=0.0_wp)
         if (implicit) allocate (self%bend(model%n), source=0.0_wp)
         self%has_curve = .false.
         self%has_bend = .false.
         if (implicit .or. options%is_adaptive()) call self%secants%allocate(model%n)
-    end subroutine initialize
+    end subroutine do_attach
+
+    !> Begin steps at a point. Charts are renewed at every step, so that an origin is never kept.
+    subroutine do_set_origin(self, t, q, qd, keeps, dq, stat)
+        class(sparse_motion_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        logical, intent(in) :: keeps
+        real(wp), intent(inout), contiguous :: dq(:)
+        integer, intent(out) :: stat
+        !> A difference of more roundings than this means that q is not the point of that increment.
+        real(wp), parameter :: most = 8.0_wp
+        logical :: is_rounding
+        integer :: i
+
+        is_rounding = .true.
+        do i = 1, self%n
+            associate (left => ((self%q0(i) - q(i)) + dq(i)) + self%delta(i))
+                is_rounding = is_rounding .and. abs(left) <= most*epsilon(1.0_wp)*(abs(self%q0(i)) + abs(dq(i)) + &
+                    abs(self%delta(i)) + self%scale(i))
+                self%rounding(i) = left
+            end associate
+        end do
+        dq = 0.0_wp
+        if (is_rounding) dq = self%rounding
+        call self%make_origin(t, q, qd, stat)
+    end subroutine do_set_origin
 
     !> Make (t, q, qd) the origin.
-    subroutine renew(self, t, q, qd, stat)
+    subroutine make_origin(self, t, q, qd, stat)
         class(sparse_motion_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:)
         integer, intent(out) :: stat
 
-        self%failed_row = 0
-        self%failed_coordinate = 0
+        self%failure%row = 0
+        self%failure%coordinate = 0
         self%t0 = t
         self%q0(:) = q
         self%qd0(:) = qd
-        call self%retry_step()
+        call self%set_memory()
         self%is_curve_old = .true.
         self%is_bend_old = .true.
         call self%system%visit(t, q, self%counts, stat)
@@ -198,7 +231,7 @@ contains
         call self%system%find_weights(q, qd, self%scale, self%phi_weight, self%velocity_weight)
         if (self%secants%is_used) call self%system%find_diagonal(self%secants%weight)
         call self%note_independence(sqrt(self%system%factor(self%system%base)%least))
-    end subroutine renew
+    end subroutine make_origin
 
     !> Leave out rows that depend on others, and make (t, q, qd) the origin. A row of E must not replace one of Phi.
     subroutine leave_out_dependent(self, t, q, qd, stat)
@@ -222,7 +255,7 @@ contains
         self%n_dropped = size(self%left_out)
         self%best_independence = 0.0_wp
         self%chosen_independence = 0.0_wp
-        if (self%n_dropped > 0) call self%renew(t, q, qd, stat)
+        if (self%n_dropped > 0) call self%make_origin(t, q, qd, stat)
         if (self%n_dropped == 0) stat = status_rank_deficient
     end subroutine leave_out_dependent
 
@@ -241,40 +274,16 @@ contains
         integer, intent(in) :: stat
 
         associate (factor => self%system%factor(self%system%here))
-            self%failed_term = trim(self%system%model%failed_term)
+            self%failure%term = trim(self%system%model%failed_term)
             if (stat == status_rank_deficient) then
-                self%failed_row = factor%weakest
-                self%failed_rows = [factor%weakest]
-                self%failed_value = 0.0_wp
+                self%failure%row = factor%weakest
+                self%failure%rows = [factor%weakest]
+                self%failure%value = 0.0_wp
             else if (stat == status_singular_mass) then
-                self%failed_coordinate = factor%failed_coordinate
+                self%failure%coordinate = factor%failed_coordinate
             end if
         end associate
     end subroutine fail_here
-
-    !> Rounding error of q = q0 + xi - Y0 mu.
-    pure subroutine remainder(self, increment, q, left)
-        class(sparse_motion_type), intent(in) :: self
-        real(wp), intent(in), contiguous :: increment(:), q(:)
-        real(wp), intent(out), contiguous :: left(:)
-        !> A difference of more roundings than this means that q is not the point of that increment.
-        real(wp), parameter :: most = 8.0_wp
-
-        left = ((self%q0 - q) + increment) + self%delta
-        if (any(abs(left) > most*epsilon(1.0_wp)*(abs(self%q0) + abs(increment) + abs(self%delta) + self%scale))) left = 0.0_wp
-    end subroutine remainder
-
-    !> Charts are renewed at every step: no refresh is necessary.
-    subroutine refresh(self, t, q, stat)
-        class(sparse_motion_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:)
-        integer, intent(out) :: stat
-
-        call self%system%visit(t, q, self%counts, stat)
-        if (stat == status_ok) call self%system%factorize(self%counts, stat)
-        if (stat /= status_ok) call self%fail_here(stat)
-    end subroutine refresh
 
     !> Component of the acceleration at the start of a step along the complement: R C qdd, by rows of Phi.
     subroutine start_step(self, qdd)
@@ -313,56 +322,79 @@ contains
         end associate
     end subroutine take_complement
 
-    !> Discard all results of a failed attempt.
-    subroutine retry_step(self)
+    !> Save the start of the next step.
+    subroutine get_memory(self, memory)
         class(sparse_motion_type), intent(inout) :: self
+        class(chart_memory_type), allocatable, intent(inout) :: memory
 
-        self%delta = 0.0_wp
-        self%has_delta_rate = .false.
-        self%defect_of_delta = 0.0_wp
-        self%defect_of_rate = 0.0_wp
-    end subroutine retry_step
+        if (allocated(memory)) then
+            if (.not. same_type_as(memory, sparse_memory_type())) deallocate (memory)
+        end if
+        if (.not. allocated(memory)) allocate (sparse_memory_type :: memory)
+        select type (memory)
+        type is (sparse_memory_type)
+            memory%delta = self%delta
+            memory%position = self%position
+            memory%velocity = self%velocity
+        end select
+        call self%system%hold()
+    end subroutine get_memory
 
-    !> Invalidate the last point.
-    subroutine forget(self)
+    !> Restore the saved start of the next step, or discard all results of a failed attempt.
+    subroutine set_memory(self, memory)
         class(sparse_motion_type), intent(inout) :: self
+        class(chart_memory_type), intent(in), optional :: memory
+
+        if (.not. present(memory)) then
+            self%delta = 0.0_wp
+            self%has_delta_rate = .false.
+            self%defect_of_delta = 0.0_wp
+            self%defect_of_rate = 0.0_wp
+            return
+        end if
+        select type (memory)
+        type is (sparse_memory_type)
+            self%delta(:) = memory%delta
+            self%position = memory%position
+            self%velocity = memory%velocity
+        end select
+        call self%system%release()
+    end subroutine set_memory
+
+    !> Invalidate the last point, and a constant mass matrix if parameters have changed.
+    subroutine forget(self, parameters)
+        class(sparse_motion_type), intent(inout) :: self
+        logical, intent(in) :: parameters
 
         call self%system%forget()
+        if (parameters) self%system%model%mass_is_known = .false.
     end subroutine forget
 
-    !> Invalidate the last point and the constant mass matrix.
-    subroutine forget_model(self)
+    !> Position and velocity of increments.
+    subroutine restore(self, t, dq, dqd, goal, q, qd, stat)
         class(sparse_motion_type), intent(inout) :: self
+        real(wp), intent(in) :: t, dq(self%n), dqd(self%n)
+        type(goal_type), intent(in) :: goal
+        real(wp), intent(out) :: q(self%n), qd(self%n)
+        integer, intent(out) :: stat
+        logical :: has_phi
 
-        call self%forget()
-        self%system%model%mass_is_known = .false.
-    end subroutine forget_model
-
-    !> Save the start of the next step.
-    subroutine hold(self)
-        class(sparse_motion_type), intent(inout) :: self
-
-        if (.not. allocated(self%held_delta)) allocate (self%held_delta(self%n))
-        self%held_delta(:) = self%delta
-        self%held_position = self%position
-        self%held_velocity = self%velocity
-        call self%system%hold()
-    end subroutine hold
-
-    !> Restore the saved state.
-    subroutine release(self)
-        class(sparse_motion_type), intent(inout) :: self
-
-        self%delta(:) = self%held_delta
-        self%position = self%held_position
-        self%velocity = self%held_velocity
-        call self%system%release()
-    end subroutine release
+        if (associated(self%timer)) call self%timer%begin_operation(of_position)
+        call self%restore_position(t, dq, goal, q, stat)
+        if (associated(self%timer)) call self%timer%end_operation()
+        if (stat /= status_ok) return
+        has_phi = self%system%has_phi
+        if (associated(self%timer)) call self%timer%begin_operation(of_velocity)
+        call self%restore_velocity(t, q, dqd, goal, qd, stat)
+        if (associated(self%timer)) call self%timer%end_operation()
+        self%system%has_phi = has_phi
+    end subroutine restore
 
     !> q = q0 + xi - Y0 mu with Phi(t, q) = 0.
-    subroutine restore_position(self, t, increment, q, stat)
+    subroutine restore_position(self, t, increment, goal, q, stat)
         class(sparse_motion_type), intent(inout) :: self
         real(wp), intent(in) :: t, increment(self%n)
+        type(goal_type), intent(in) :: goal
         real(wp), intent(out) :: q(self%n)
         integer, intent(out) :: stat
         !> Corrections with a factor of accuracy O(h); an iteration that takes more has left the chart.
@@ -372,24 +404,24 @@ contains
         logical :: has_left, is_loose, is_near
 
         stat = status_ok
-        self%failed_row = 0
+        self%failure%row = 0
         if (self%system%nh == 0) then
             q = self%q0 + increment
             return
         end if
-        is_loose = self%is_stage .or. self%is_iterate
+        is_loose = goal%is_stage .or. goal%is_iterate
         age = abs(t - self%t0)
-        if (self%iterate_defect < huge(1.0_wp)) then
+        if (goal%is_iterate .and. goal%defect < huge(1.0_wp)) then
             is_near = self%position%ageing*age <= near
-            call self%recall(self%system, self%system%nh, self%iterate_defect, is_near, self%defect_of_delta, self%has_curve, &
+            call self%recall(self%system, self%system%nh, goal%defect, is_near, self%defect_of_delta, self%has_curve, &
                 self%is_curve_old, self%delta, self%curve)
-            if (self%has_curve .and. is_near) self%delta(:) = self%iterate_defect*self%curve
+            if (self%has_curve .and. is_near) self%delta(:) = goal%defect*self%curve
         else
             ! A point that is not a stage, such as that of a matrix between the stages, has another correction.
-            if (.not. self%is_iterate) self%defect_of_delta = 0.0_wp
-            if (self%defect < huge(1.0_wp) .and. self%has_curve) self%delta(:) = self%defect*self%curve
+            if (.not. goal%is_iterate) self%defect_of_delta = 0.0_wp
+            if (goal%defect < huge(1.0_wp) .and. self%has_curve) self%delta(:) = goal%defect*self%curve
         end if
-        wanted = merge(self%stage_tolerance, self%end_tolerance, self%is_stage)
+        wanted = merge(self%stage_tolerance, self%end_tolerance, goal%is_stage)
         first_error = 0.0_wp
         error_before = 0.0_wp
         last_error = unknown
@@ -424,8 +456,8 @@ contains
                 end if
                 if (has_left) then
                     stat = status_position_diverged
-                    self%failed_row = maxloc(abs(s%model%terms%phi)*self%phi_weight, dim=1)
-                    self%failed_value = error
+                    self%failure%row = maxloc(abs(s%model%terms%phi)*self%phi_weight, dim=1)
+                    self%failure%value = error
                     exit
                 end if
                 self%delta(:) = self%delta + s%x
@@ -436,7 +468,7 @@ contains
         end associate
         self%delta = 0.0_wp
         self%defect_of_delta = 0.0_wp
-        self%failed_term = trim(self%system%model%failed_term)
+        self%failure%term = trim(self%system%model%failed_term)
     end subroutine restore_position
 
     !> Begin an implicit stage: divide the result of the last one by its defect; at the first stage of a step use the component of
@@ -466,9 +498,10 @@ contains
     end subroutine recall
 
     !> The acceleration at (t, q, qd).
-    subroutine solve_dynamics(self, t, q, qd, qdd, stat)
+    subroutine do_accelerate(self, t, q, qd, goal, qdd, stat)
         class(sparse_motion_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(self%n), qd(self%n)
+        type(goal_type), intent(in) :: goal
         real(wp), intent(out) :: qdd(self%n)
         integer, intent(out) :: stat
         !> Largest remainder of an acceleration, relative to itself, with the factor of a nearby point. At the end of a step it
@@ -477,14 +510,14 @@ contains
         integer :: pass
         logical :: is_solved
 
-        self%failed_row = 0
+        self%failure%row = 0
         ! Phi still belongs to another point after a stage that was not projected.
-        if (self%is_stage) self%system%has_phi = .false.
+        if (goal%is_stage) self%system%has_phi = .false.
         associate (s => self%system)
             call s%move_with(t, q, qd, self%counts, stat)
             is_solved = .false.
-            if (stat == status_ok) call s%solve_nearby(self%scale, self%is_stage, merge(rest_at_stage, min(rest_at_end, &
-                self%allowed), self%is_stage), qdd, is_solved)
+            if (stat == status_ok) call s%solve_nearby(self%scale, goal%is_stage, merge(rest_at_stage, min(rest_at_end, &
+                self%allowed), goal%is_stage), qdd, is_solved)
             if (is_solved) return
             if (stat == status_ok) call s%factorize(self%counts, stat)
             if (stat /= status_ok) then
@@ -495,7 +528,7 @@ contains
                 s%g(:) = -s%model%terms%gamma
                 call here%solve(s%analysis, .true., s%model%terms%force, s%g, qdd, s%z)
                 if (.not. s%is_held) call s%nearby%note(t, qdd, s%z)
-                do pass = 1, merge(0, passes(here%least), self%is_stage)
+                do pass = 1, merge(0, passes(here%least), goal%is_stage)
                     ! Rounding error of C qdd + gamma.
                     s%g(:) = -s%model%terms%gamma
                     call here%multiply(s%analysis, qdd, s%g)
@@ -506,10 +539,10 @@ contains
             if (.not. is_finite(self%n, qdd)) then
                 stat = status_not_finite
                 call s%name_infinite(stat)
-                self%failed_term = trim(s%model%failed_term)
+                self%failure%term = trim(s%model%failed_term)
             end if
         end associate
-    end subroutine solve_dynamics
+    end subroutine do_accelerate
 
     !> Number of refinements that remove rounding errors, by the smallest pivot: near a loss of rank a solution is less accurate.
     pure integer function passes(least)
@@ -520,19 +553,4 @@ contains
         if (least < near) passes = 2
         if (least < nearer) passes = 4
     end function passes
-
-    !> Position, velocity and acceleration.
-    subroutine restore_motion(self, t, increment, increment_qd, q, qd, qdd, stat)
-        class(sparse_motion_type), intent(inout) :: self
-        real(wp), intent(in) :: t, increment(self%n), increment_qd(self%n)
-        real(wp), intent(out) :: q(self%n), qd(self%n), qdd(self%n)
-        integer, intent(out) :: stat
-        logical :: has_phi
-
-        call self%restore_position(t, increment, q, stat)
-        has_phi = self%system%has_phi
-        if (stat == status_ok) call self%restore_velocity(t, q, increment_qd, qd, stat)
-        self%system%has_phi = has_phi
-        if (stat == status_ok) call self%solve_dynamics(t, q, qd, qdd, stat)
-    end subroutine restore_motion
 end module tandem_chart_sparse_motion

@@ -2,7 +2,7 @@
 !> The sparse tangent-space chart at (t0, q0, qd0), for mechanisms of many bodies: the cost of a step is proportional to their
 !> number. Operations at points and between steps; `tandem_chart_sparse_motion` contains the operations of steps.
 module tandem_chart_sparse
-    use tandem_chart, only: health_type, least_bend
+    use tandem_chart, only: least_bend, measure_type, need_change, need_contraction, need_line, need_rank
     use tandem_chart_sparse_factor, only: least_pivot
     use tandem_chart_sparse_coupled_stages, only: sparse_coupled_type
     use tandem_chart_sparse_motion, only: find_obstacle
@@ -21,14 +21,27 @@ module tandem_chart_sparse
     !> The chart by blocks of a factor.
     type, extends(sparse_coupled_type) :: sparse_chart_type
         !> Work space of `contraction` (n).
-        real(wp), allocatable, private :: correction(:)
+        real(wp), allocatable, private :: correction(:), displacement(:)
     contains
-        procedure :: restore_near, keep_tangent
-        procedure :: multipliers, project_velocity, constraint_errors
-        procedure :: measure_rank, loss_ahead, relative_change, contraction, measure_health, kinetic_energy, pack_state
+        procedure :: do_project, remove_normal, do_find_multipliers, do_find_errors, do_measure, pack_state
     end type sparse_chart_type
 
 contains
+
+    !> Bring a point beside the manifold onto it, or its velocity.
+    subroutine do_project(self, t, q, qd, moves_q, stat)
+        class(sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: q(self%n), qd(self%n)
+        logical, intent(in) :: moves_q
+        integer, intent(out) :: stat
+
+        if (moves_q) then
+            call restore_near(self, t, q, qd, stat)
+        else
+            call project_velocity(self, t, q, qd, stat)
+        end if
+    end subroutine do_project
 
     !> Bring a point beside the manifold onto it, by the factor of the point itself, which is reused while Phi falls fast.
     subroutine restore_near(self, t, q, qd, stat)
@@ -41,20 +54,20 @@ contains
         real(wp) :: error, last_error
         integer :: k, pass
 
-        self%failed_row = 0
+        self%failure%row = 0
         last_error = huge(1.0_wp)
         stat = status_ok
         associate (s => self%system)
             do k = 0, merge(most, -1, s%nh > 0)
                 call s%model%evaluate_phi(t, q, self%counts, stat)
                 if (stat /= status_ok) then
-                    self%failed_term = trim(s%model%failed_term)
+                    self%failure%term = trim(s%model%failed_term)
                     return
                 end if
                 error = largest(s%nh, s%model%terms%phi, self%phi_weight)
                 if (.not. error <= huge(1.0_wp)) then
                     call s%name_infinite(stat)
-                    self%failed_term = trim(s%model%failed_term)
+                    self%failure%term = trim(s%model%failed_term)
                     return
                 end if
                 if (error <= self%end_tolerance) exit
@@ -62,8 +75,8 @@ contains
                 if (error <= self%tolerance .and. error > slow*last_error) exit
                 if (k == most) then
                     stat = status_position_diverged
-                    self%failed_row = maxloc(abs(s%model%terms%phi)*self%phi_weight, dim=1)
-                    self%failed_value = error
+                    self%failure%row = maxloc(abs(s%model%terms%phi)*self%phi_weight, dim=1)
+                    self%failure%value = error
                     return
                 end if
                 if (k == 0 .or. error > fast*last_error) call go_there()
@@ -87,7 +100,7 @@ contains
             if (sum(abs(qd)) <= huge(1.0_wp)) return
             stat = status_not_finite
             call s%name_infinite(stat)
-            self%failed_term = trim(s%model%failed_term)
+            self%failure%term = trim(s%model%failed_term)
         end associate
 
     contains
@@ -100,8 +113,8 @@ contains
         end subroutine go_there
     end subroutine restore_near
 
-    !> Remove from errors of rates at the point of the last `restore_near` their components normal to a curve.
-    subroutine keep_tangent(self, error_q, error_qd)
+    !> Remove from errors of rates at the point of the last projection their components normal to a curve.
+    subroutine remove_normal(self, error_q, error_qd)
         class(sparse_chart_type), intent(inout) :: self
         real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
 
@@ -117,10 +130,10 @@ contains
             call here%solve(s%analysis, .false., error_qd, s%g, s%x, s%z)
             error_qd = error_qd + s%x
         end associate
-    end subroutine keep_tangent
+    end subroutine remove_normal
 
     !> lambda at (t, q, qd, qdd).
-    subroutine multipliers(self, t, q, qd, qdd, lambda, stat)
+    subroutine do_find_multipliers(self, t, q, qd, qdd, lambda, stat)
         class(sparse_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
@@ -139,7 +152,7 @@ contains
             call s%find_multipliers(qdd, lambda)
             if (self%n_dropped > 0) call share_load(s, self%left_out, lambda)
         end associate
-    end subroutine multipliers
+    end subroutine do_find_multipliers
 
     !> The nearest velocity in the mass metric that satisfies the constraints at (t, q).
     subroutine project_velocity(self, t, q, qd, stat)
@@ -150,7 +163,7 @@ contains
         integer, intent(out) :: stat
         integer :: pass
 
-        self%failed_row = 0
+        self%failure%row = 0
         associate (s => self%system)
             call s%visit(t, q, self%counts, stat)
             if (stat == status_ok) call s%factorize(self%counts, stat)
@@ -170,7 +183,7 @@ contains
     end subroutine project_velocity
 
     !> The errors of the three constraint levels at the last point.
-    subroutine constraint_errors(self, t, q, qd, qdd, errors, rows, stat)
+    subroutine do_find_errors(self, t, q, qd, qdd, errors, rows, stat)
         class(sparse_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
@@ -191,16 +204,38 @@ contains
                 call s%find_errors(q, qd, qdd, self%scale, errors, rows)
                 if (.not. maxval(errors) < huge(1.0_wp)) call s%name_infinite(stat)
             end if
-            if (stat /= status_ok) self%failed_term = trim(s%model%failed_term)
+            if (stat /= status_ok) self%failure%term = trim(s%model%failed_term)
         end associate
-    end subroutine constraint_errors
+    end subroutine do_find_errors
+
+    !> Measures along a step. Charts are renewed at every step, so that a policy needs none.
+    subroutine do_measure(self, need, t_from, q_from, t, q, qd, measure, stat)
+        class(sparse_chart_type), intent(inout) :: self
+        integer, intent(in) :: need
+        real(wp), intent(in) :: t_from, t
+        real(wp), intent(in), contiguous :: q_from(:), q(:), qd(:)
+        type(measure_type), intent(out) :: measure
+        integer, intent(out) :: stat
+
+        stat = status_ok
+        if (self%system%m == 0) return
+        if (iand(need, need_rank) /= 0) call measure_rank(self, t, q, measure, stat)
+        if (iand(need, need_line) /= 0) stat = loss_ahead(self, t_from, q_from, t, q)
+        if (stat /= status_ok) return
+        if (iand(need, need_change) /= 0) measure%change = relative_change(self)
+        if (iand(need, need_contraction) /= 0) then
+            if (.not. allocated(self%correction)) allocate (self%correction(self%n), self%displacement(self%n))
+            self%displacement(:) = q - q_from
+            measure%contraction = contraction(self, self%displacement)
+        end if
+    end subroutine do_measure
 
     !> Number of steps like the one to (t, q) until C loses rank.
-    subroutine measure_rank(self, t_from, q_from, t, q, room, stat)
+    subroutine measure_rank(self, t, q, measure, stat)
         class(sparse_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t_from, t
-        real(wp), intent(in), contiguous :: q_from(:), q(:)
-        real(wp), intent(out) :: room
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        type(measure_type), intent(inout) :: measure
         integer, intent(out) :: stat
         !> A loss of rank more steps away than this is not searched for.
         real(wp), parameter :: horizon = 8.0_wp
@@ -209,14 +244,9 @@ contains
         real(wp) :: fall, now
         logical :: falls
 
-        self%failed_row = 0
-        self%failed_coordinate = 0
-        self%fallen = 1.0_wp
-        self%loosened = 1.0_wp
-        room = huge(1.0_wp)
-        stat = status_ok
+        self%failure%row = 0
+        self%failure%coordinate = 0
         associate (s => self%system, rank => self%rank)
-            if (s%m == 0) return
             call s%visit(t, q, self%counts, stat)
             if (stat == status_ok) call s%factorize(self%counts, stat)
             if (stat /= status_ok) then
@@ -225,9 +255,9 @@ contains
             end if
             if (s%factor(s%here)%rest > largest_rest) then
                 ! A row that was left out has become independent: it restricts the motion now.
-                self%failed_row = s%factor(s%here)%loosest
-                self%failed_rows = [self%failed_row]
-                room = 0.0_wp
+                self%failure%row = s%factor(s%here)%loosest
+                self%failure%rows = [self%failure%row]
+                measure%room = 0.0_wp
                 return
             end if
             now = sqrt(s%factor(s%here)%least)
@@ -254,31 +284,29 @@ contains
                 stat = status_rank_deficient
             end if
             if (falls .or. stat /= status_ok) then
-                self%failed_rows = rank%find_rows(s)
-                if (stat /= status_ok) self%failed_row = s%factor(s%here)%weakest
+                self%failure%rows = rank%find_rows(s)
+                if (stat /= status_ok) self%failure%row = s%factor(s%here)%weakest
             end if
             if (stat /= status_ok .or. .not. falls) return
-            if (fall > 0.0_wp) room = now/fall
-            self%fallen = now/max(self%best_independence, tiny(1.0_wp))
+            if (fall > 0.0_wp) measure%room = now/fall
+            measure%fallen = now/max(self%best_independence, tiny(1.0_wp))
         end associate
     end subroutine measure_rank
 
-    !> Loss of C on the straight line ahead of a state.
-    integer function loss_ahead(self, t, q, qd, h)
+    !> Loss of C on the straight line between two points.
+    integer function loss_ahead(self, t_from, q_from, t, q)
         class(sparse_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        real(wp), intent(in) :: h
+        real(wp), intent(in) :: t_from, t
+        real(wp), intent(in), contiguous :: q_from(:), q(:)
         integer, parameter :: n_places = 4
         type(rank_type) :: way
         integer :: k, stat
 
         loss_ahead = status_ok
-        if (self%system%m == 0) return
         associate (s => self%system)
             do k = 0, n_places
-                associate (x => k*h/n_places)
-                    call s%visit(t + x, q + x*qd, self%counts, stat)
+                associate (x => real(k, wp)/n_places)
+                    call s%visit(t_from + x*(t - t_from), q_from + x*(q - q_from), self%counts, stat)
                 end associate
                 if (stat /= status_ok) return
                 call s%factorize(self%counts, stat)
@@ -289,8 +317,8 @@ contains
                 if (stat /= status_ok) return
                 if (.not. way%has_passed_loss(s)) cycle
                 loss_ahead = status_rank_deficient
-                self%failed_row = s%factor(s%here)%weakest
-                self%failed_rows = way%find_rows(s)
+                self%failure%row = s%factor(s%here)%weakest
+                self%failure%rows = way%find_rows(s)
                 return
             end do
         end associate
@@ -311,57 +339,26 @@ contains
         relative_change = sqrt(sum(change/max(length, tiny(1.0_wp))))
     end function relative_change
 
-    !> See `chart_type`.
-    real(wp) function contraction(self, way)
+    !> Part of the correction of a displacement that C of the start leaves at the current point, see `measure_type`.
+    real(wp) function contraction(self, displacement)
         class(sparse_chart_type), intent(inout) :: self
-        real(wp), intent(in), contiguous :: way(:)
+        real(wp), intent(in), contiguous :: displacement(:)
         real(wp) :: below
 
         contraction = 0.0_wp
         associate (s => self%system)
             if (s%nh == 0) return
-            if (.not. allocated(self%correction)) allocate (self%correction(self%n))
             s%g(:) = 0.0_wp
-            call s%factor(s%base)%multiply(s%analysis, way, s%g)
+            call s%factor(s%base)%multiply(s%analysis, displacement, s%g)
             s%g(:) = -s%g
             below = largest(s%nh, s%g, self%phi_weight)
             if (.not. below > least_bend) return
             s%g(s%nh + 1:) = 0.0_wp
-            call s%factor(s%base)%solve(s%analysis, .false., way, s%g, self%correction, s%z)
+            call s%factor(s%base)%solve(s%analysis, .false., displacement, s%g, self%correction, s%z)
             call s%factor(s%here)%multiply(s%analysis, self%correction, s%g)
             contraction = largest(s%nh, s%g, self%phi_weight)/below
         end associate
     end function contraction
-
-    !> Nothing is measured: charts are renewed at every step.
-    subroutine measure_health(self, t, q, qd, health, stat)
-        class(sparse_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        type(health_type), intent(out) :: health
-        integer, intent(out) :: stat
-
-        stat = status_ok
-    end subroutine measure_health
-
-    !> qd' M qd / 2 at (t, q, qd).
-    subroutine kinetic_energy(self, t, q, qd, energy, stat)
-        class(sparse_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:)
-        real(wp), intent(out) :: energy
-        integer, intent(out) :: stat
-
-        energy = 0.0_wp
-        call self%system%visit(t, q, self%counts, stat)
-        if (stat /= status_ok) then
-            call self%fail_here(stat)
-            return
-        end if
-        self%counts%kinetic_energies = self%counts%kinetic_energies + 1
-        call self%system%pattern%multiply_mass(self%system%model%terms%mass, qd, self%system%x)
-        energy = 0.5_wp*dot_product(qd, self%system%x)
-    end subroutine kinetic_energy
 
     !> The origin, the factors there and at the last point, and the state of iterations.
     subroutine pack_state(self, pack)

@@ -8,16 +8,16 @@ contains
 
     !> qd = qd0 + eta - Y0 x with C qd = nu.
     module procedure restore_velocity
-        self%failed_row = 0
+        self%failure%row = 0
         call self%system%visit(t, q, self%counts, stat)
         if (stat /= status_ok) then
-            self%failed_term = trim(self%system%model%failed_term)
+            self%failure%term = trim(self%system%model%failed_term)
             return
         end if
         qd = self%qd0 + increment
         if (self%system%m == 0) return
         call self%system%load()
-        call self%meet_velocity(abs(t - self%t0), qd, stat)
+        call self%meet_velocity(abs(t - self%t0), goal, qd, stat)
     end procedure restore_velocity
 
     !> Corrections of qd at the last point. C is linear: each leaves the part by which C has changed since the origin. The ends of
@@ -30,19 +30,19 @@ contains
         logical :: carries, has_left, is_loose, is_near, predicts
 
         stat = status_ok
-        is_loose = self%is_stage .or. self%is_iterate
-        wanted = merge(self%stage_velocity_tolerance, self%velocity_tolerance, self%is_stage)
-        predicts = self%is_stage .and. self%defect < huge(1.0_wp)
+        is_loose = goal%is_stage .or. goal%is_iterate
+        wanted = merge(self%stage_velocity_tolerance, self%velocity_tolerance, goal%is_stage)
+        predicts = goal%is_stage .and. goal%defect < huge(1.0_wp)
         ! An iterated stage has nearly the same x each time.
-        carries = .not. (self%is_stage .or. self%defect < huge(1.0_wp))
-        if (self%iterate_defect < huge(1.0_wp)) then
+        carries = .not. (goal%is_stage .or. (goal%defect < huge(1.0_wp) .and. .not. goal%is_iterate))
+        if (goal%is_iterate .and. goal%defect < huge(1.0_wp)) then
             if (.not. self%has_delta_rate) self%defect_of_rate = 0.0_wp
             is_near = self%velocity%ageing*age <= near
-            call self%recall(self%system, self%system%m, self%iterate_defect, is_near, self%defect_of_rate, self%has_bend, &
+            call self%recall(self%system, self%system%m, goal%defect, is_near, self%defect_of_rate, self%has_bend, &
                 self%is_bend_old, self%delta_rate, self%bend)
-            if (self%has_bend .and. is_near) self%delta_rate(:) = self%iterate_defect*self%bend
+            if (self%has_bend .and. is_near) self%delta_rate(:) = goal%defect*self%bend
             self%has_delta_rate = self%has_delta_rate .or. (self%has_bend .and. is_near)
-        else if (.not. self%is_iterate) then
+        else if (.not. goal%is_iterate) then
             self%defect_of_rate = 0.0_wp
         end if
         first_error = 0.0_wp
@@ -50,7 +50,7 @@ contains
         last_error = unknown
         associate (s => self%system, base => self%system%factor(self%system%base), &
             here => self%system%factor(self%system%here), end_weight => self%system%scales(:, 2))
-            if (predicts .and. self%has_delta_rate) qd = qd + self%defect*self%delta_rate
+            if (predicts .and. self%has_delta_rate) qd = qd + goal%defect*self%delta_rate
             if (predicts .and. .not. self%has_delta_rate) self%delta_rate = qd
             if (carries) then
                 if (.not. self%has_delta_rate) self%delta_rate = 0.0_wp
@@ -79,7 +79,7 @@ contains
                 if (.not. error <= huge(1.0_wp)) then
                     stat = status_not_finite
                     call s%name_infinite(stat)
-                    self%failed_term = trim(s%model%failed_term)
+                    self%failure%term = trim(s%model%failed_term)
                     return
                 end if
                 if (k == 1) call learn(self%velocity, age, error, last_error)
@@ -93,8 +93,8 @@ contains
                 end if
                 if (has_left) then
                     stat = status_chart_left
-                    self%failed_row = maxloc(abs(s%g)*merge(self%velocity_weight, end_weight, is_loose), dim=1)
-                    self%failed_value = error
+                    self%failure%row = maxloc(abs(s%g)*merge(self%velocity_weight, end_weight, is_loose), dim=1)
+                    self%failure%value = error
                     return
                 end if
                 qd = qd + s%x
@@ -106,8 +106,8 @@ contains
                 self%has_delta_rate = .true.
             end if
             if (.not. predicts) return
-            if (self%has_delta_rate .or. .not. abs(self%defect) > 0.0_wp) return
-            self%delta_rate = (qd - self%delta_rate)/self%defect
+            if (self%has_delta_rate .or. .not. abs(goal%defect) > 0.0_wp) return
+            self%delta_rate = (qd - self%delta_rate)/goal%defect
             self%has_delta_rate = .true.
         end associate
     end procedure meet_velocity
