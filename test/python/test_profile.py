@@ -144,7 +144,7 @@ class Profile(Case):
         booked_as = {"friction_directions": "applied_force", "evaluate_stiffness": "evaluate_derivatives"}
         pointers |= set(booked_as)
         told = set()
-        for file in ["model/procedures.f90", "model/evaluator.f90", "model/differences.f90", "simulate/answers.f90"]:
+        for file in ["model/procedures.f90", "model/evaluator.f90", "model/differences.f90", "model/kinetic_energy.f90", "simulate/answers.f90"]:
             lines = (source / file).read_text().splitlines()
             for before, line in zip(lines, lines[1:]):
                 # Parts of derivatives are booked by their number.

@@ -51,7 +51,7 @@ contains
                 call build_stiffness(model, stiffness)
                 call newton%analyse_newton(analysis, stiffness)
                 cost%dense = 9.8_wp + 3.04_wp*n + 0.139_wp*n*m + 2.58e-3_wp*m**2*n + 2.2e-5_wp*free*n**2
-                cost%sparse = 5.7_wp + 16.1_wp*bodies + 0.252_wp*entries + 0.147_wp*real(newton%n_factor, wp)
+                cost%sparse = 5.7_wp + 16.1_wp*bodies + 0.252_wp*entries + 0.147_wp*real(newton%block%n_entries, wp)
             else
                 cost%dense = 20.0_wp + 0.061_wp*n + 0.066_wp*n*m + 7.4e-4_wp*m**2*n + 3.1e-4_wp*free*n**2
                 cost%sparse = 14.0_wp + 1.76_wp*bodies + 0.151_wp*entries + 0.921_wp*neighbours + 1.16e-4_wp*work

@@ -40,17 +40,15 @@ contains
 
         energy = 0.0_wp
         counts%kinetic_energies = counts%kinetic_energies + 1
-        associate (timer => model%state%timer)
-            if (associated(model%kinetic_energy)) then
-                if (associated(timer)) call timer%begin_call(of_kinetic_energy)
-                call model%kinetic_energy(q, qd, energy, stat)
-                if (associated(timer)) call timer%end_call()
-            else
-                if (associated(timer)) call timer%begin_operation(of_energy)
-                call find_by_mass(self, model, t, q, qd, counts, energy, stat)
-                if (associated(timer)) call timer%end_operation()
-            end if
-        end associate
+        if (associated(model%kinetic_energy)) then
+            if (associated(model%state%timer)) call model%state%timer%begin_call(of_kinetic_energy)
+            call model%kinetic_energy(q, qd, energy, stat)
+            if (associated(model%state%timer)) call model%state%timer%end_call()
+        else
+            if (associated(model%state%timer)) call model%state%timer%begin_operation(of_energy)
+            call find_by_mass(self, model, t, q, qd, counts, energy, stat)
+            if (associated(model%state%timer)) call model%state%timer%end_operation()
+        end if
     end subroutine find
 
     !> The energy by the mass matrix.

@@ -13,8 +13,8 @@ contains
         call self%check_ready(error)
         if (allocated(error)) return
         call self%part_end()
-        call self%dense%look_at(t, self%stepper, self%chart, self%model, self%method%implicit, self%local_error, self%start, &
-            self%next, self%state, self%errors, stat)
+        call self%between%output%look_at(t, self%stepper, self%chart, self%model, self%method%implicit, self%local_error, &
+            self%start, self%next, self%state, self%errors, stat)
         if (stat == status_ok) return
         if (stat == status_invalid_option) then
             call set_error(error, stat, 't = '//to_text(t)//' is not within the last step', &
@@ -26,7 +26,7 @@ contains
     end procedure look_at
 
     module procedure look_back
-        if (self%is_ready) call self%dense%look_back(self%state, self%errors, self%model, self%chart)
+        if (self%is_ready) call self%between%output%look_back(self%state, self%errors, self%model, self%chart)
     end procedure look_back
 
     module procedure multipliers
@@ -56,16 +56,16 @@ contains
     module procedure statistics
         statistics_ = self%tally
         ! After an implicit stepper has taken over, stiffness is not reported.
-        statistics_%is_stiff = self%stiffness%is_stiff .and. self%switching%switches == 0
-        statistics_%stiff_from = self%stiffness%since
-        statistics_%stiff_steps = self%stiffness%steps
-        statistics_%dense_error_q = self%dense%largest_q
-        statistics_%dense_error_qd = self%dense%largest_qd
+        statistics_%is_stiff = self%auto%stiffness%is_stiff .and. self%auto%switching%switches == 0
+        statistics_%stiff_from = self%auto%stiffness%since
+        statistics_%stiff_steps = self%auto%stiffness%steps
+        statistics_%dense_error_q = self%between%output%largest_q
+        statistics_%dense_error_qd = self%between%output%largest_qd
         statistics_%event_evaluations = self%watch%evaluations
-        statistics_%switches = self%switching%switches
-        statistics_%implicit_steps = self%switching%count_implicit(self%tally%steps)
+        statistics_%switches = self%auto%switching%switches
+        statistics_%implicit_steps = self%auto%switching%count_implicit(self%tally%steps)
         if (associated(self%model)) statistics_%has_ready_made_model = self%model%is_ready_made
-        if (associated(self%model) .and. .not. self%switching%is_on) call weigh_implicit(self, statistics_)
+        if (associated(self%model) .and. .not. self%auto%switching%is_on) call weigh_implicit(self, statistics_)
         if (allocated(self%chart)) statistics_%counts_type = self%chart%counts
         associate (local => self%local_error)
             if (local%steps == 0) return
@@ -83,7 +83,7 @@ contains
         real(wp), parameter :: worth = 0.5_wp
 
         associate (s => statistics_, model => self%model)
-            s%implicit_part = self%stiffness%part_of_implicit(s%steps + s%rejected + s%failed, self%method%stages, &
+            s%implicit_part = self%auto%stiffness%part_of_implicit(s%steps + s%rejected + s%failed, self%method%stages, &
                 merge(0, model%n, model%provides_derivatives == need_all_derivatives))
             if (s%implicit_part > 0.0_wp .and. s%implicit_part < worth) s%advised = implicit_advice
         end associate

@@ -14,8 +14,8 @@ contains
 
         is_refused = .false.
         h = self%state%t - self%start%t
-        if (.not. (self%dense_control%is_due(self%control%norm) .and. h > shortest*spacing(abs(self%state%t)))) then
-            call self%dense_control%skip()
+        if (.not. (self%between%control%is_due(self%control%norm) .and. h > shortest*spacing(abs(self%state%t)))) then
+            call self%between%control%skip()
             return
         end if
         call measure(self, norm, stat)
@@ -23,13 +23,13 @@ contains
         if (stat /= status_ok .or. .not. norm <= huge(1.0_wp)) return
         order = self%method%estimate_order
         if (self%method%varies) order = self%stepper%order_of_estimate()
-        call self%dense_control%judge(h, norm, self%control%norm, real(order + 1, wp), is_refused)
+        call self%between%control%judge(h, norm, self%control%norm, real(order + 1, wp), is_refused)
         if (.not. is_refused) return
         self%tally%rejected = self%tally%rejected + 1
         call self%control%reject(h, norm)
         call self%lost_rank%go_back(h)
         call self%chart%set_memory()
-        self%hindrance = status_ok
+        self%attempts%hindrance = status_ok
     end procedure judge_between
 
     !> The error within the last step relative to its limit: at the method's position, and unless it is far below the limit also
@@ -54,7 +54,7 @@ contains
             real(wp), intent(in) :: place
             real(wp), intent(out) :: norm
 
-            call self%dense%measure(place, self%stepper, self%chart, self%model, self%method%implicit, self%local_error, &
+            call self%between%output%measure(place, self%stepper, self%chart, self%model, self%method%implicit, self%local_error, &
                 self%start, self%state, self%control%weight_q, self%control%weight_qd, norm, stat)
             norm = norm/(share*dense_limit)
         end subroutine measure_at

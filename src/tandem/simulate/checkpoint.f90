@@ -226,7 +226,7 @@ contains
         class(simulation_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        if (self%switching%is_on) call pack_stepper(self, pack)
+        if (self%auto%switching%is_on) call pack_stepper(self, pack)
         call self%model%pack_state(pack)
         call pack%item(self%model%segment)
         call self%state%pack_state(pack)
@@ -236,31 +236,31 @@ contains
         call self%start%pack_state(pack)
         call self%next%pack_state(pack)
         self%end_is_apart = .true.
-        call self%dense%pack_state(pack)
-        call self%dense_control%pack_state(pack)
-        call pack%item(self%next_look)
+        call self%between%output%pack_state(pack)
+        call self%between%control%pack_state(pack)
+        call pack%item(self%between%next_look)
         call pack%item(self%last_step)
         call pack%item(self%grid_steps)
         call pack%item(self%on_grid)
         call pack%item(self%t_start)
         call pack%fixed(self%errors)
         call self%chart%pack_state(pack)
-        call pack%item(self%chart_is_current)
-        call pack%item(self%renewal)
+        call pack%item(self%renewal%is_done)
+        call pack%item(self%renewal%reason)
         call self%lost_rank%pack_state(pack)
-        call self%reach%pack_state(pack)
-        call pack%item(self%hindrance)
-        call pack%item(self%is_interrupted, self%try_has_failed)
-        call pack%item(self%has_overlooked)
-        call pack%item(self%tries)
-        call pack%item(self%tries_of_look)
-        call pack%item(self%n_collapsed)
-        call pack%item(self%tries_from, self%creeps_from)
-        call self%slowing%pack_state(pack)
+        call self%attempts%reach%pack_state(pack)
+        call pack%item(self%attempts%hindrance)
+        call pack%item(self%attempts%is_interrupted, self%attempts%has_failed)
+        call pack%item(self%attempts%has_overlooked)
+        call pack%item(self%attempts%count)
+        call pack%item(self%attempts%count_of_look)
+        call pack%item(self%attempts%n_collapsed)
+        call pack%item(self%attempts%counted_from, self%attempts%creeps_from)
+        call self%attempts%slowing%pack_state(pack)
         call self%stepper%pack_state(pack)
         call self%control%pack_state(pack)
         call self%work%pack_state(pack)
-        call self%stiffness%pack_state(pack)
+        call self%auto%stiffness%pack_state(pack)
         call self%local_error%pack_state(pack)
         call self%tally%pack_state(pack)
         call pack_warnings(self, pack)
@@ -276,11 +276,11 @@ contains
         logical :: is_implicit
         integer :: stat
 
-        is_implicit = self%switching%is_implicit
+        is_implicit = self%auto%switching%is_implicit
         call pack%item(is_implicit)
-        if (is_implicit .neqv. self%switching%is_implicit) call self%take_stepper(is_implicit, stat)
-        self%switching%is_implicit = is_implicit
-        call self%switching%pack_state(pack)
+        if (is_implicit .neqv. self%auto%switching%is_implicit) call self%take_stepper(is_implicit, stat)
+        self%auto%switching%is_implicit = is_implicit
+        call self%auto%switching%pack_state(pack)
     end subroutine pack_stepper
 
     !> Warnings.

@@ -39,7 +39,7 @@ contains
             call self%look_back()
             return
         end if
-        if (self%watch%found%n > 0 .and. self%options%is_adaptive() .and. .not. self%next_look < self%state%t) then
+        if (self%watch%found%n > 0 .and. self%options%is_adaptive() .and. .not. self%between%next_look < self%state%t) then
             call self%look_back()
             call self%judge_between(is_refused)
             if (is_refused) then
@@ -156,9 +156,9 @@ contains
             call self%look_back()
             call self%state%copy(self%start)
         end if
-        call self%dense%stay(self%chart)
+        call self%between%output%stay(self%chart)
         self%last_step = self%state%t - self%start%t
-        self%renewal = by_event
+        self%renewal%reason = by_event
     end subroutine cut_step
 
     !> End the step at events: determine their effects, and the initial values of all functions.
@@ -190,14 +190,14 @@ contains
         type(step_curve_type) :: curve
 
         call self%part_end()
-        call self%dense%keep(self%state, self%errors)
+        call self%between%output%keep(self%state, self%errors)
         call follow(self, curve)
         call self%watch%prepare_actions(curve)
         call self%watch%act(self%model, self%state, error)
         if (.not. allocated(error)) call restart_here(self, error)
         if (.not. allocated(error)) call self%watch%renew(curve, error)
         if (allocated(error)) then
-            call self%dense%give_back(self%state, self%errors)
+            call self%between%output%give_back(self%state, self%errors)
             return
         end if
         call self%watch%judge_actions(curve)
@@ -217,9 +217,9 @@ contains
             return
         end if
         call self%control%restart()
-        call self%dense_control%begin()
+        call self%between%control%begin()
         call self%local_error%restart()
-        call self%stiffness%smoothness%restart()
+        call self%auto%stiffness%smoothness%restart()
         ! A loss of rank that was ahead need not be ahead now.
         call self%lost_rank%forget_ahead()
         call self%chart%forget(.true.)
@@ -246,7 +246,7 @@ contains
                 if (stat == status_ok) call chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)
                 if (stat == status_ok .and. allocated(self%model%state%impulses)) call find_impulses(self, before, stat)
             end if
-            self%tally%velocity_jump = max(self%tally%velocity_jump, self%dense%jump(state%qd))
+            self%tally%velocity_jump = max(self%tally%velocity_jump, self%between%output%jump(state%qd))
             if (stat /= status_ok) then
                 call self%fail(stat, 'after the event at t = '//to_text(state%t), error)
                 return

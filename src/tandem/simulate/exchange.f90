@@ -11,12 +11,12 @@ contains
         real(wp) :: cost, open
         logical :: wants
 
-        if (.not. self%switching%is_asked(self%tally%steps)) return
+        if (.not. self%auto%switching%is_asked(self%tally%steps)) return
         ! Near a loss of rank steps become short for another reason.
         if (self%lost_rank%is_near(self%state%t)) return
         tries = self%tally%steps + self%tally%rejected + self%tally%failed
         cost = implicit_cost(self)
-        associate (switching => self%switching, smoothness => self%stiffness%smoothness, control => self%control)
+        associate (switching => self%auto%switching, smoothness => self%auto%stiffness%smoothness, control => self%control)
             if (switching%is_implicit) then
                 wants = switching%is_due(tries)
                 if (wants) call decide_for_explicit(self, tries, cost, wants)
@@ -26,22 +26,22 @@ contains
                     smoothness%needed, open, tries, self%method%stages, cost)
             end if
         end associate
-        if (wants) call exchange(self, self%switching%first_step_at(self%state%t - self%t_start), error)
+        if (wants) call exchange(self, self%auto%switching%first_step_at(self%state%t - self%t_start), error)
     end procedure consider_exchange
 
     module procedure consider_beginning
         real(wp) :: first_step
         integer :: k
 
-        if (.not. self%switching%may_begin_implicit() .or. self%lost_rank%is_near(self%state%t)) return
-        first_step = self%control%limit(self%switching%first_step)
-        call self%switching%begin_looks()
+        if (.not. self%auto%switching%may_begin_implicit() .or. self%lost_rank%is_near(self%state%t)) return
+        first_step = self%control%limit(self%auto%switching%first_step)
+        call self%auto%switching%begin_looks()
         do k = 1, looks
-            call self%switching%look_at_eigenvalue(self%chart, self%state)
-            if (k > 1 .and. .not. self%switching%begins_implicit(first_step, self%method%stages, self%method%stability_limit, &
+            call self%auto%switching%look_at_eigenvalue(self%chart, self%state)
+            if (k > 1 .and. .not. self%auto%switching%begins_implicit(first_step, self%method%stages, self%method%stability_limit, &
                 implicit_cost(self))) return
         end do
-        self%control%h = self%switching%first_step
+        self%control%h = self%auto%switching%first_step
         call exchange(self, self%control%h, error)
     end procedure consider_beginning
 
@@ -54,16 +54,16 @@ contains
         logical, intent(out) :: wants
         integer :: k
 
-        associate (t => self%state%t, method => self%explicit_method)
-            call self%switching%begin_looks()
+        associate (t => self%state%t, method => self%auto%explicit_method)
+            call self%auto%switching%begin_looks()
             wants = .true.
             do k = 1, looks
-                call self%switching%look_at_eigenvalue(self%chart, self%state)
+                call self%auto%switching%look_at_eigenvalue(self%chart, self%state)
                 if (k == 1) cycle
-                wants = wants .and. self%switching%wants_explicit(t, tries, method%stages, method%stability_limit, cost)
-                if (.not. wants .and. self%switching%is_certain()) exit
+                wants = wants .and. self%auto%switching%wants_explicit(t, tries, method%stages, method%stability_limit, cost)
+                if (.not. wants .and. self%auto%switching%is_certain()) exit
             end do
-            call self%switching%note_decision(t, tries, method%stability_limit)
+            call self%auto%switching%note_decision(t, tries, method%stability_limit)
         end associate
     end subroutine decide_for_explicit
 
@@ -83,11 +83,11 @@ contains
         integer :: stat
 
         call self%make_room()
-        call self%take_stepper(.not. self%switching%is_implicit, stat)
+        call self%take_stepper(.not. self%auto%switching%is_implicit, stat)
         if (stat /= status_ok) then
             ! Implicit steps are impossible here: the run continues unchanged.
-            self%switching%is_on = .false.
-            call self%take_stepper(self%switching%is_implicit, stat)
+            self%auto%switching%is_on = .false.
+            call self%take_stepper(self%auto%switching%is_implicit, stat)
             if (stat /= status_ok) call self%fail(stat, 'at a new chart at t = '//to_text(self%state%t), error)
             self%state%dq(:) = 0.0_wp
             self%state%dqd(:) = 0.0_wp
@@ -95,14 +95,14 @@ contains
         end if
         self%state%dq(:) = 0.0_wp
         self%state%dqd(:) = 0.0_wp
-        call self%switching%note_switch(self%state%t, self%tally%steps, self%tally%steps + self%tally%rejected + &
-            self%tally%failed, self%stiffness%smoothness%needed)
+        call self%auto%switching%note_switch(self%state%t, self%tally%steps, self%tally%steps + self%tally%rejected + &
+            self%tally%failed, self%auto%stiffness%smoothness%needed)
         ! Explicit steps begin within their limit; implicit ones grow from the current size, or at the start of a run as if no step
         ! had been taken.
-        if (self%switching%is_implicit) then
+        if (self%auto%switching%is_implicit) then
             self%control%h = self%control%limit(max(self%control%h, h))
-        else if (self%switching%lambda > 0.0_wp) then
-            self%control%h = self%control%limit(min(self%control%h, 0.5_wp*self%method%stability_limit/self%switching%lambda))
+        else if (self%auto%switching%lambda > 0.0_wp) then
+            self%control%h = self%control%limit(min(self%control%h, 0.5_wp*self%method%stability_limit/self%auto%switching%lambda))
         end if
         self%tally%charts_by(by_step) = self%tally%charts_by(by_step) + 1
         self%tally%charts = self%tally%charts + 1
@@ -117,8 +117,8 @@ contains
         call self%allocate_stepper(is_partner=is_implicit)
         self%method = self%stepper%properties()
         call self%set_method()
-        call self%dense%forget_step()
-        self%renewal = 0
+        call self%between%output%forget_step()
+        self%renewal%reason = 0
         n_dropped = self%chart%n_dropped
         if (n_dropped > 0 .and. .not. self%is_sparse) then
             call self%choose_rows_anew(stat)
@@ -137,7 +137,7 @@ contains
                 call self%chart%set_origin(self%state%t, self%state%q, self%state%qd, .false., self%next%dq, stat)
             end if
         end if
-        self%chart_is_current = stat == status_ok
+        self%renewal%is_done = stat == status_ok
     end procedure take_stepper
 
     module procedure set_method
@@ -145,8 +145,8 @@ contains
         call watch_constraints(self)
         call self%control%set_method(self%method)
         call self%control%restart()
-        call self%dense_control%begin()
-        call self%stiffness%pause()
+        call self%between%control%begin()
+        call self%auto%stiffness%pause()
         self%stepper%time_scale = self%model%time_scale
         call self%stepper%initialize(self%model%scales(), self%options%newton_tolerance())
     end procedure set_method

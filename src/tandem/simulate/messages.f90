@@ -70,7 +70,7 @@ contains
     module procedure compare_procedures
         if (self%tally%contradiction /= '' .or. .not. self%last_step > 0.0_wp) return
         ! After a step to a breakpoint or to an event the model may have changed its segment.
-        if (self%model%segment /= self%dense%segment) return
+        if (self%model%segment /= self%between%output%segment) return
         if (self%n_events > 0) then
             if (self%events(self%n_events)%t >= self%state%t) return
         end if

@@ -8,8 +8,8 @@ contains
 
     module procedure allocate_chart
         if (allocated(self%chart)) deallocate (self%chart)
-        if (allocated(self%blank)) then
-            allocate (self%chart, source=self%blank)
+        if (allocated(self%own%chart)) then
+            allocate (self%chart, source=self%own%chart)
         else
             call new_chart(self%is_sparse, self%chart)
         end if
@@ -26,7 +26,7 @@ contains
         end if
         if (self%tally%charts == 0) self%state%dq(:) = 0.0_wp
         self%state%dqd(:) = 0.0_wp
-        self%chart_is_current = .true.
+        self%renewal%is_done = .true.
         self%tally%charts_by(reason) = self%tally%charts_by(reason) + 1
         self%tally%charts = self%tally%charts + 1
     end procedure renew_chart
@@ -46,11 +46,12 @@ contains
         real(wp), parameter :: farthest = 3.0_wp
         integer :: stat
 
-        if (self%chart_is_current) return
-        if (self%renewal == 0 .and. self%chart%n_dropped > 0 .and. self%lost_rank%is_ahead()) self%renewal = by_failure
-        if (self%renewal /= 0) then
-            call self%renew_chart(self%renewal, error)
-            self%renewal = 0
+        if (self%renewal%is_done) return
+        if (self%renewal%reason == 0 .and. self%chart%n_dropped > 0 .and. self%lost_rank%is_ahead()) &
+            self%renewal%reason = by_failure
+        if (self%renewal%reason /= 0) then
+            call self%renew_chart(self%renewal%reason, error)
+            self%renewal%reason = 0
             return
         end if
         associate (options => self%options)
@@ -86,7 +87,7 @@ contains
                 end if
             end if
         end associate
-        if (allocated(error) .or. self%chart_is_current) return
+        if (allocated(error) .or. self%renewal%is_done) return
         call self%chart%set_origin(self%state%t, self%state%q, self%state%qd, .true., self%state%dq, stat)
         if (stat /= status_ok) call self%fail(stat, 'before the step from t = '//to_text(self%state%t), error)
     end procedure renew_by_policy
@@ -107,9 +108,9 @@ contains
             if (allocated(model%nu_jumps)) jumps = model%nu_jumps(model%segment)
             model%segment = model%segment + 1
             call self%control%restart()
-            call self%dense_control%begin()
+            call self%between%control%begin()
             call self%local_error%restart()
-            call self%stiffness%smoothness%restart()
+            call self%auto%stiffness%smoothness%restart()
             call self%chart%forget(.false.)
             stat = status_ok
             if (jumps) then
@@ -118,9 +119,9 @@ contains
             end if
             if (stat == status_ok) call self%chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)
             ! The chart of the step that ends here is kept for its dense output until the next step.
-            self%renewal = by_breakpoint
-            self%n_collapsed = 0
-            call self%slowing%restart()
+            self%renewal%reason = by_breakpoint
+            self%attempts%n_collapsed = 0
+            call self%attempts%slowing%restart()
             call self%watch%forget_values()
             if (stat == status_ok) then
                 call self%measure_errors(error)

@@ -23,13 +23,13 @@ contains
         end if
         if (allocated(error)) return
         self%t_start = t
-        self%tries_from = t
-        self%creeps_from = t
+        self%attempts%counted_from = t
+        self%attempts%creeps_from = t
         call self%work%set(options%max_evaluations, options%max_seconds)
-        if (present(stepper)) allocate (self%own_stepper, source=stepper)
+        if (present(stepper)) allocate (self%own%stepper, source=stepper)
         call self%allocate_stepper(is_partner=.false.)
         self%method = self%stepper%properties()
-        self%explicit_method = self%method
+        self%auto%explicit_method = self%method
         call check_method(self%method, self%options, error)
         if (allocated(error)) return
         if (present(control)) then
@@ -38,7 +38,7 @@ contains
             allocate (self%control)
         end if
         self%stepper%projects_stages = projects_stages(self%options)
-        if (present(chart)) allocate (self%blank, source=chart)
+        if (present(chart)) allocate (self%own%chart, source=chart)
         if (present(chart)) then
             self%is_sparse = is_sparse_chart(chart)
         else
@@ -69,10 +69,10 @@ contains
 
     module procedure allocate_stepper
         if (is_partner) then
-            call new_stepper(self%explicit_method%partner, self%stepper)
-        else if (allocated(self%own_stepper)) then
+            call new_stepper(self%auto%explicit_method%partner, self%stepper)
+        else if (allocated(self%own%stepper)) then
             if (allocated(self%stepper)) deallocate (self%stepper)
-            allocate (self%stepper, source=self%own_stepper)
+            allocate (self%stepper, source=self%own%stepper)
         else
             call new_stepper(self%options%stepper, self%stepper)
         end if
@@ -133,31 +133,31 @@ contains
         class(simulation_type), intent(inout) :: self
 
         self%tally = statistics_type()
-        self%stiffness = stiffness_type()
-        self%next_look = huge(1.0_wp)
+        self%auto%stiffness = stiffness_type()
+        self%between%next_look = huge(1.0_wp)
         self%grid_steps = 0
         self%on_grid = .true.
         self%last_step = 0.0_wp
-        self%hindrance = status_ok
-        self%is_interrupted = .false.
+        self%attempts%hindrance = status_ok
+        self%attempts%is_interrupted = .false.
         self%lost_rank = lost_rank_type()
-        call self%reach%begin()
-        self%tries = 0
-        self%tries_of_look = 0
-        self%n_collapsed = 0
-        call self%slowing%restart()
-        self%has_overlooked = .false.
-        self%chart_is_current = .false.
+        call self%attempts%reach%begin()
+        self%attempts%count = 0
+        self%attempts%count_of_look = 0
+        self%attempts%n_collapsed = 0
+        call self%attempts%slowing%restart()
+        self%attempts%has_overlooked = .false.
+        self%renewal%is_done = .false.
         self%n_redundant = 0
-        self%renewal = 0
+        self%renewal%reason = 0
         self%n_events = 0
         self%is_stopped = .false.
         self%stopped_by = ''
         self%watch = event_watch_type()
         if (allocated(self%warnings)) deallocate (self%warnings)
-        if (allocated(self%blank)) deallocate (self%blank)
+        if (allocated(self%own%chart)) deallocate (self%own%chart)
         self%energy = kinetic_energy_type()
-        if (allocated(self%own_stepper)) deallocate (self%own_stepper)
+        if (allocated(self%own%stepper)) deallocate (self%own%stepper)
         if (allocated(self%control)) deallocate (self%control)
         if (allocated(self%events)) deallocate (self%events)
     end subroutine forget_run
@@ -184,17 +184,17 @@ contains
             largest_q)
         call watch_constraints(self)
         if (self%method%stability_limit > 0.0_wp .and. self%options%is_adaptive()) then
-            call self%stiffness%smoothness%initialize(self%model%n)
+            call self%auto%stiffness%smoothness%initialize(self%model%n)
         end if
         if (self%method%partner /= '') then
             call new_stepper(self%method%partner, partner)
             of_partner = partner%properties()
         end if
-        call self%switching%begin(self%method%partner /= '', scale, time_scale, self%t_start, of_partner%estimate_order)
+        call self%auto%switching%begin(self%method%partner /= '', scale, time_scale, self%t_start, of_partner%estimate_order)
         self%stepper%time_scale = time_scale
         call self%stepper%initialize(scale, self%options%newton_tolerance())
         self%start = state_type()
         self%end_is_apart = .false.
-        call self%dense%initialize()
+        call self%between%output%initialize()
     end subroutine allocate_work
 end submodule tandem_simulate_setup

@@ -60,6 +60,53 @@ module tandem_simulation
         procedure(observe_interface), deferred :: observe
     end type observer_type
 
+    !> Prototypes of user-defined parts; not allocated: none.
+    type :: prototypes_type
+        class(chart_type), allocatable :: chart
+        class(stepper_type), allocatable :: stepper
+    end type prototypes_type
+
+    !> Requests between the ends of steps.
+    type :: between_type
+        type(dense_output_type) :: output
+        !> Earliest announced time of a request between steps, and the resulting limit of steps.
+        real(wp) :: next_look = huge(1.0_wp)
+        type(dense_control_type) :: control
+    end type between_type
+
+    !> Renewal of the chart.
+    type :: renewal_type
+        !> Reason for a new chart before the next step, independent of the policy; 0 for none.
+        integer :: reason = 0
+        !> True if the current state is the chart's origin.
+        logical :: is_done = .false.
+    end type renewal_type
+
+    !> Attempts of steps.
+    type :: attempts_type
+        !> Reason for a smaller last step, ok if no attempt has failed.
+        integer :: hindrance = status_ok
+        !> True if a limit on the work has ended the attempts of a controlled step; true if one of those had failed.
+        logical :: is_interrupted = .false., has_failed = .false.
+        !> True if a fixed step was found to pass over values of functions of time.
+        logical :: has_overlooked = .false.
+        !> Attempts of controlled steps since a time; attempts since the last check for creeping steps, and its time; number of
+        !> checks that have found them.
+        integer :: count = 0, count_of_look = 0, n_collapsed = 0
+        real(wp) :: counted_from = 0.0_wp, creeps_from = 0.0_wp
+        type(slowing_type) :: slowing
+        !> Limit of attempts by the reach of a chart.
+        type(reach_type) :: reach
+    end type attempts_type
+
+    !> Choice between the methods of the stepper `auto`.
+    type :: auto_type
+        !> The first method.
+        type(properties_type) :: explicit_method
+        type(stiffness_type) :: stiffness
+        type(switching_type) :: switching
+    end type auto_type
+
     !> A run of a model: `initialize` it, then `integrate` or `step`, and `look_at` times within the last step.
     type :: simulation_type
         !> The current state; all three constraint levels hold.
@@ -93,46 +140,27 @@ module tandem_simulation
         !> True if a start was accepted, so that there is a run.
         logical, private :: is_ready = .false.
         class(chart_type), allocatable, private :: chart
-        !> Prototype of the chart, if user-defined.
-        class(chart_type), allocatable, private :: blank
+        !> Prototypes of the caller's chart and stepper.
+        type(prototypes_type), private :: own
         type(kinetic_energy_type), private :: energy
         class(stepper_type), allocatable, private :: stepper
-        !> Prototype of the stepper, if it is the caller's own.
-        class(stepper_type), allocatable, private :: own_stepper
         !> The ends of the last step. During a step `next` is stored in place of the last start; afterwards it is a separate end if
         !> the state may be another, see `part_end`.
         type(state_type), private :: start, next
         logical, private :: end_is_apart = .false.
-        type(dense_output_type), private :: dense
-        !> Earliest announced time of a request between steps, and the resulting limit of steps.
-        real(wp), private :: next_look = huge(1.0_wp)
-        type(dense_control_type), private :: dense_control
-        !> Reason for a new chart before the next step, independent of the policy; 0 for none.
-        integer, private :: renewal = 0
+        type(between_type), private :: between
+        type(renewal_type), private :: renewal
         type(event_watch_type), private :: watch
         type(lost_rank_type), private :: lost_rank
-        type(reach_type), private :: reach
-        !> Reason for a smaller last step, ok if no try of it has failed.
-        integer, private :: hindrance = status_ok
-        !> True if a limit on the work has ended the tries of a controlled step; true if one of those had failed.
-        logical, private :: is_interrupted = .false., try_has_failed = .false.
-        !> True if a fixed step was found to pass over values of functions of time.
-        logical, private :: has_overlooked = .false.
-        !> Tries of controlled steps since a time; tries since the last check for creeping steps, and its time; number of checks
-        !> that have found them.
-        integer, private :: tries = 0, tries_of_look = 0, n_collapsed = 0
-        real(wp), private :: tries_from = 0.0_wp, creeps_from = 0.0_wp
-        type(slowing_type), private :: slowing
+        type(attempts_type), private :: attempts
         type(statistics_type), private :: tally
         class(step_control_type), allocatable, private :: control
         type(work_limit_type), private :: work
-        type(stiffness_type), private :: stiffness
         type(local_error_type), private :: local_error
-        !> The current method, and the first one of a run with `auto`.
-        type(properties_type), private :: method, explicit_method
-        type(switching_type), private :: switching
+        !> The current method.
+        type(properties_type), private :: method
+        type(auto_type), private :: auto
         real(wp), private :: t_start = 0.0_wp
-        logical, private :: chart_is_current = .false.
     contains
         procedure :: initialize, step, integrate, limit_steps
         procedure :: expect_look, look_at, look_back
@@ -521,8 +549,8 @@ contains
             return
         end if
         ! A caller who makes single steps sees their progress, and need not intend to reach the limit.
-        self%tries = 0
-        self%tries_from = self%state%t
+        self%attempts%count = 0
+        self%attempts%counted_from = self%state%t
         call self%advance(t_limit, error)
         if (allocated(error)) call self%explain(error)
         if (.not. allocated(error) .and. self%watch%has_to_act) call self%act_on_events(error)
@@ -588,7 +616,7 @@ contains
         !> The end of the last step, for a request somewhere in the next, or later.
         real(wp), intent(in) :: t
 
-        self%next_look = min(self%next_look, t)
+        self%between%next_look = min(self%between%next_look, t)
     end subroutine expect_look
 
     !> Count time from here on, until `stop_clock`. `integrate` does both; callers of single steps may.

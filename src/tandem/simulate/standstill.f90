@@ -14,10 +14,10 @@ contains
 
         call check_creeping(self, t_limit, stop_at, error)
         if (allocated(error)) return
-        self%tries = self%tries + 1
-        if (self%tries < many) return
+        self%attempts%count = self%attempts%count + 1
+        if (self%attempts%count < many) return
         hopeful = merge(hopeless, pointless, self%tally%contradiction == '')
-        associate (t => self%state%t, from => self%tries_from)
+        associate (t => self%state%t, from => self%attempts%counted_from)
             if (.not. t - from > hopeful*(t_limit - t)) then
                 call name_near_loss(self, error)
                 if (.not. allocated(error)) call set_error(error, status_step_underflow, 'the last '// &
@@ -27,7 +27,7 @@ contains
             end if
             from = t
         end associate
-        self%tries = 0
+        self%attempts%count = 0
     end procedure check_progress
 
     !> Causes of steps that fail or have large errors, by what the user can change.
@@ -46,7 +46,7 @@ contains
         character(len=64) :: advice
 
         advice = ''
-        if (self%stiffness%is_stiff .and. .not. self%switching%is_on) then
+        if (self%auto%stiffness%is_stiff .and. .not. self%auto%switching%is_on) then
             advice = '; the model is stiff: choose an implicit stepper ('//implicit_advice//')'
         end if
     end function for_stiffness
@@ -75,11 +75,11 @@ contains
         if (.not. self%control%h < 0.5_wp*(stop_at - self%state%t)) return
         call check_slowing(self, stop_at, error)
         if (allocated(error)) return
-        self%tries_of_look = self%tries_of_look + 1
-        if (self%tries_of_look < few) return
-        way = self%state%t - self%creeps_from
-        self%creeps_from = self%state%t
-        self%tries_of_look = 0
+        self%attempts%count_of_look = self%attempts%count_of_look + 1
+        if (self%attempts%count_of_look < few) return
+        way = self%state%t - self%attempts%creeps_from
+        self%attempts%creeps_from = self%state%t
+        self%attempts%count_of_look = 0
         tries = real(self%tally%steps + self%tally%rejected + self%tally%failed, wp)
         if (way*tries < slow*few*(self%state%t - self%t_start)) then
             call name_loss_ahead(self, way, stop_at, 'which steps do not reach', error)
@@ -91,13 +91,13 @@ contains
             is_wrong = self%tally%contradiction /= '' .and. most_looks*way < rest .and. &
                 real(self%tally%rejected + self%tally%failed, wp) > in_vain*tries
             if (is_wrong .or. (way <= limit .and. near*way <= rest)) then
-                self%n_collapsed = self%n_collapsed + 1
+                self%attempts%n_collapsed = self%attempts%n_collapsed + 1
             else if (way > recovered*limit .or. near*way > rest) then
-                self%n_collapsed = 0
+                self%attempts%n_collapsed = 0
             end if
         end associate
-        if (self%n_collapsed < enough) return
-        self%n_collapsed = 0
+        if (self%attempts%n_collapsed < enough) return
+        self%attempts%n_collapsed = 0
         call name_near_loss(self, error)
         if (.not. allocated(error)) call set_error(error, status_step_underflow, 'the sizes of steps have collapsed: '// &
             to_text(few)//' tries got only '//to_text(way)//' further, to t = '//to_text(self%state%t), &
@@ -114,10 +114,10 @@ contains
         real(wp) :: t_end
         logical :: converges
 
-        call self%slowing%observe(self%state%t)
-        call self%slowing%find_end(self%state%t, t_end, converges)
+        call self%attempts%slowing%observe(self%state%t)
+        call self%attempts%slowing%find_end(self%state%t, t_end, converges)
         if (.not. (converges .and. t_end + margin*(t_end - self%state%t) < stop_at)) return
-        call self%slowing%restart()
+        call self%attempts%slowing%restart()
         call name_near_loss(self, error)
         if (.not. allocated(error)) call set_error(error, status_step_underflow, 'steps shrink from t = '// &
             to_text(self%state%t)//' towards t = '//to_text(t_end)//' and do not reach it', &
@@ -152,7 +152,7 @@ contains
         if (.not. allocated(error)) call name_failure()
         ! A caller who continues after this error has removed its cause.
         call self%control%begin()
-        self%hindrance = status_ok
+        self%attempts%hindrance = status_ok
 
     contains
 

@@ -19,7 +19,7 @@ contains
         self%next%dqd(:) = self%state%qd
         call begin_chart(self, stat)
         has_changed = .false.
-        if (stat == status_rank_deficient .and. .not. (self%is_sparse .or. allocated(self%blank))) then
+        if (stat == status_rank_deficient .and. .not. (self%is_sparse .or. allocated(self%own%chart))) then
             call enter_sparse(self, stat, has_changed, error)
             if (allocated(error)) return
         end if
@@ -104,7 +104,7 @@ contains
         integer :: stat
 
         is_suspect = .false.
-        if (self%options%chart_kind /= chart_kinds(1) .or. allocated(self%blank)) return
+        if (self%options%chart_kind /= chart_kinds(1) .or. allocated(self%own%chart)) return
         if (self%model%n > most .and. .not. has_changed) return
         allocate (redundancy)
         associate (state => self%state, model => self%model)
@@ -168,7 +168,7 @@ contains
         integer, intent(in) :: stat
         type(error_type), allocatable, intent(out) :: error
 
-        if (self%options%chart_kind /= chart_kinds(1) .or. allocated(self%blank)) then
+        if (self%options%chart_kind /= chart_kinds(1) .or. allocated(self%own%chart)) then
             if (stat == status_rank_deficient) then
                 call set_error(error, status_invalid_option, 'the chart is sparse, but the constraint "'// &
                     self%model%row_name(self%chart%failure%row)//'" depends on others at the start', &

@@ -26,8 +26,8 @@ contains
             if (stat == status_ok) then
                 change = weighted_norm(next%qd - state%qd, next%qdd - state%qdd, control%weight_q, control%weight_qd)*(unit/h)*unit
                 change = 0.01_wp/max(size_f, change, 1.0e-15_wp)
-                if (self%switching%is_on) self%switching%first_step = min(100*h, span, &
-                    unit*change**(1.0_wp/(self%switching%estimate_order + 1)))
+                if (self%auto%switching%is_on) self%auto%switching%first_step = min(100*h, span, &
+                    unit*change**(1.0_wp/(self%auto%switching%estimate_order + 1)))
                 h = min(100*h, unit*change**(1.0_wp/(self%method%estimate_order + 1)))
             end if
             control%h = control%limit(min(h, span))

@@ -51,7 +51,7 @@ contains
         ! The next segment may be entered now, even if that has failed before.
         call find_stop(self, self%state%t, t, stands_at_breakpoint)
         if (stands_at_breakpoint) call cross_breakpoint(self, error)
-        if (.not. allocated(error) .and. self%switching%is_on) call self%consider_exchange(error)
+        if (.not. allocated(error) .and. self%auto%switching%is_on) call self%consider_exchange(error)
         if (allocated(error)) return
         before%errors = self%errors
         before%largest_errors = [self%tally%position_error, self%tally%velocity_error, self%tally%acceleration_error]
@@ -61,8 +61,8 @@ contains
         before%on_grid = self%on_grid
         before%local_errors = self%local_error%total
         before%local_steps = self%local_error%steps
-        if (.not. self%is_interrupted) then
-            if (self%next_look < huge(1.0_wp) .or. self%watch%n > 0) call self%dense_control%begin_step()
+        if (.not. self%attempts%is_interrupted) then
+            if (self%between%next_look < huge(1.0_wp) .or. self%watch%n > 0) call self%between%control%begin_step()
         end if
         ! For a model that contradicts itself every stage is projected onto the manifold.
         if (self%tally%contradiction /= '') self%stepper%projects_stages = .true.
@@ -72,7 +72,7 @@ contains
             if (allocated(error)) return
             self%last_step = self%state%t - self%start%t
             if (self%method%stability_limit > 0.0_wp) call watch_stiffness(self)
-            call self%dense%note_step(self%model%segment)
+            call self%between%output%note_step(self%model%segment)
             ! A wrong procedure shows in steps. Those whose number is a power of two, and those with a larger gap, are checked.
             if (popcnt(self%tally%steps + 1) == 1 .or. self%tally%velocity_gap > 2*before%gap) then
                 if (self%local_error%is_missed(self%start, self%state)) call self%compare_procedures()
@@ -81,10 +81,10 @@ contains
             call search_step(self, t_limit, before, ends_at_breakpoint, is_refused, error)
             if (.not. is_refused) exit
         end do
-        self%chart_is_current = .false.
+        self%renewal%is_done = .false.
         if (allocated(error) .or. .not. self%last_step > 0.0_wp) return
-        if (self%next_look < huge(1.0_wp)) then
-            if (self%next_look <= self%state%t + 4*spacing(self%state%t)) self%next_look = huge(1.0_wp)
+        if (self%between%next_look < huge(1.0_wp)) then
+            if (self%between%next_look <= self%state%t + 4*spacing(self%state%t)) self%between%next_look = huge(1.0_wp)
         end if
         call self%model%arrive(self%state%t, self%state%q, .false.)
         self%tally%steps = self%tally%steps + 1
@@ -94,7 +94,7 @@ contains
     end procedure advance
 
     module procedure make_room
-        call self%dense%forget_step()
+        call self%between%output%forget_step()
         if (.not. allocated(self%next%q)) call self%next%take(self%start)
     end procedure make_room
 
@@ -110,8 +110,8 @@ contains
 
         if (self%tally%steps >= self%options%max_steps) then
             call set_error(error, status_step_limit, to_text(self%options%max_steps)//' steps were taken, t = '// &
-                to_text(self%state%t), trim(advice_on_limit('max_steps', self%options, self%stiffness%is_stiff .and. &
-                .not. self%switching%is_on)))
+                to_text(self%state%t), trim(advice_on_limit('max_steps', self%options, self%auto%stiffness%is_stiff .and. &
+                .not. self%auto%switching%is_on)))
         else if (self%work%is_set) then
             call check_work(self, error)
         end if
@@ -137,7 +137,7 @@ contains
             call keep_step(self)
             call self%measure_errors(error)
             if (.not. allocated(error)) then
-                if (.not. self%next_look < huge(1.0_wp)) return
+                if (.not. self%between%next_look < huge(1.0_wp)) return
                 call consider_looks(self, is_refused)
                 if (.not. is_refused) return
                 call take_back(self, before)
@@ -149,12 +149,12 @@ contains
             ! and otherwise a shorter step.
             if (error%stat /= status_constraints_not_held) return
             is_hopeless = self%chart%n_dropped == 0
-            if (self%chart_is_current .and. .not. is_hopeless) then
+            if (self%renewal%is_done .and. .not. is_hopeless) then
                 is_hopeless = .not. self%options%is_adaptive()
                 if (.not. is_hopeless) then
                     call self%control%fail(self%next%t - self%state%t)
                     self%tally%failed = self%tally%failed + 1
-                    self%hindrance = error%stat
+                    self%attempts%hindrance = error%stat
                     is_hopeless = .not. self%control%h > 4.0_wp*spacing(abs(self%state%t))
                 end if
             end if
@@ -165,7 +165,7 @@ contains
             end if
             deallocate (error)
             call forget_errors(self, before)
-            if (.not. self%chart_is_current) self%renewal = by_failure
+            if (.not. self%renewal%is_done) self%renewal%reason = by_failure
         end do
     end subroutine step_within_tolerance
 
@@ -221,12 +221,12 @@ contains
 
         is_refused = .false.
         if (.not. self%options%is_adaptive()) return
-        if (self%next_look < self%state%t) then
+        if (self%between%next_look < self%state%t) then
             call self%judge_between(is_refused)
         else
-            call self%dense_control%skip()
+            call self%between%control%skip()
         end if
-        if (.not. is_refused) call self%control%stay_below(self%dense_control%longest)
+        if (.not. is_refused) call self%control%stay_below(self%between%control%longest)
     end subroutine consider_looks
 
     !> Check if stability limits the steps of an explicit method.
@@ -236,11 +236,11 @@ contains
 
         if (self%options%is_adaptive()) then
             is_at_limit = self%control%is_at_limit
-            call self%stiffness%smoothness%observe(self%state, self%control%weight_q, self%control%weight_qd)
+            call self%auto%stiffness%smoothness%observe(self%state, self%control%weight_q, self%control%weight_qd)
         else
             is_at_limit = self%stepper%stiffness(self%last_step, self%state) > self%method%stability_limit
         end if
-        call self%stiffness%observe(self%start%t, is_at_limit)
+        call self%auto%stiffness%observe(self%start%t, is_at_limit)
     end subroutine watch_stiffness
 
     !> Search for events in the step, which they may cut. A step that is not searchable is rejected.
@@ -256,8 +256,8 @@ contains
 
         call self%look_for_events(self%next%t >= t_limit, is_cut, is_refused, error)
         if (is_cut) then
-            self%n_collapsed = 0
-            call self%slowing%restart()
+            self%attempts%n_collapsed = 0
+            call self%attempts%slowing%restart()
             ends_at_breakpoint = ends_at_breakpoint .and. self%state%t >= self%next%t
             ! The next step ends on the grid of fixed steps where this one would have, unless the remainder is too short.
             if (.not. self%options%is_adaptive() .and. &
@@ -267,7 +267,7 @@ contains
             end if
         else if (allocated(error) .or. is_refused) then
             call take_back(self, before)
-            call self%dense%forget_step()
+            call self%between%output%forget_step()
             if (is_refused) call forget_errors(self, before)
         end if
     end subroutine search_step
@@ -314,13 +314,13 @@ contains
             ! A shorter step that follows must not depend on this one.
             call self%chart%set_memory()
             if (has_spoilt(self, stat)) then
-                self%chart_is_current = .false.
-                self%renewal = by_failure
+                self%renewal%is_done = .false.
+                self%renewal%reason = by_failure
             end if
             return
         end if
         call note_local_error(self, h)
-        if (.not. self%has_overlooked) call look_between(self)
+        if (.not. self%attempts%has_overlooked) call look_between(self)
         self%on_grid = ends_on_grid
         if (ends_on_grid) self%grid_steps = self%grid_steps + 1
     end subroutine try_fixed_step
@@ -329,8 +329,9 @@ contains
     subroutine look_between(self)
         class(simulation_type), intent(inout) :: self
 
-        self%has_overlooked = self%model%hides(self%state%t, self%next%t, self%method%stages > 2)
-        if (self%has_overlooked) call self%warn('between t = '//to_text(self%state%t)//' and t = '//to_text(self%next%t)// &
+        self%attempts%has_overlooked = self%model%hides(self%state%t, self%next%t, self%method%stages > 2)
+        if (.not. self%attempts%has_overlooked) return
+        call self%warn('between t = '//to_text(self%state%t)//' and t = '//to_text(self%next%t)// &
             ' a function of time has values that the fixed step passes over; set rtol, or take a smaller step')
     end subroutine look_between
 
@@ -346,15 +347,15 @@ contains
 
         call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
         is_first = .false.
-        has_failed = self%try_has_failed
+        has_failed = self%attempts%has_failed
         ! Tries ended by a limit on the work continue unchanged, so that the run equals the one without that limit.
-        if (.not. self%is_interrupted .or. self%renewal /= 0) then
+        if (.not. self%attempts%is_interrupted .or. self%renewal%reason /= 0) then
             call prepare_tries(self, stop_at, is_first, error)
             if (allocated(error)) return
             has_failed = .false.
         end if
-        self%is_interrupted = .false.
-        reason = self%hindrance
+        self%attempts%is_interrupted = .false.
+        reason = self%attempts%hindrance
         do
             call check_progress(self, t_limit, stop_at, error)
             if (allocated(error)) return
@@ -381,12 +382,12 @@ contains
             if (allocated(error)) exit
         end do
         if (allocated(error)) then
-            self%is_interrupted = .true.
-            self%try_has_failed = has_failed
-            self%hindrance = reason
+            self%attempts%is_interrupted = .true.
+            self%attempts%has_failed = has_failed
+            self%attempts%hindrance = reason
             return
         end if
-        self%hindrance = merge(reason, status_ok, has_failed)
+        self%attempts%hindrance = merge(reason, status_ok, has_failed)
         call note_local_error(self, h, estimate)
         ! In a tiny remainder all differences are rounding.
         if (.not. is_sliver) then
@@ -407,7 +408,7 @@ contains
         longest_next = self%stepper%longest_next()
         ! Steps with stages on the manifold must fail if branches cross: this reveals a change of branch.
         if (self%method%implicit .or. self%options%chart /= 'every_step' .or. self%stepper%projects_stages) return
-        call self%reach%find_longest(self%chart, self%state, self%next, within_reach)
+        call self%attempts%reach%find_longest(self%chart, self%state, self%next, within_reach)
         longest_next = min(longest_next, within_reach)
     end function longest_next
 
@@ -501,7 +502,7 @@ contains
         if (outcome == fails) then
             self%tally%failed = self%tally%failed + 1
             call self%lost_rank%remember(self%state%t, self%next%t, stat)
-            call self%reach%note_failure(h)
+            call self%attempts%reach%note_failure(h)
         else
             self%tally%rejected = self%tally%rejected + 1
         end if
@@ -512,7 +513,7 @@ contains
         end if
         call self%chart%set_memory()
         if (outcome == misses_tolerance) return
-        if (.not. self%chart_is_current .or. has_spoilt(self, stat)) call self%renew_chart(by_failure, error)
+        if (.not. self%renewal%is_done .or. has_spoilt(self, stat)) call self%renew_chart(by_failure, error)
     end subroutine give_up_try
 
     !> Before the first try of a step: a new chart if required, the search ahead, the size of the first step.
@@ -549,8 +550,8 @@ contains
         associate (evaluations => self%chart%counts%right_hand_sides)
             if (self%work%is_spent(evaluations)) call set_error(error, status_work_limit, &
                 trim(self%work%describe(evaluations))//', t = '//to_text(self%state%t), &
-                trim(advice_on_limit('this limit', self%options, self%stiffness%is_stiff .and. &
-                .not. self%switching%is_on)))
+                trim(advice_on_limit('this limit', self%options, self%auto%stiffness%is_stiff .and. &
+                .not. self%auto%switching%is_on)))
         end associate
     end subroutine check_work
 

@@ -109,9 +109,9 @@ contains
             end if
             if (k == 0 .or. error > fast*last_error) call split_at(stat)
             if (stat /= status_ok) return
-            self%x = 0.0_wp
-            self%x(:self%nh) = self%model%terms%phi
-            call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, q)
+            self%work%x = 0.0_wp
+            self%work%x(:self%nh) = self%model%terms%phi
+            call self%velocity_basis%subtract_right_inverse(self%bases%x, self%work%x, q)
             last_error = error
         end do
         call split_at(stat)
@@ -119,9 +119,9 @@ contains
         self%point%has_phi = self%nh > 0
         ! The second pass removes the rounding error of the first.
         do pass = 1, 2
-            self%x(:) = -self%model%terms%nu
-            call add_product(self%model%terms%jacobian, qd, 1.0_wp, self%x)
-            call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, qd)
+            self%work%x(:) = -self%model%terms%nu
+            call add_product(self%model%terms%jacobian, qd, 1.0_wp, self%work%x)
+            call self%velocity_basis%subtract_right_inverse(self%bases%x, self%work%x, qd)
         end do
         if (.not. sum(abs(qd)) <= huge(1.0_wp)) call self%name_infinite(stat)
 
@@ -139,13 +139,13 @@ contains
     !> Remove from errors of rates at the point of the last projection their components normal to a curve: R Phi_q e_q from the
     !> error of q, because the velocity constraints do not bind the curve itself, and R C e_qd from the error of qd.
     module procedure remove_normal
-        self%x = 0.0_wp
-        call add_product(self%model%terms%jacobian, error_q, 1.0_wp, self%x)
-        self%x(self%nh + 1:) = 0.0_wp
-        call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, error_q)
-        self%x = 0.0_wp
-        call add_product(self%model%terms%jacobian, error_qd, 1.0_wp, self%x)
-        call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, error_qd)
+        self%work%x = 0.0_wp
+        call add_product(self%model%terms%jacobian, error_q, 1.0_wp, self%work%x)
+        self%work%x(self%nh + 1:) = 0.0_wp
+        call self%velocity_basis%subtract_right_inverse(self%bases%x, self%work%x, error_q)
+        self%work%x = 0.0_wp
+        call add_product(self%model%terms%jacobian, error_qd, 1.0_wp, self%work%x)
+        call self%velocity_basis%subtract_right_inverse(self%bases%x, self%work%x, error_qd)
     end procedure remove_normal
 
     module procedure do_find_errors
@@ -165,7 +165,7 @@ contains
                 return
             end if
         end if
-        call self%model%set_magnitudes(q, self%magnitude)
+        call self%model%set_magnitudes(q, self%work%magnitude)
         if (allocated(self%rows%dropped)) then
             call measure(self%model%all_rows)
         else
@@ -179,7 +179,7 @@ contains
         subroutine measure(terms)
             type(terms_type), intent(in) :: terms
 
-            call constraint_errors(terms%phi, terms%nu, terms%gamma, terms%jacobian, self%magnitude, qd, qdd, self%scale, &
+            call constraint_errors(terms%phi, terms%nu, terms%gamma, terms%jacobian, self%work%magnitude, qd, qdd, self%scale, &
                 self%rate, errors, rows)
         end subroutine measure
     end procedure do_find_errors

@@ -54,6 +54,41 @@ module tandem_chart_dense
         type(velocity_basis_memory_type) :: velocity_basis
     end type dense_memory_type
 
+    !> What a chart needs for its stepper, model and options.
+    type :: mode_type
+        !> True if iterates of implicit stages are restored completely: under the paper's policy, which counts corrections, with its
+        !> refinement, and with friction on reactions, which needs exact reactions at each point.
+        logical :: restores_iterates = .false.
+        logical :: is_implicit = .false., refines = .false., has_bases = .false., uses_svd = .false.
+        !> True if explicit steps restore velocities in the mass metric.
+        logical :: keeps_momentum = .false.
+        logical :: has_gamma = .true., has_nu = .true.
+        !> True if a chart needs no orthonormal basis: for explicit steps without monitored quantities.
+        logical :: skips_basis = .false.
+    end type mode_type
+
+    !> diag(s) X (n, m), diag(s) V (n, n - nh), diag(s) W (n, n - m) and the duals of V and W: only if bases are kept.
+    type :: bases_type
+        real(wp), allocatable :: x(:, :), v(:, :), w(:, :), v_dual(:, :), w_dual(:, :)
+    end type bases_type
+
+    !> C at the start of a step (m, n), its orientation and independence, see `velocity_basis_type`.
+    type :: start_type
+        real(wp), allocatable :: jacobian(:, :)
+        integer :: orientation = 1
+        real(wp) :: independence = 1.0_wp
+        !> If bases are kept: C X there (m, m), and its factors.
+        real(wp), allocatable :: c_x(:, :)
+        type(lu_type) :: lu
+    end type start_type
+
+    type :: work_type
+        !> Sizes of the coordinates in rows of Phi (n), rows (m), coordinates (n).
+        real(wp), allocatable :: magnitude(:), x(:), trial(:)
+        !> Of stages: B Phi_q (nh, n), multipliers (m), changes of q and qd (n).
+        real(wp), allocatable :: b_phi(:, :), lambda(:), change_q(:), change_qd(:)
+    end type work_type
+
     !> The chart by dense matrices.
     type, extends(implicit_chart_type) :: dense_chart_type
         private
@@ -74,15 +109,7 @@ module tandem_chart_dense
         type(derivatives_type) :: derivatives
         !> nh holonomic and m constraints.
         integer :: nh = 0, m = 0
-        !> True if iterates of implicit stages are restored completely: under the paper's policy, which counts corrections, with its
-        !> refinement, and with friction on reactions, which needs exact reactions at each point.
-        logical :: restores_iterates = .false.
-        logical :: is_implicit = .false., refines = .false., has_bases = .false., uses_svd = .false.
-        !> True if explicit steps restore velocities in the mass metric.
-        logical :: keeps_momentum = .false.
-        logical :: has_gamma = .true., has_nu = .true.
-        !> True if a chart needs no orthonormal basis: for explicit steps without monitored quantities.
-        logical :: skips_basis = .false.
+        type(mode_type) :: mode
         !> Largest remaining constraint error, on its natural scale.
         real(wp) :: tolerance = 0.0_wp
         type(watch_type) :: watch
@@ -90,39 +117,26 @@ module tandem_chart_dense
         real(wp), allocatable :: scale(:), basis_scale(:)
         !> 1 over the time scale of the model.
         real(wp) :: rate = 1.0_wp
-        !> Work space: the sizes of the coordinates in rows of Phi (n).
-        real(wp), allocatable :: magnitude(:)
         logical :: knows_masses = .true.
         !> The origin.
         real(wp), allocatable :: q0(:), qd0(:)
         !> Orthonormal bases at the origin, s the scales for bases.
         type(basis_type) :: basis
-        !> diag(s) X (n, m), diag(s) V (n, n - nh), diag(s) W (n, n - m) and the duals of V and W: only if bases are kept.
-        real(wp), allocatable :: x_basis(:, :), v_basis(:, :), w_basis(:, :), v_dual(:, :), w_dual(:, :)
-        !> Work space (m), (n).
-        real(wp), allocatable :: x(:), trial(:)
+        type(bases_type) :: bases
+        type(work_type) :: work
         !> The rows in use.
         type(rows_in_use_type) :: rows
-        !> The orientation of C at the origin, see `velocity_basis_type`.
-        integer :: origin_orientation = 1
-        !> The independence of C at the last state, see `velocity_basis_type`.
-        real(wp) :: last_independence = 1.0_wp
-        !> C at the start of the current step (m, n), and a detailed check of its changes from there.
-        real(wp), allocatable :: step_jacobian(:, :)
+        !> The start of the current step, and a detailed check of the changes of C from there.
+        type(start_type) :: start
         type(row_space_type) :: row_space
         !> Conditioning of the coordinates without mass by C.
         type(massless_ties_type) :: ties
-        !> If bases are kept: C X at the start of the step (m, m), and its factors.
-        real(wp), allocatable :: origin_c_x(:, :)
-        type(lu_type) :: origin_lu
         !> The point of the terms in `model`.
         type(visited_point_type) :: point
         !> The segment of the model in which the last Newton matrix was formed.
         integer :: stage_segment = 0
         !> The last iterate of each implicit stage.
         type(stage_iterate_type), allocatable :: iterates(:)
-        !> Work space for stages.
-        real(wp), allocatable :: b_phi(:, :), lambda(:), change_q(:), change_qd(:)
     contains
         procedure :: do_attach, do_set_origin, start_step, get_memory, set_memory, forget, inherit
         procedure :: restore, do_accelerate, do_project, remove_normal
@@ -430,7 +444,7 @@ contains
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in), contiguous :: qdd(:)
 
-        call self%position%start_step(self%step_jacobian, qdd)
+        call self%position%start_step(self%start%jacobian, qdd)
     end subroutine start_step
 
     !> Begin steps at a point.
@@ -447,10 +461,10 @@ contains
             call keep_origin(self, t, q, stat)
             return
         end if
-        call self%position%find_remainder(self%q0, dq, q, self%scale, self%trial, is_rounding)
+        call self%position%find_remainder(self%q0, dq, q, self%scale, self%work%trial, is_rounding)
         ! More than rounding: q is not the point of that increment.
-        if (.not. is_rounding) self%trial = 0.0_wp
-        call copy(self%n, self%trial, dq)
+        if (.not. is_rounding) self%work%trial = 0.0_wp
+        call copy(self%n, self%work%trial, dq)
         call self%make_origin(t, q, qd, stat)
     end subroutine do_set_origin
 
@@ -467,9 +481,9 @@ contains
         call self%move_to(t, q, stat)
         if (stat == status_ok) call self%judge_blocks(stat)
         if (stat == status_ok) then
-            self%step_jacobian(:, :) = self%model%terms%jacobian
-            call self%model%set_magnitudes(q, self%magnitude)
-            call self%position%refresh(t, self%model%terms%jacobian, self%magnitude, self%scale, self%counts, stat)
+            self%start%jacobian(:, :) = self%model%terms%jacobian
+            call self%model%set_magnitudes(q, self%work%magnitude)
+            call self%position%refresh(t, self%model%terms%jacobian, self%work%magnitude, self%scale, self%counts, stat)
         end if
     end subroutine keep_origin
 

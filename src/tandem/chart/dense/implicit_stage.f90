@@ -12,8 +12,8 @@ contains
         if (stat == status_ok) call self%complete_velocity_basis(stat)
         if (stat /= status_ok) return
         associate (terms => self%model%terms, r => self%velocity_basis%right_inverse, d => self%velocity_basis%null_space)
-            call self%dynamics%multipliers(terms%mass, r, terms%force, qdd, self%lambda)
-            call self%rows%evaluate_derivatives(self%differences, self%model%kept, t, q, qd, qdd, self%lambda, &
+            call self%dynamics%multipliers(terms%mass, r, terms%force, qdd, self%work%lambda)
+            call self%rows%evaluate_derivatives(self%differences, self%model%kept, t, q, qd, qdd, self%work%lambda, &
                 self%derivatives, self%counts, stat)
             if (stat /= status_ok) then
                 self%failure%term = 'a derivative'
@@ -24,16 +24,16 @@ contains
             call follow_stiffness(self, ha)
             call self%complete_velocity_basis(stat)
             if (stat /= status_ok) return
-            call self%position%get_b_phi(terms%jacobian, self%b_phi, self%counts, stat)
+            call self%position%get_b_phi(terms%jacobian, self%work%b_phi, self%counts, stat)
             if (stat /= status_ok) return
             if (self%friction%n > 0) then
                 call self%friction%find_left_basis(self%model, self%dynamics, d, r, stat)
                 if (stat /= status_ok) return
-                call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%w_basis, self%w_dual, &
-                    self%position%u_basis(:, :self%nh), self%b_phi, d, self%friction%left_basis, r, .not. self%metric%is_on)
+                call self%stage%form(terms, self%derivatives, self%bases%v, self%bases%v_dual, self%bases%w, self%bases%w_dual, &
+                    self%position%u_basis(:, :self%nh), self%work%b_phi, d, self%friction%left_basis, r, .not. self%metric%is_on)
             else
-                call self%stage%form(terms, self%derivatives, self%v_basis, self%v_dual, self%w_basis, self%w_dual, &
-                    self%position%u_basis(:, :self%nh), self%b_phi, d, d, r, .not. self%metric%is_on)
+                call self%stage%form(terms, self%derivatives, self%bases%v, self%bases%v_dual, self%bases%w, self%bases%w_dual, &
+                    self%position%u_basis(:, :self%nh), self%work%b_phi, d, d, r, .not. self%metric%is_on)
             end if
             call self%stage%factor(ha, stat)
         end associate
@@ -47,7 +47,8 @@ contains
         can = self%stage_segment == self%model%segment()
         if (.not. can) return
         call follow_stiffness(self, ha)
-        call self%stage%adapt(ha, self%v_basis, self%v_dual, self%w_basis, self%w_dual, self%counts%newton_factorizations, can)
+        call self%stage%adapt(ha, self%bases%v, self%bases%v_dual, self%bases%w, self%bases%w_dual, &
+            self%counts%newton_factorizations, can)
     end procedure do_reuse
 
     !> Adapt the chart's complements to the metric for ha. Other complements define another chart: not within a step.
@@ -77,8 +78,8 @@ contains
         stat = status_ok
         change = 0.0_wp
         do j = 1, self%n
-            change = max(change, abs(ha*self%change_q(j))/max(abs(q(j)), self%scale(j)), &
-                abs(ha*self%change_qd(j))/max(abs(qd(j)), self%rate*self%scale(j)))
+            change = max(change, abs(ha*self%work%change_q(j))/max(abs(q(j)), self%scale(j)), &
+                abs(ha*self%work%change_qd(j))/max(abs(qd(j)), self%rate*self%scale(j)))
         end do
         if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
             stat = status_not_finite
@@ -109,11 +110,11 @@ contains
             end if
             if (stat /= status_ok) return
             qd = self%qd0 + dqd
-            if (self%m > 0) call iterate%correct_velocity(terms%jacobian, terms%nu, self%x_basis, qd)
+            if (self%m > 0) call iterate%correct_velocity(terms%jacobian, terms%nu, self%bases%x, qd)
             call self%move_with(t, q, qd, stat)
             if (stat /= status_ok) return
-            call self%stage%find_residual(terms, self%velocity_basis, self%v_basis, self%v_dual, self%x_basis, self%w_basis, &
-                self%w_dual, qd, rate_q, rate_qd, self%change_q, iterate)
+            call self%stage%find_residual(terms, self%velocity_basis, self%bases%v, self%bases%v_dual, self%bases%x, self%bases%w, &
+                self%bases%w_dual, qd, rate_q, rate_qd, self%work%change_q, iterate)
             call self%stage%get_residual(residual)
         end associate
     end procedure do_find_residual
@@ -125,7 +126,7 @@ contains
         !> Part of the largest independence so far.
         real(wp), parameter :: close = 1.0e-2_wp
 
-        restores = self%restores_iterates .or. self%independence < close*self%best_independence
+        restores = self%mode%restores_iterates .or. self%independence < close*self%best_independence
     end function restores
 
     !> The residual of a stage at a restored point.
@@ -139,8 +140,8 @@ contains
         call self%move_with(t, q, qd, stat)
         if (stat == status_ok) call self%find_velocity_basis(stat)
         if (stat /= status_ok) return
-        call self%stage%find_residual(self%model%terms, self%velocity_basis, self%v_basis, self%v_dual, self%x_basis, &
-            self%w_basis, self%w_dual, qd, rate_q, rate_qd, self%change_q)
+        call self%stage%find_residual(self%model%terms, self%velocity_basis, self%bases%v, self%bases%v_dual, self%bases%x, &
+            self%bases%w, self%bases%w_dual, qd, rate_q, rate_qd, self%work%change_q)
         call self%stage%get_residual(residual)
     end subroutine residual_at
 
@@ -160,9 +161,9 @@ contains
         is_near = .true.
         if (self%nh > 0) then
             ! The basis of range(Phi_q') is the dual of U, which vanishes on V.
-            self%trial = (self%q0 + increment - q)/self%basis_scale
+            self%work%trial = (self%q0 + increment - q)/self%basis_scale
             do j = 1, self%nh
-                self%position%u(j) = dot_product(self%basis%q(:, j), self%trial)
+                self%position%u(j) = dot_product(self%basis%q(:, j), self%work%trial)
             end do
         end if
         q = self%q0 + increment
@@ -181,7 +182,7 @@ contains
         if (stat == status_ok .and. .not. is_near) call iterate%factor_position(self%model%terms%jacobian, &
             self%position%u_basis(:, :self%nh), stat)
         if (stat /= status_ok) return
-        call iterate%factor_velocity(self%model%terms%jacobian, self%x_basis, stat)
+        call iterate%factor_velocity(self%model%terms%jacobian, self%bases%x, stat)
         iterate%moved_q = 0.0_wp
         iterate%drift = 0.0_wp
         self%counts%constraint_factorizations = self%counts%constraint_factorizations + min(self%m, 1)
@@ -268,25 +269,25 @@ contains
     end subroutine continue_stage
 
     module procedure do_solve
-        call self%stage%solve_real(self%v_basis, self%v_dual, self%w_basis, self%w_dual, x)
+        call self%stage%solve_real(self%bases%v, self%bases%v_dual, self%bases%w, self%bases%w_dual, x)
     end procedure do_solve
 
     module procedure do_solve_pair
-        call self%stage%solve_pair(self%v_basis, self%v_dual, self%w_basis, self%w_dual, k, x, y)
+        call self%stage%solve_pair(self%bases%v, self%bases%v_dual, self%bases%w, self%bases%w_dual, k, x, y)
     end procedure do_solve_pair
 
     module procedure do_update
         real(wp) :: left, turned
         integer :: j
 
-        call self%stage%move_rates(self%v_basis, self%w_basis, correction, rate_q, rate_qd, self%change_q, self%change_qd)
+        call self%stage%move_rates(self%bases%v, self%bases%w, correction, rate_q, rate_qd, self%work%change_q, self%work%change_qd)
         call judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
         if (restores(self)) return
         associate (iterate => self%iterates(stage))
             left = 0.0_wp
             turned = 0.0_wp
             do j = 1, self%n
-                turned = max(turned, abs(ha*self%change_q(j))/max(abs(q(j)), self%scale(j)))
+                turned = max(turned, abs(ha*self%work%change_q(j))/max(abs(q(j)), self%scale(j)))
                 left = max(left, abs(iterate%moved_q(j))/max(abs(q(j)), self%scale(j)), &
                     max(abs(iterate%moved_qd(j)), abs(ha*iterate%moved_qdd(j)))/max(abs(qd(j)), self%rate*self%scale(j)))
             end do
@@ -297,8 +298,8 @@ contains
     end procedure do_update
 
     module procedure do_filter
-        call self%stage%filter(self%v_basis, self%v_dual, self%w_basis, self%w_dual, error_q, error_qd)
+        call self%stage%filter(self%bases%v, self%bases%v_dual, self%bases%w, self%bases%w_dual, error_q, error_qd)
         if (self%point%has_velocity_basis) call self%stage%restore_error(self%model%terms%jacobian, self%velocity_basis, &
-            self%x_basis, error_qd)
+            self%bases%x, error_qd)
     end procedure do_filter
 end submodule tandem_chart_dense_implicit_stage

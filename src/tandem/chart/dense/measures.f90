@@ -13,10 +13,11 @@ contains
         if (stat /= status_ok .or. iand(need, need_change + need_contraction) == 0 .or. self%m == 0) return
         call self%move_to(t, q, stat)
         if (stat /= status_ok) return
-        if (iand(need, need_change) /= 0) measure%change = self%change_from(self%step_jacobian)
+        if (iand(need, need_change) /= 0) measure%change = self%change_from(self%start%jacobian)
         if (iand(need, need_contraction) /= 0) then
-            self%trial = q - q_from
-            measure%contraction = self%position%contraction(self%step_jacobian, self%model%terms%jacobian, self%trial, least_bend)
+            self%work%trial = q - q_from
+            measure%contraction = self%position%contraction(self%start%jacobian, self%model%terms%jacobian, self%work%trial, &
+                least_bend)
         end if
     end procedure do_measure
 
@@ -38,7 +39,7 @@ contains
         associate (terms => self%model%terms, watch => self%watch)
             if (watch%v) measure%v = length_outside(self%basis%q(:, :self%nh), (q - self%q0)/self%basis_scale)
             if (watch%w) measure%w = length_outside(self%basis%q(:, :self%m), (qd - self%qd0)/self%basis_scale)
-            if (watch%condition .and. self%is_implicit) then
+            if (watch%condition .and. self%mode%is_implicit) then
                 ! The condition number of the reduced Newton matrix (81).
                 measure%condition = 1.0_wp/max(self%stage%reciprocal_condition(), tiny(1.0_wp))
             else if (watch%condition) then

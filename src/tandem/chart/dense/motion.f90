@@ -61,16 +61,16 @@ contains
         stat = status_ok
         if (self%point%has_velocity_basis) return
         associate (jacobian => self%model%terms%jacobian)
-            if (self%has_bases) then
+            if (self%mode%has_bases) then
                 call self%refuse_infinite(stat)
                 if (stat /= status_ok) return
-                if (self%refines) call self%position%refine(jacobian, self%counts, stat)
+                if (self%mode%refines) call self%position%refine(jacobian, self%counts, stat)
                 if (stat /= status_ok) return
-                call self%velocity_basis%update(jacobian, self%x_basis, self%w_basis, self%counts, stat)
+                call self%velocity_basis%update(jacobian, self%bases%x, self%bases%w, self%counts, stat)
             else
                 ! An elimination detects values of C that are not finite.
                 call self%velocity_basis%eliminate(self%n, jacobian, self%scale, self%counts, stat)
-                if (stat == status_ok .and. self%has_nu) then
+                if (stat == status_ok .and. self%mode%has_nu) then
                     if (.not. is_finite(self%m, self%model%terms%nu)) stat = status_not_finite
                 end if
             end if
@@ -80,7 +80,7 @@ contains
             return
         end if
         call self%point%note_velocity_basis()
-        if (.not. self%has_bases) call self%free_motion%load(self%velocity_basis%elimination)
+        if (.not. self%mode%has_bases) call self%free_motion%load(self%velocity_basis%elimination)
     end procedure find_velocity_basis
 
     !> Store the row of C at fault, or the term that is not finite.
@@ -94,7 +94,7 @@ contains
 
     module procedure complete_velocity_basis
         call self%find_velocity_basis(stat)
-        if (stat == status_ok) call self%velocity_basis%complete(self%model%terms%jacobian, self%x_basis, self%w_basis)
+        if (stat == status_ok) call self%velocity_basis%complete(self%model%terms%jacobian, self%bases%x, self%bases%w)
     end procedure complete_velocity_basis
 
     module procedure restore_velocity
@@ -110,23 +110,23 @@ contains
         end if
         if (stat == status_ok) call self%find_velocity_basis(stat)
         if (stat /= status_ok) return
-        if (goal%is_stage .and. self%skips_basis) then
+        if (goal%is_stage .and. self%mode%skips_basis) then
             call self%position%follow(self%point%t, self%velocity_basis%elimination%height, &
                 self%velocity_basis%elimination%matrix, self%counts)
         end if
         call add(self%n, self%qd0, increment, qd)
         if (self%m == 0) return
-        if (.not. self%has_bases) then
-            call self%free_motion%restore_velocity(self%velocity_basis%elimination, self%has_nu, .not. goal%is_stage, &
+        if (.not. self%mode%has_bases) then
+            call self%free_motion%restore_velocity(self%velocity_basis%elimination, self%mode%has_nu, .not. goal%is_stage, &
                 self%model%terms%nu, qd, stat)
             return
         end if
         associate (terms => self%model%terms)
             ! qd - R (C qd - nu); twice if rounding errors are removed, once with the accuracy of H, the paper's tolerance.
-            do pass = 1, merge(1, 2, self%refines)
-                self%x = -terms%nu
-                call add_product(terms%jacobian, qd, 1.0_wp, self%x)
-                call self%velocity_basis%subtract_right_inverse(self%x_basis, self%x, qd)
+            do pass = 1, merge(1, 2, self%mode%refines)
+                self%work%x = -terms%nu
+                call add_product(terms%jacobian, qd, 1.0_wp, self%work%x)
+                call self%velocity_basis%subtract_right_inverse(self%bases%x, self%work%x, qd)
             end do
         end associate
     end procedure restore_velocity
@@ -148,7 +148,7 @@ contains
 
         self%counts%right_hand_sides = self%counts%right_hand_sides + 1
         call self%model%evaluate(need_gamma + need_force, t, q, qd, self%counts, stat)
-        if (stat == status_ok .and. .not. self%has_gamma) then
+        if (stat == status_ok .and. .not. self%mode%has_gamma) then
             call self%rows%evaluate_gamma(self%differences, self%model, t, q, qd, self%counts, stat)
         end if
         if (stat == status_ok .and. self%friction%n > 0) call add_friction(self, t, q, qd, stat)
@@ -180,11 +180,11 @@ contains
         if (stat /= status_ok) return
         self%counts%mass_factorizations = self%counts%mass_factorizations + min(self%n - self%m, 1)
         associate (terms => self%model%terms, velocity_basis => self%velocity_basis)
-            if (self%has_bases) then
+            if (self%mode%has_bases) then
                 call self%complete_velocity_basis(stat)
                 if (stat == status_ok) call self%dynamics%factor(terms%mass, velocity_basis%null_space, stat)
                 if (stat == status_ok) call self%dynamics%solve(terms%mass, terms%jacobian, velocity_basis%null_space, &
-                    velocity_basis%right_inverse, terms%gamma, terms%force, .not. self%refines, qdd, stat)
+                    velocity_basis%right_inverse, terms%gamma, terms%force, .not. self%mode%refines, qdd, stat)
             else
                 call self%free_motion%solve(velocity_basis%elimination, .not. goal%is_stage, self%model%n_blocks, &
                     self%model%blocks, terms%mass, terms%gamma, terms%force, qdd, stat)

@@ -39,6 +39,17 @@ module tandem_chart_dense_newton_matrix
     !> Largest number of pairs of systems of any method: seven stages.
     integer, parameter :: most_pairs = 3
 
+    !> Relation between the chart where a matrix was formed and the one where it is used.
+    type :: carry_type
+        !> True if the charts differ; true if T_v (nv, nv), T_w (nw, nw) and the way back S_v, S_w are current.
+        logical :: is_carried = .false., is_current = .false.
+        !> True if duals equal bases up to coordinate scales, there and here: S_v and S_w are then the transposes of T_v, T_w.
+        logical :: is_plain_there = .true., is_plain_here = .true.
+        real(wp), allocatable :: v(:, :), w(:, :), back_v(:, :), back_w(:, :)
+        !> Duals of V and W where the matrix was formed, and V and W there; a right side in its coordinates.
+        real(wp), allocatable :: formed_v(:, :), formed_w(:, :), formed_v_basis(:, :), formed_w_basis(:, :), rhs(:)
+    end type carry_type
+
     type :: stage_type
         !> The blocks of (76), (77): R1_v (nv, nv), R1_w (nv, nw), R2_v (n, nv), R2_w (n, nw).
         real(wp), allocatable :: r1_v(:, :), r1_w(:, :), r2_v(:, :), r2_w(:, :)
@@ -51,13 +62,8 @@ module tandem_chart_dense_newton_matrix
         real(wp), allocatable, private :: matrix(:, :), block_wv(:, :), block_ww(:, :), rhs(:), force(:), defect(:)
         !> ha of the last `factor`, 0 if there is none.
         real(wp), private :: ha = 0.0_wp
-        !> True if the chart differs from the chart of the last `form`; true if T_v (nv, nv) and T_w (nw, nw) are current. The duals
-        !> of V and W of that form; a right side in its coordinates.
-        logical, private :: is_carried = .false., carry_is_current = .false.
-        !> True if duals equal bases up to coordinate scales, there and here: S_v and S_w are then the transposes of T_v, T_w.
-        logical, private :: is_plain_there = .true., is_plain_here = .true.
-        real(wp), allocatable, private :: carry_v(:, :), carry_w(:, :), back_v(:, :), back_w(:, :)
-        real(wp), allocatable, private :: formed_v(:, :), formed_w(:, :), formed_v_basis(:, :), formed_w_basis(:, :), carried(:)
+        !> Relation of this chart to that of the last `form`.
+        type(carry_type), private :: carry
         type(lu_type), private :: lu
         !> Number of complex pairs of systems, ratio of the ha of each to the real ha, work space for one of their matrices.
         integer, private :: n_pairs = 0
@@ -89,14 +95,16 @@ contains
         self%nw = nw
         if (allocated(self%rhs)) deallocate (self%r1_v, self%r1_w, self%r2_v, self%r2_w, self%fbar, self%pbar, self%mr, &
             self%gradient_q, self%gradient_qd, self%mass_d, self%work_mv, self%matrix, self%block_wv, self%block_ww, &
-            self%rhs, self%force, self%defect, self%origin_mass, self%carry_v, self%carry_w, self%formed_v, &
-            self%formed_w, self%carried, self%back_v, self%back_w, self%formed_v_basis, self%formed_w_basis)
+            self%rhs, self%force, self%defect, self%origin_mass)
+        self%carry = carry_type()
         allocate (self%r1_v(nv, nv), self%r1_w(nv, nw), self%r2_v(n, nv), self%r2_w(n, nw), self%fbar(n, nv), &
             self%pbar(n, nv), self%mr(n, m), self%gradient_q(n, n), self%gradient_qd(n, n), self%mass_d(n, nw), &
             self%work_mv(m, nv), self%matrix(nv + nw, nv + nw), self%block_wv(nw, nv), self%block_ww(nw, nw), &
-            self%rhs(nv + nw), self%force(n), self%defect(m), self%origin_mass(nw, nw), self%carry_v(nv, nv), &
-            self%carry_w(nw, nw), self%back_v(nv, nv), self%back_w(nw, nw), self%formed_v_basis(n, nv), &
-            self%formed_w_basis(n, nw), self%formed_v(n, nv), self%formed_w(n, nw), self%carried(nv + nw), source=0.0_wp)
+            self%rhs(nv + nw), self%force(n), self%defect(m), self%origin_mass(nw, nw), source=0.0_wp)
+        associate (carry => self%carry)
+            allocate (carry%v(nv, nv), carry%w(nw, nw), carry%back_v(nv, nv), carry%back_w(nw, nw), carry%formed_v_basis(n, nv), &
+                carry%formed_w_basis(n, nw), carry%formed_v(n, nv), carry%formed_w(n, nw), carry%rhs(nv + nw), source=0.0_wp)
+        end associate
         call self%lu%allocate(nv + nw)
         self%ha = 0.0_wp
         self%n_pairs = 0
@@ -173,12 +181,12 @@ contains
         call set_gram(left_basis, self%r2_v, self%block_wv)
         call set_gram(left_basis, self%r2_w, self%block_ww)
         call set_gram(null_space, self%mass_d, self%origin_mass)
-        self%formed_v = v_dual
-        self%formed_w = w_dual
-        self%formed_v_basis = v_basis
-        self%formed_w_basis = w_basis
-        self%is_carried = .false.
-        self%is_plain_there = is_plain
+        self%carry%formed_v = v_dual
+        self%carry%formed_w = w_dual
+        self%carry%formed_v_basis = v_basis
+        self%carry%formed_w_basis = w_basis
+        self%carry%is_carried = .false.
+        self%carry%is_plain_there = is_plain
         self%ha = 0.0_wp
     end subroutine form
 
@@ -273,9 +281,9 @@ contains
         !> True if its duals equal its bases up to coordinate scales.
         logical, intent(in) :: is_plain
 
-        self%is_plain_here = is_plain
-        self%is_carried = .true.
-        self%carry_is_current = .false.
+        self%carry%is_plain_here = is_plain
+        self%carry%is_carried = .true.
+        self%carry%is_current = .false.
     end subroutine enter_chart
 
     !> Solve for a right side in the current chart's coordinates, in place.
@@ -284,7 +292,7 @@ contains
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
         real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
 
-        if (self%is_carried) call self%set_carry(v_basis, v_dual, w_basis, w_dual)
+        if (self%carry%is_carried) call self%set_carry(v_basis, v_dual, w_basis, w_dual)
         call self%take_there(self%rhs)
         call self%lu%solve(self%rhs)
         call self%bring_back(self%rhs)
@@ -298,7 +306,7 @@ contains
         !> Its first nv + nw entries.
         real(wp), intent(inout), contiguous :: x(:)
 
-        if (self%is_carried) call self%set_carry(v_basis, v_dual, w_basis, w_dual)
+        if (self%carry%is_carried) call self%set_carry(v_basis, v_dual, w_basis, w_dual)
         associate (n => self%nv + self%nw)
             call self%take_there(x(:n))
             call self%lu%solve(x(:n))
@@ -316,7 +324,7 @@ contains
         !> Their first nv + nw entries.
         real(wp), intent(inout), contiguous :: x(:), y(:)
 
-        if (self%is_carried) call self%set_carry(v_basis, v_dual, w_basis, w_dual)
+        if (self%carry%is_carried) call self%set_carry(v_basis, v_dual, w_basis, w_dual)
         associate (n => self%nv + self%nw)
             call self%take_there(x(:n))
             call self%take_there(y(:n))
@@ -331,12 +339,12 @@ contains
         class(stage_type), intent(inout) :: self
         real(wp), intent(inout), contiguous :: rhs(:)
 
-        if (.not. self%is_carried) return
+        if (.not. self%carry%is_carried) return
         associate (nv => self%nv)
-            self%carried = 0.0_wp
-            call add_product(self%carry_v, rhs(:nv), 1.0_wp, self%carried(:nv))
-            call add_transposed_product(self%back_w, rhs(nv + 1:), 1.0_wp, self%carried(nv + 1:))
-            rhs = self%carried
+            self%carry%rhs = 0.0_wp
+            call add_product(self%carry%v, rhs(:nv), 1.0_wp, self%carry%rhs(:nv))
+            call add_transposed_product(self%carry%back_w, rhs(nv + 1:), 1.0_wp, self%carry%rhs(nv + 1:))
+            rhs = self%carry%rhs
         end associate
     end subroutine take_there
 
@@ -345,12 +353,12 @@ contains
         class(stage_type), intent(inout) :: self
         real(wp), intent(inout), contiguous :: correction(:)
 
-        if (.not. self%is_carried) return
+        if (.not. self%carry%is_carried) return
         associate (nv => self%nv)
-            self%carried = 0.0_wp
-            call add_product(self%back_v, correction(:nv), 1.0_wp, self%carried(:nv))
-            call add_product(self%back_w, correction(nv + 1:), 1.0_wp, self%carried(nv + 1:))
-            correction = self%carried
+            self%carry%rhs = 0.0_wp
+            call add_product(self%carry%back_v, correction(:nv), 1.0_wp, self%carry%rhs(:nv))
+            call add_product(self%carry%back_w, correction(nv + 1:), 1.0_wp, self%carry%rhs(nv + 1:))
+            correction = self%carry%rhs
         end associate
     end subroutine bring_back
 
@@ -360,17 +368,17 @@ contains
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
         real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
 
-        if (self%carry_is_current) return
-        call set_gram(self%formed_v, v_basis, self%carry_v)
-        call set_gram(self%formed_w, w_basis, self%carry_w)
-        if (self%is_plain_there .and. self%is_plain_here) then
-            call set_transpose(self%carry_v, self%back_v)
-            call set_transpose(self%carry_w, self%back_w)
+        if (self%carry%is_current) return
+        call set_gram(self%carry%formed_v, v_basis, self%carry%v)
+        call set_gram(self%carry%formed_w, w_basis, self%carry%w)
+        if (self%carry%is_plain_there .and. self%carry%is_plain_here) then
+            call set_transpose(self%carry%v, self%carry%back_v)
+            call set_transpose(self%carry%w, self%carry%back_w)
         else
-            call set_gram(v_dual, self%formed_v_basis, self%back_v)
-            call set_gram(w_dual, self%formed_w_basis, self%back_w)
+            call set_gram(v_dual, self%carry%formed_v_basis, self%carry%back_v)
+            call set_gram(w_dual, self%carry%formed_w_basis, self%carry%back_w)
         end if
-        self%carry_is_current = .true.
+        self%carry%is_current = .true.
     end subroutine set_carry
 
     !> B := A' for a square matrix; the intrinsic function allocates.
@@ -397,10 +405,10 @@ contains
         real(wp), parameter :: most = 0.1_wp
 
         is_near = .true.
-        if (.not. self%is_carried) return
+        if (.not. self%carry%is_carried) return
         call self%set_carry(v_basis, v_dual, w_basis, w_dual)
-        is_near = abs(self%nv - sum(self%carry_v*transpose(self%back_v))) <= most .and. &
-            abs(self%nw - sum(self%carry_w*transpose(self%back_w))) <= most
+        is_near = abs(self%nv - sum(self%carry%v*transpose(self%carry%back_v))) <= most .and. &
+            abs(self%nw - sum(self%carry%w*transpose(self%carry%back_w))) <= most
     end function is_near
 
     !> The residual of a stage at the current point, left in `rhs`. The stage's rates are ambient: their coordinates vd = V' rate_q
@@ -484,18 +492,18 @@ contains
         real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
         real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
 
-        associate (nv => self%nv, w => self%force(:self%nw), carried => self%carried(:self%nw))
+        associate (nv => self%nv, w => self%force(:self%nw), carried => self%carry%rhs(:self%nw))
             self%rhs = 0.0_wp
             call add_transposed_product(v_dual, error_q, 1.0_wp, self%rhs(:nv))
             w = 0.0_wp
             call add_transposed_product(w_dual, error_qd, 1.0_wp, w)
-            if (self%is_carried) then
+            if (self%carry%is_carried) then
                 call self%set_carry(v_basis, v_dual, w_basis, w_dual)
                 carried = 0.0_wp
-                call add_product(self%carry_w, w, 1.0_wp, carried)
+                call add_product(self%carry%w, w, 1.0_wp, carried)
                 w = 0.0_wp
                 call add_product(self%origin_mass, carried, 1.0_wp, w)
-                call add_transposed_product(self%carry_w, w, 1.0_wp, self%rhs(nv + 1:))
+                call add_transposed_product(self%carry%w, w, 1.0_wp, self%rhs(nv + 1:))
             else
                 call add_product(self%origin_mass, w, 1.0_wp, self%rhs(nv + 1:))
             end if
@@ -547,9 +555,9 @@ contains
         call pack%item(self%is_outdated)
         call pack%item(self%r1_v, self%r1_w, self%block_wv, self%block_ww, self%origin_mass)
         call pack%item(self%ha)
-        call pack%item(self%is_carried, self%carry_is_current, self%is_plain_there, self%is_plain_here)
-        call pack%item(self%carry_v, self%carry_w, self%formed_v, self%formed_w, self%back_v)
-        call pack%item(self%back_w, self%formed_v_basis, self%formed_w_basis)
+        call pack%item(self%carry%is_carried, self%carry%is_current, self%carry%is_plain_there, self%carry%is_plain_here)
+        call pack%item(self%carry%v, self%carry%w, self%carry%formed_v, self%carry%formed_w, self%carry%back_v)
+        call pack%item(self%carry%back_w, self%carry%formed_v_basis, self%carry%formed_w_basis)
         call self%lu%pack_state(pack)
         do k = 1, self%n_pairs
             call self%pair_lu(k)%pack_state(pack)

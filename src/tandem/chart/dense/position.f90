@@ -40,6 +40,18 @@ module tandem_chart_dense_position
         logical :: has_learnt = .false.
     end type position_memory_type
 
+    !> Prediction of u at the stages of explicit steps.
+    type :: prediction_type
+        !> u at the start of the step and B Phi_q qdd there (width).
+        real(wp), allocatable :: u_start(:), curvature(:)
+        !> Error of the prediction from these, stage by stage (width, most_stages, 2): in the last accepted step, at `known`, and in
+        !> the current attempt, at the other index if `has_tried`. The sizes of these steps, 0 if it needed no correction.
+        real(wp), allocatable :: missed(:, :, :)
+        real(wp) :: step(most_stages, 2) = 0.0_wp
+        integer :: known = 1
+        logical :: has_tried = .false.
+    end type prediction_type
+
     type :: position_type
         !> diag(s) U (n, width): nh columns, and zeros up to `width`.
         real(wp), allocatable :: u_basis(:, :)
@@ -57,14 +69,8 @@ module tandem_chart_dense_position
         !> their natural scales (width).
         real(wp), allocatable :: u(:)
         real(wp), allocatable, private :: correction(:), z(:), phi_u(:, :), weight(:)
-        !> u at the start of the step and B Phi_q qdd there (width), from which stages are predicted.
-        real(wp), allocatable, private :: u_start(:), curvature(:)
-        !> Error of that prediction of u, stage by stage (width, most_stages, 2): in the last accepted step, at `known`, and in the
-        !> current attempt, at the other index if `has_tried`. The sizes of these steps, 0 if the prediction needed no correction.
-        real(wp), allocatable, private :: missed(:, :, :)
-        real(wp), private :: step_of_missed(most_stages, 2) = 0.0_wp
-        integer, private :: known = 1
-        logical, private :: has_tried = .false.
+        !> Prediction of stages.
+        type(prediction_type), private :: prediction
         !> B of a chart without basis (width, width), width is nh padded: the stored inverse of a Gram matrix at its origin, later
         !> updated by other points and corrections if `has_learnt`; the last Phi and the first u of an iteration (width); true if B
         !> is in use; work space.
@@ -156,15 +162,15 @@ contains
         self%has_gram = .false.
         self%last_phi = self%u
         self%first_u = self%u
-        self%u_start = self%u
-        self%curvature = self%u
-        self%step_of_missed = 0.0_wp
-        self%known = 1
-        self%has_tried = .false.
+        self%prediction%u_start = self%u
+        self%prediction%curvature = self%u
+        self%prediction%step = 0.0_wp
+        self%prediction%known = 1
+        self%prediction%has_tried = .false.
         self%ageing = unknown
         self%weight = self%u
-        if (allocated(self%phi_u)) deallocate (self%phi_u, self%origin_gram, self%product, self%residual, self%missed)
-        allocate (self%missed(self%width, most_stages, 2), source=0.0_wp)
+        if (allocated(self%phi_u)) deallocate (self%phi_u, self%origin_gram, self%product, self%residual, self%prediction%missed)
+        allocate (self%prediction%missed(self%width, most_stages, 2), source=0.0_wp)
         call allocate_aligned(self%gram, self%width, self%width)
         call allocate_aligned(self%u_basis, n, self%width)
         allocate (self%origin_gram(self%width, self%width), self%product(self%width, self%width), &
@@ -187,7 +193,7 @@ contains
         stat = status_ok
         self%u = 0.0_wp
         ! The orientation of another basis may differ.
-        self%step_of_missed = 0.0_wp
+        self%prediction%step = 0.0_wp
         if (self%nh == 0) return
         call self%refresh(t, jacobian, magnitude, scale, counts, stat)
         if (stat /= status_ok .or. .not. self%refines) return
@@ -233,15 +239,15 @@ contains
 
         if (self%nh == 0 .or. .not. self%predicts) return
         call multiply_rows(size(jacobian, 1), self%n, self%nh, self%width, jacobian, qdd, self%correction)
-        call copy(self%width, self%u, self%u_start)
-        if (self%has_tried) self%known = 3 - self%known
-        self%has_tried = .false.
+        call copy(self%width, self%u, self%prediction%u_start)
+        if (self%prediction%has_tried) self%prediction%known = 3 - self%prediction%known
+        self%prediction%has_tried = .false.
         if (self%has_gram) then
-            call multiply_columns(self%nh, self%width, self%gram, self%correction, self%curvature)
+            call multiply_columns(self%nh, self%width, self%gram, self%correction, self%prediction%curvature)
         else
             call self%lu%solve(self%correction(:self%nh))
             ! Behind the first nh entries `multiply_rows` may leave other rows of C; the padding of u stays zero.
-            call copy(self%nh, self%correction, self%curvature)
+            call copy(self%nh, self%correction, self%prediction%curvature)
         end if
     end subroutine start_step
 
@@ -249,8 +255,8 @@ contains
     subroutine retry_step(self)
         class(position_type), intent(inout) :: self
 
-        if (self%nh > 0) call copy(self%width, self%u_start, self%u)
-        self%has_tried = .false.
+        if (self%nh > 0) call copy(self%width, self%prediction%u_start, self%u)
+        self%prediction%has_tried = .false.
     end subroutine retry_step
 
     !> Update B to the point that was restored last, by one refinement (20), if that took many corrections.
@@ -340,7 +346,7 @@ contains
 
         stat = status_ok
         if (self%nh == 0) return
-        call copy(self%width, self%u, self%u_start)
+        call copy(self%width, self%u, self%prediction%u_start)
         call set_row_weight(size(jacobian, 1), self%n, self%nh, jacobian, magnitude, scale, self%weight)
         self%has_gram = .false.
         self%b_time = t
@@ -458,12 +464,12 @@ contains
         call pack%item(self%failed_row)
         call pack%item(self%failed_value)
         call pack%item(self%most_corrections)
-        call pack%item(self%u, self%u_start, self%curvature)
-        call pack%item(self%missed)
-        call pack%fixed(self%step_of_missed(:, 1))
-        call pack%fixed(self%step_of_missed(:, 2))
-        call pack%item(self%known)
-        call pack%item(self%has_tried)
+        call pack%item(self%u, self%prediction%u_start, self%prediction%curvature)
+        call pack%item(self%prediction%missed)
+        call pack%fixed(self%prediction%step(:, 1))
+        call pack%fixed(self%prediction%step(:, 2))
+        call pack%item(self%prediction%known)
+        call pack%item(self%prediction%has_tried)
         call pack%item(self%ageing, self%b_time, self%b_rest, self%origin_time)
         call pack%item(self%gram, self%origin_gram)
         call pack%item(self%has_gram, self%has_learnt)

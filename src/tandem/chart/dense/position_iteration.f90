@@ -43,7 +43,7 @@ contains
         integer :: k
 
         is_predicted = self%predicts .and. goal%defect < huge(1.0_wp)
-        call begin(width, is_predicted, goal%defect, self%u_start, self%curvature, self%u, self%first_u)
+        call begin(width, is_predicted, goal%defect, self%prediction%u_start, self%prediction%curvature, self%u, self%first_u)
         remembers = .false.
         if (goal%stage > 0) call expect(self, width, is_predicted, goal%stage, goal%h, remembers)
         first_error = 0.0_wp
@@ -154,13 +154,13 @@ contains
 
         remembers = is_predicted .and. stage <= most_stages
         if (.not. remembers) return
-        f = self%step_of_missed(stage, self%known)
+        f = self%prediction%step(stage, self%prediction%known)
         if (.not. step < alike*f) return
         f = (step/f)**3
         do b = 0, width - short, short
             !GCC$ UNROLL 1
             do i = 1, short
-                self%u(b + i) = self%u(b + i) + f*self%missed(b + i, stage, self%known)
+                self%u(b + i) = self%u(b + i) + f*self%prediction%missed(b + i, stage, self%prediction%known)
             end do
         end do
     end subroutine expect
@@ -174,15 +174,16 @@ contains
         real(wp), intent(in) :: step
         integer :: b, i, new
 
-        new = 3 - self%known
-        self%has_tried = .true.
-        self%step_of_missed(stage, new) = 0.0_wp
-        if (self%n_taken == 0 .and. .not. self%step_of_missed(stage, self%known) > 0.0_wp) return
-        self%step_of_missed(stage, new) = step
+        new = 3 - self%prediction%known
+        self%prediction%has_tried = .true.
+        self%prediction%step(stage, new) = 0.0_wp
+        if (self%n_taken == 0 .and. .not. self%prediction%step(stage, self%prediction%known) > 0.0_wp) return
+        self%prediction%step(stage, new) = step
         do b = 0, width - short, short
             !GCC$ UNROLL 1
             do i = 1, short
-                self%missed(b + i, stage, new) = self%u(b + i) - (self%u_start(b + i) - defect*self%curvature(b + i))
+                self%prediction%missed(b + i, stage, new) = self%u(b + i) - &
+                    (self%prediction%u_start(b + i) - defect*self%prediction%curvature(b + i))
             end do
         end do
     end subroutine remember

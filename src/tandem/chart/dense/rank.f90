@@ -22,7 +22,7 @@ contains
         call self%visit(t, q, stat)
         if (stat == status_ok) call self%find_velocity_basis(stat)
         if (stat /= status_ok) return
-        if (self%has_bases) call measure_origin(self)
+        if (self%mode%has_bases) call measure_origin(self)
         call self%measure_split()
         if (allocated(self%rows%dropped)) then
             call self%complete_velocity_basis(stat)
@@ -41,16 +41,16 @@ contains
         end if
         ! Both are available and cheap: the measure that falls towards a loss of rank, and the orientation of the pivot columns. It
         ! changes with that of C, and if the pivot columns alone become singular: in a step with both it is unchanged.
-        fall = self%last_independence - self%velocity_basis%independence
+        fall = self%start%independence - self%velocity_basis%independence
         falls = .not. self%velocity_basis%independence > horizon*fall
-        if (falls .or. self%velocity_basis%orientation /= self%origin_orientation) then
-            if (.not. keeps_rank(self, self%step_jacobian, self%model%terms%jacobian)) stat = status_rank_deficient
+        if (falls .or. self%velocity_basis%orientation /= self%start%orientation) then
+            if (.not. keeps_rank(self, self%start%jacobian, self%model%terms%jacobian)) stat = status_rank_deficient
         end if
         if (stat == status_ok) then
             call self%ties%find_massless(self%model%terms%mass)
             if (self%ties%n > 0) then
-                call self%ties%weigh_rows(self%step_jacobian, self%scale)
-                if (.not. keeps_ties(self, self%step_jacobian, self%model%terms%jacobian)) stat = status_singular_mass
+                call self%ties%weigh_rows(self%start%jacobian, self%scale)
+                if (.not. keeps_ties(self, self%start%jacobian, self%model%terms%jacobian)) stat = status_singular_mass
             end if
         end if
         if (stat /= status_ok) then
@@ -58,13 +58,13 @@ contains
             call look_within(self, t_from, q_from, t, q, stat)
             return
         end if
-        self%origin_orientation = self%velocity_basis%orientation
-        self%last_independence = self%velocity_basis%independence
-        if (self%ties%n > 0) call self%ties%measure(self%step_jacobian, self%model%terms%jacobian, self%scale, horizon, &
+        self%start%orientation = self%velocity_basis%orientation
+        self%start%independence = self%velocity_basis%independence
+        if (self%ties%n > 0) call self%ties%measure(self%start%jacobian, self%model%terms%jacobian, self%scale, horizon, &
             measure%room, measure%loosened, self%failure%coordinate)
         if (.not. falls) return
-        call self%row_space%find_weakest(self%m, self%n, self%step_jacobian, self%scale, self%x, smallest_before)
-        call self%row_space%find_weakest(self%m, self%n, self%model%terms%jacobian, self%scale, self%x, smallest)
+        call self%row_space%find_weakest(self%m, self%n, self%start%jacobian, self%scale, self%work%x, smallest_before)
+        call self%row_space%find_weakest(self%m, self%n, self%model%terms%jacobian, self%scale, self%work%x, smallest)
         if (smallest_before > smallest) measure%room = min(measure%room, smallest/(smallest_before - smallest))
         measure%fallen = smallest/max(self%best_independence, tiny(1.0_wp))
         if (measure%room <= horizon) call self%blame_dependent(0)
@@ -91,14 +91,14 @@ contains
         real(wp) :: from, to, at
         integer :: k, stat_there
 
-        allocate (near, source=self%step_jacobian)
+        allocate (near, source=self%start%jacobian)
         allocate (far, middle, source=self%model%terms%jacobian)
         from = 0.0_wp
         to = 1.0_wp
         do k = 1, most_halvings
             at = 0.5_wp*(from + to)
-            self%trial = q_from + at*(q - q_from)
-            call self%move_to(t_from + at*(t - t_from), self%trial, stat_there)
+            self%work%trial = q_from + at*(q - q_from)
+            call self%move_to(t_from + at*(t - t_from), self%work%trial, stat_there)
             if (stat_there /= status_ok) exit
             middle = self%model%terms%jacobian
             if (loss_between(self, near, middle) /= status_ok) then
@@ -150,7 +150,7 @@ contains
     module procedure measure_split
         if (self%velocity_basis%is_measured) return
         call self%velocity_basis%measure_orientation()
-        if (.not. self%has_bases) call self%free_motion%find_independence(self%velocity_basis%elimination, &
+        if (.not. self%mode%has_bases) call self%free_motion%find_independence(self%velocity_basis%elimination, &
             self%velocity_basis%independence)
     end procedure measure_split
 
@@ -159,11 +159,11 @@ contains
         class(dense_chart_type), intent(inout) :: self
         integer :: stat
 
-        call set_product(self%step_jacobian, self%x_basis, self%origin_c_x)
-        call self%origin_lu%factor(self%origin_c_x, stat)
+        call set_product(self%start%jacobian, self%bases%x, self%start%c_x)
+        call self%start%lu%factor(self%start%c_x, stat)
         if (stat /= 0) return
-        self%origin_orientation = self%origin_lu%determinant_sign()
-        self%last_independence = self%origin_lu%smallest_pivot()
+        self%start%orientation = self%start%lu%determinant_sign()
+        self%start%independence = self%start%lu%smallest_pivot()
     end subroutine measure_origin
 
     module procedure find_loss_ahead
@@ -208,8 +208,8 @@ contains
             !> Part of the line.
             real(wp), intent(in) :: ahead
 
-            self%trial = q_from + ahead*(q - q_from)
-            call self%move_to(t_from + ahead*(t - t_from), self%trial, stat)
+            self%work%trial = q_from + ahead*(q - q_from)
+            call self%move_to(t_from + ahead*(t - t_from), self%work%trial, stat)
             loss = status_ok
             if (stat == status_ok) loss = loss_between(self, here, self%model%terms%jacobian)
             keeps_until = loss == status_ok

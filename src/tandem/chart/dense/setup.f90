@@ -12,13 +12,13 @@ contains
         real(wp) :: utol
         integer :: i, way
 
-        self%refines = options%refresh == 'refine'
-        self%is_implicit = implicit
+        self%mode%refines = options%refresh == 'refine'
+        self%mode%is_implicit = implicit
         self%follows_stiffness = implicit .and. damps .and. options%chart /= 'paper'
-        self%uses_svd = options%basis == 'svd'
+        self%mode%uses_svd = options%basis == 'svd'
         ! The reach of kept charts is measured for the paper's complement. Without restored stages it makes ends of steps more
         ! accurate. Fixed steps, which have no error estimate, end with `chart_left` if C has turned too far for it.
-        self%keeps_momentum = options%is_adaptive() .and. projects_stages(options) .and. &
+        self%mode%keeps_momentum = options%is_adaptive() .and. projects_stages(options) .and. &
             options%chart == chart_policies(1)
         self%tolerance = options%constraint_tolerance
         ! gfortran would use undefined bounds if an absent argument were passed on.
@@ -37,51 +37,51 @@ contains
         end if
         self%friction%n = 0
         if (model%n_frictions > 0) call self%friction%allocate(model, self%n, self%m)
-        self%restores_iterates = self%refines .or. options%chart == 'paper' .or. self%friction%n > 0
+        self%mode%restores_iterates = self%mode%refines .or. options%chart == 'paper' .or. self%friction%n > 0
         if (present(kept)) then
             self%n_dropped = model%n_constraints() - size(kept)
             call self%rows%choose(model%n, model%n_constraints(), kept, implicit)
         end if
         call self%watch%allocate(options, implicit, self%n, self%nh, self%m)
         ! The condition of (38) is that of the paper's D, which needs W.
-        self%has_bases = implicit .or. self%refines .or. self%watch%condition
+        self%mode%has_bases = implicit .or. self%mode%refines .or. self%watch%condition
         self%scale = model%scales()
         self%rate = 1.0_wp/model%time_scale
         self%basis_scale = self%scale
-        self%magnitude = self%scale
+        self%work%magnitude = self%scale
         ! Entries of a variable mass matrix may be small by the choice of coordinates alone.
         self%knows_masses = .not. (implicit .and. model%constant_mass) .or. options%chart == 'paper'
-        self%has_nu = iand(self%model%has, need_nu) /= 0
-        self%has_gamma = iand(self%model%has, need_gamma) /= 0 .or. self%m == 0
+        self%mode%has_nu = iand(self%model%has, need_nu) /= 0
+        self%mode%has_gamma = iand(self%model%has, need_gamma) /= 0 .or. self%m == 0
         associate (n => self%n, nh => self%nh, m => self%m)
             way = by_elimination
-            if (self%has_bases) way = merge(by_refinement, by_factor, self%refines)
+            if (self%mode%has_bases) way = merge(by_refinement, by_factor, self%mode%refines)
             ! Rows are weighted by their scales at the start of a step during the iteration, by those at its end afterwards: an
             ! accepted point must not miss the tolerance for this reason.
             utol = options%position_tolerance()
-            if (.not. self%refines) utol = min(utol, 0.25_wp*max(utol, options%constraint_tolerance))
-            call self%position%allocate(n, nh, self%refines, utol, max(utol, options%stage_tolerance()), options%b_tolerance())
-            self%position%predicts = .not. (self%refines .or. implicit .or. options%chart == 'paper')
+            if (.not. self%mode%refines) utol = min(utol, 0.25_wp*max(utol, options%constraint_tolerance))
+            call self%position%allocate(n, nh, self%mode%refines, utol, max(utol, options%stage_tolerance()), options%b_tolerance())
+            self%position%predicts = .not. (self%mode%refines .or. implicit .or. options%chart == 'paper')
             call self%velocity_basis%allocate(n, m, way, options%h_tolerance())
             call self%dynamics%allocate(n, n - m)
-            call self%basis%allocate(n, nh, m, merge(n, m, self%has_bases .or. self%uses_svd))
-            if (.not. self%has_gamma .or. implicit) call self%differences%initialize(model, self%scale)
+            call self%basis%allocate(n, nh, m, merge(n, m, self%mode%has_bases .or. self%mode%uses_svd))
+            if (.not. self%mode%has_gamma .or. implicit) call self%differences%initialize(model, self%scale)
             self%q0 = spread(0.0_wp, 1, n)
-            self%x = spread(0.0_wp, 1, m)
-            allocate (self%step_jacobian(m, n), source=0.0_wp)
+            self%work%x = spread(0.0_wp, 1, m)
+            allocate (self%start%jacobian(m, n), source=0.0_wp)
             call self%ties%allocate(n, m)
             call self%row_space%forget()
-            if (self%has_bases) then
-                allocate (self%origin_c_x(m, m), source=0.0_wp)
-                call self%origin_lu%allocate(m)
-                allocate (self%x_basis(n, m), self%w_basis(n, n - m), self%w_dual(n, n - m), source=0.0_wp)
-                allocate (self%v_basis(n, n - nh), self%v_dual(n, n - nh), source=0.0_wp)
+            if (self%mode%has_bases) then
+                allocate (self%start%c_x(m, m), source=0.0_wp)
+                call self%start%lu%allocate(m)
+                allocate (self%bases%x(n, m), self%bases%w(n, n - m), self%bases%w_dual(n, n - m), source=0.0_wp)
+                allocate (self%bases%v(n, n - nh), self%bases%v_dual(n, n - nh), source=0.0_wp)
             else
-                allocate (self%x_basis(0, 0), self%w_basis(0, 0))
+                allocate (self%bases%x(0, 0), self%bases%w(0, 0))
                 call self%free_motion%allocate(m, n, self%scale)
             end if
             ! With redundant rows the singular values decide when to choose other rows.
-            self%skips_basis = .not. (self%has_bases .or. self%uses_svd .or. self%watch%v .or. self%watch%w .or. &
+            self%mode%skips_basis = .not. (self%mode%has_bases .or. self%mode%uses_svd .or. self%watch%v .or. self%watch%w .or. &
                 self%watch%secants .or. present(kept))
             if (implicit) then
                 call self%stage%allocate(n, nh, m)
@@ -99,11 +99,11 @@ contains
                 if (model%provides_derivatives /= need_all_derivatives) then
                     self%matrix_cost = self%matrix_cost + 0.35_wp*real(n + 1, wp)
                 end if
-                allocate (self%b_phi(nh, n), self%lambda(m), self%change_q(n), self%change_qd(n), source=0.0_wp)
+                allocate (self%work%b_phi(nh, n), self%work%lambda(m), self%work%change_q(n), self%work%change_qd(n), source=0.0_wp)
             end if
         end associate
         self%qd0 = self%q0
-        self%trial = self%q0
+        self%work%trial = self%q0
         call self%point%allocate(self%n)
     end procedure do_attach
 
@@ -119,40 +119,40 @@ contains
         call copy(self%n, q, self%q0)
         call copy(self%n, qd, self%qd0)
         call self%visit(t, q, stat)
-        if (stat == status_ok .and. self%has_bases) call self%refuse_infinite(stat)
+        if (stat == status_ok .and. self%mode%has_bases) call self%refuse_infinite(stat)
         ! A condition that holds at the start may be violated later.
         if (stat == status_ok) call self%judge_blocks(stat)
         if (stat /= status_ok) return
-        call copy(self%m*self%n, self%model%terms%jacobian, self%step_jacobian)
+        call copy(self%m*self%n, self%model%terms%jacobian, self%start%jacobian)
         split_stat = status_ok
         ! Implicit steps split velocities when needed.
-        if (.not. self%has_bases) call self%find_velocity_basis(split_stat)
+        if (.not. self%mode%has_bases) call self%find_velocity_basis(split_stat)
         if (split_stat == status_not_finite) then
             stat = split_stat
             return
         end if
-        call self%model%set_magnitudes(q, self%magnitude)
+        call self%model%set_magnitudes(q, self%work%magnitude)
         is_done = .false.
-        if (.not. self%has_bases .and. split_stat == status_ok) call self%measure_split()
-        if (self%skips_basis .and. split_stat == status_ok) call start_without_basis(self, t, is_done)
+        if (.not. self%mode%has_bases .and. split_stat == status_ok) call self%measure_split()
+        if (self%mode%skips_basis .and. split_stat == status_ok) call start_without_basis(self, t, is_done)
         if (.not. is_done) then
             if (.not. self%knows_masses) call weigh_coordinates(self)
             call load_bases(self, stat)
             if (stat /= status_ok) return
-            if (self%is_implicit) call self%stage%enter_chart(.not. self%metric%is_on)
-            call self%position%start(t, self%model%terms%jacobian, self%magnitude, self%scale, self%counts, stat)
+            if (self%mode%is_implicit) call self%stage%enter_chart(.not. self%metric%is_on)
+            call self%position%start(t, self%model%terms%jacobian, self%work%magnitude, self%scale, self%counts, stat)
             if (stat /= status_ok) return
         end if
-        if (self%has_bases) then
+        if (self%mode%has_bases) then
             call self%point%forget_velocity_basis()
-            call self%velocity_basis%start(self%model%terms%jacobian, self%x_basis, stat)
+            call self%velocity_basis%start(self%model%terms%jacobian, self%bases%x, stat)
         else
             stat = split_stat
             call self%blame(self%velocity_basis%failed_row, 0.0_wp)
             if (stat /= status_ok) return
-            self%origin_orientation = self%velocity_basis%orientation
-            self%last_independence = self%velocity_basis%independence
-            if (self%keeps_momentum) then
+            self%start%orientation = self%velocity_basis%orientation
+            self%start%independence = self%velocity_basis%independence
+            if (self%mode%keeps_momentum) then
                 call self%free_motion%set_origin(self%model%n_blocks, self%model%blocks, self%model%terms%mass)
             else
                 call self%free_motion%set_origin(0, self%model%blocks)
@@ -205,8 +205,8 @@ contains
         ! U is sufficient for explicit steps; |w| and |D| need X, kept bases are complete.
         columns = self%nh
         if (self%watch%w .or. self%watch%secants) columns = self%m
-        if (self%has_bases) columns = self%n
-        if (self%uses_svd) then
+        if (self%mode%has_bases) columns = self%n
+        if (self%mode%uses_svd) then
             call self%basis%factor_svd(self%model%terms%jacobian, self%basis_scale)
         else
             call self%basis%factor_qr(self%model%terms%jacobian, self%basis_scale, columns)
@@ -228,20 +228,20 @@ contains
         do j = 1, self%nh
             self%position%u_basis(:, j) = self%basis_scale*self%basis%q(:, j)
         end do
-        if (.not. self%has_bases) return
+        if (.not. self%mode%has_bases) return
         do j = 1, self%m
-            self%x_basis(:, j) = self%basis_scale*self%basis%q(:, j)
+            self%bases%x(:, j) = self%basis_scale*self%basis%q(:, j)
         end do
         do j = 1, self%n - self%nh
-            self%v_basis(:, j) = self%basis_scale*self%basis%q(:, self%nh + j)
-            self%v_dual(:, j) = self%basis%q(:, self%nh + j)/self%basis_scale
+            self%bases%v(:, j) = self%basis_scale*self%basis%q(:, self%nh + j)
+            self%bases%v_dual(:, j) = self%basis%q(:, self%nh + j)/self%basis_scale
         end do
         do j = 1, self%n - self%m
-            self%w_basis(:, j) = self%basis_scale*self%basis%q(:, self%m + j)
-            self%w_dual(:, j) = self%basis%q(:, self%m + j)/self%basis_scale
+            self%bases%w(:, j) = self%basis_scale*self%basis%q(:, self%m + j)
+            self%bases%w_dual(:, j) = self%basis%q(:, self%m + j)/self%basis_scale
         end do
         if (self%metric%is_on .and. self%m > 0) call self%metric%lean(self%nh, self%m, self%basis%q, self%basis_scale, &
-            self%position%u_basis, self%v_dual, self%x_basis, self%w_dual)
+            self%position%u_basis, self%bases%v_dual, self%bases%x, self%bases%w_dual)
     end procedure place_bases
 
     module procedure pack_state
@@ -250,7 +250,7 @@ contains
         call self%differences%pack_state(pack)
         call self%position%pack_state(pack)
         call self%velocity_basis%pack_state(pack)
-        if (self%is_implicit) then
+        if (self%mode%is_implicit) then
             call self%stage%pack_state(pack)
             call self%metric%pack_state(pack)
             call pack%item(self%basis_scale)
@@ -258,13 +258,13 @@ contains
         end if
         call pack%item(self%q0, self%qd0)
         call pack%item(self%basis%q)
-        call pack%item(self%x_basis, self%v_basis, self%w_basis, self%v_dual, self%w_dual)
-        if (.not. self%has_bases) call self%free_motion%pack_state(pack)
+        call pack%item(self%bases%x, self%bases%v, self%bases%w, self%bases%v_dual, self%bases%w_dual)
+        if (.not. self%mode%has_bases) call self%free_motion%pack_state(pack)
         call pack%item(self%rows%dropped)
-        call pack%item(self%origin_orientation)
-        call pack%item(self%last_independence)
+        call pack%item(self%start%orientation)
+        call pack%item(self%start%independence)
         call self%ties%pack_state(pack)
-        call pack%item(self%step_jacobian)
+        call pack%item(self%start%jacobian)
         call self%point%pack_state(pack)
         call pack%item(self%stage_segment)
     end procedure pack_state
@@ -284,7 +284,7 @@ contains
             can = bound > clearly_independent .and. .not. bound > much_better*self%best_independence
             if (.not. can) return
             self%independence = bound
-            call self%position%start_without_basis(t, e%height, e%matrix, self%magnitude, self%scale, self%counts, can)
+            call self%position%start_without_basis(t, e%height, e%matrix, self%work%magnitude, self%scale, self%counts, can)
         end associate
     end subroutine start_without_basis
 end submodule tandem_chart_dense_setup

@@ -22,6 +22,23 @@ module tandem_chart_sparse_analysis
     !> Largest number of rows of a node, and of nodes at a body that is eliminated first.
     integer, parameter :: most_rows = 6, most_links = 8
 
+    !> Positions of products in the factor.
+    type :: target_type
+        !> Of the parts of two links of a body that is eliminated: of link 1 with itself, of 2 with 1 and with itself, and so on;
+        !> for a hub the block of each link. From pair_start(b) + 1 on.
+        integer, allocatable :: pair_start(:), pair(:)
+        !> Of the neighbours behind node k when it is eliminated, from update_start(k) + 1 on, in the order of pairs; the last one
+        !> is empty.
+        integer, allocatable :: update_start(:), update(:)
+    end type target_type
+
+    !> Storage of the blocks of a factor: offset of the block of each neighbour behind a node, and of the diagonal blocks; number of
+    !> entries. A block has as many rows as the later node has unknowns.
+    type :: block_type
+        integer, allocatable :: later(:), diagonal(:)
+        integer :: n_entries = 0
+    end type block_type
+
     type :: analysis_type
         integer :: n = 0, m = 0, n_bodies = 0, n_nodes = 0
         !> The first coordinate of each body (n_bodies + 1), and of each coordinate's block of M (n); the row that a body owns, and
@@ -48,28 +65,23 @@ module tandem_chart_sparse_analysis
         !> For each body that is eliminated first the kind of its joints if these are hinges alone or pins alone; for each node its
         !> kind (`tandem_chart_sparse_meetings`).
         integer, allocatable :: joints_of_body(:), joint_of_node(:)
-        !> Target of a product of the parts of two links of a body that is eliminated: of link 1 with itself, of 2 with 1 and with
-        !> itself, and so on; for a hub the block of each link. From pair_start(b) + 1 on.
-        integer, allocatable :: pair_start(:), pair_target(:)
+        !> Positions of the products of an elimination.
+        type(target_type) :: target
         !> Nodes in their order of elimination: number of unknowns, offset in the vector of all unknowns, first row or coordinate,
         !> and true for a body.
         integer, allocatable :: height(:), place(:), origin(:)
         logical, allocatable :: is_body(:)
         integer :: n_unknowns = 0
-        !> Neighbours behind node k: later(later_start(k)) to later(later_start(k + 1) - 1), ascending; the offset of each block,
-        !> and of the diagonal blocks. A block has as many rows as the later node has unknowns.
-        integer, allocatable :: later_start(:), later(:), later_offset(:), diagonal_offset(:)
+        !> Neighbours behind node k: later(later_start(k)) to later(later_start(k + 1) - 1), ascending.
+        integer, allocatable :: later_start(:), later(:)
+        !> Storage of the factor.
+        type(block_type) :: block
         !> The same data for loops: the first unknown less one, height, offset of the diagonal block, first row or coordinate of
         !> each node (4, nodes); the first three of each neighbour behind, with the offset of the block (3, neighbours + 1).
         integer, allocatable :: node(:, :), behind(:, :)
         !> Number of successive nodes of five rows, from each one on, that are not neighbours of each other, so that their blocks
         !> are inverted together; 0 if the node has other rows or belongs to an earlier group.
         integer, allocatable :: together(:)
-        !> Entries of all blocks.
-        integer :: n_factor = 0
-        !> Targets of the products of those neighbours when node k is eliminated, from update_start(k) + 1 on, in the order of
-        !> pairs; the last one is empty.
-        integer, allocatable :: update_start(:), update_target(:)
         !> Approximate number of multiplications of a factorization.
         integer(long) :: work = 0
     contains
@@ -180,9 +192,9 @@ contains
         ! gfortran reads the shape of an unallocated left side before it allocates.
         if (allocated(self%node)) deallocate (self%node, self%behind, self%link)
         allocate (self%node(4, self%n_nodes), self%behind(3, size(self%later) + 1), self%link(6, size(self%link_node) + 1))
-        self%node = reshape([(self%place(n), self%height(n), self%diagonal_offset(n), self%origin(n), n=1, self%n_nodes)], &
+        self%node = reshape([(self%place(n), self%height(n), self%block%diagonal(n), self%origin(n), n=1, self%n_nodes)], &
             [4, self%n_nodes])
-        self%behind = reshape([(self%place(self%later(k)), self%height(self%later(k)), self%later_offset(k), &
+        self%behind = reshape([(self%place(self%later(k)), self%height(self%later(k)), self%block%later(k), &
             k=1, size(self%later))], [3, size(self%later) + 1], pad=[0])
         self%link = reshape([(self%place(self%link_node(l)), self%height(self%link_node(l)), 0, &
             self%origin(self%link_node(l)), 0, 0, l=1, size(self%link_node))], [6, size(self%link_node) + 1], &
@@ -476,17 +488,17 @@ contains
         integer(long) :: below
         integer :: i, k
 
-        self%diagonal_offset = spread(0, 1, self%n_nodes)
-        self%later_offset = spread(0, 1, size(self%later))
-        self%n_factor = 0
+        self%block%diagonal = spread(0, 1, self%n_nodes)
+        self%block%later = spread(0, 1, size(self%later))
+        self%block%n_entries = 0
         self%work = 0
         do i = 1, self%n_nodes
-            self%diagonal_offset(i) = self%n_factor
-            self%n_factor = self%n_factor + self%height(i)**2
+            self%block%diagonal(i) = self%block%n_entries
+            self%block%n_entries = self%block%n_entries + self%height(i)**2
             below = 0
             do k = self%later_start(i), self%later_start(i + 1) - 1
-                self%later_offset(k) = self%n_factor
-                self%n_factor = self%n_factor + self%height(i)*self%height(self%later(k))
+                self%block%later(k) = self%block%n_entries
+                self%block%n_entries = self%block%n_entries + self%height(i)*self%height(self%later(k))
                 below = below + self%height(self%later(k))
             end do
             self%work = self%work + self%height(i)*(self%height(i) + below)**2
@@ -502,7 +514,7 @@ contains
         earlier = min(one, two)
         wanted = max(one, two)
         if (earlier == wanted) then
-            offset = self%diagonal_offset(one)
+            offset = self%block%diagonal(one)
             return
         end if
         from = self%later_start(earlier)
@@ -515,7 +527,7 @@ contains
                 to = middle
             end if
         end do
-        offset = self%later_offset(from)
+        offset = self%block%later(from)
     end function block_of
 
     !> Set the targets of the products of the neighbours of each node.
@@ -523,21 +535,21 @@ contains
         class(analysis_type), intent(inout) :: self
         integer :: i, j, k, n
 
-        self%update_start = spread(0, 1, self%n_nodes + 1)
+        self%target%update_start = spread(0, 1, self%n_nodes + 1)
         n = 0
         do i = 1, self%n_nodes
             associate (count => self%later_start(i + 1) - self%later_start(i))
                 n = n + count*(count + 1)/2
             end associate
-            self%update_start(i + 1) = n
+            self%target%update_start(i + 1) = n
         end do
-        self%update_target = spread(0, 1, n + 1)
+        self%target%update = spread(0, 1, n + 1)
         n = 0
         do i = 1, self%n_nodes
             do j = self%later_start(i), self%later_start(i + 1) - 1
                 do k = self%later_start(i), j
                     n = n + 1
-                    self%update_target(n) = self%block_of(self%later(j), self%later(k))
+                    self%target%update(n) = self%block_of(self%later(j), self%later(k))
                 end do
             end do
         end do
@@ -548,25 +560,25 @@ contains
         class(analysis_type), intent(inout) :: self
         integer :: b, count, j, k, n
 
-        self%pair_start = spread(0, 1, self%n_bodies + 1)
+        self%target%pair_start = spread(0, 1, self%n_bodies + 1)
         n = 0
         do b = 1, self%n_bodies
             count = self%link_start(b + 1) - self%link_start(b)
             n = n + merge(count, count*(count + 1)/2, self%is_kept(b))
-            self%pair_start(b + 1) = n
+            self%target%pair_start(b + 1) = n
         end do
-        self%pair_target = spread(0, 1, n)
+        self%target%pair = spread(0, 1, n)
         n = 0
         do b = 1, self%n_bodies
             do j = self%link_start(b), self%link_start(b + 1) - 1
                 if (self%is_kept(b)) then
                     n = n + 1
-                    self%pair_target(n) = self%block_of(self%link_node(j), self%node_of_body(b))
+                    self%target%pair(n) = self%block_of(self%link_node(j), self%node_of_body(b))
                     cycle
                 end if
                 do k = self%link_start(b), j
                     n = n + 1
-                    self%pair_target(n) = self%block_of(self%link_node(j), self%link_node(k))
+                    self%target%pair(n) = self%block_of(self%link_node(j), self%link_node(k))
                 end do
             end do
         end do

@@ -168,7 +168,7 @@ contains
         if (allocated(self%own)) deallocate (self%own)
         allocate (self%y(a%n_moved + read_behind), &
             self%sent(most_rows, merge(size(a%link_node), 0, any(a%norm_row > 0))), self%r(a%n), &
-            self%blocks(a%n_factor + read_behind), self%added(merge(a%n_bodies, 0, any(a%is_kept))), source=0.0_wp)
+            self%blocks(a%block%n_entries + read_behind), self%added(merge(a%n_bodies, 0, any(a%is_kept))), source=0.0_wp)
         if (has_terms) allocate (self%c(a%n_entries + read_behind + a%n), self%w(pattern%mass_width, a%n), self%alone(a%m), &
             source=0.0_wp)
         if (has_terms) call put_places(a, self%c)
@@ -317,9 +317,9 @@ contains
                     return
                 end if
                 j = a%later_start(k)
-                d = a%update_start(k)
-                call pass_on(a%height(k), a%later_start(k + 1) - j, a%diagonal_offset(k), a%behind(1, j), &
-                    a%update_target(d + 1), self%blocks)
+                d = a%target%update_start(k)
+                call pass_on(a%height(k), a%later_start(k + 1) - j, a%block%diagonal(k), a%behind(1, j), &
+                    a%target%update(d + 1), self%blocks)
             end do
             n = n + count
         end do
@@ -333,7 +333,7 @@ contains
             real(wp) :: ratio(max(most_rows, most_coordinates))
             integer :: i
 
-            associate (s => a%height(node), diagonal => a%diagonal_offset(node), origin => a%origin(node))
+            associate (s => a%height(node), diagonal => a%block%diagonal(node), origin => a%origin(node))
                 if (a%is_body(node)) then
                     do i = 1, s
                         ratio(i) = self%blocks(diagonal + (i - 1)*(s + 1) + 1)

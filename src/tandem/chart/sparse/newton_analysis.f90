@@ -93,9 +93,9 @@ contains
         call self%find_targets(base, stiffness, node_of, order)
         if (allocated(self%node)) deallocate (self%node, self%behind)
         allocate (self%node(4, self%n_nodes), self%behind(3, size(self%later) + 1))
-        self%node = reshape([(self%place(n), self%height(n), self%diagonal_offset(n), self%origin(n), n=1, self%n_nodes)], &
+        self%node = reshape([(self%place(n), self%height(n), self%block%diagonal(n), self%origin(n), n=1, self%n_nodes)], &
             [4, self%n_nodes])
-        self%behind = reshape([(self%place(self%later(k)), self%height(self%later(k)), self%later_offset(k), &
+        self%behind = reshape([(self%place(self%later(k)), self%height(self%later(k)), self%block%later(k), &
             k=1, size(self%later))], [3, size(self%later) + 1], pad=[0])
     end subroutine analyse_newton
 

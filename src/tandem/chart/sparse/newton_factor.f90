@@ -45,7 +45,7 @@ contains
         type(newton_analysis_type), intent(in) :: analysis
 
         if (allocated(self%lower)) deallocate (self%lower, self%upper)
-        allocate (self%lower(analysis%n_factor), self%upper(analysis%n_factor), source=0.0_wp)
+        allocate (self%lower(analysis%block%n_entries), self%upper(analysis%block%n_entries), source=0.0_wp)
     end subroutine allocate_factor
 
     !> The matrix before the elimination of the first node.
@@ -89,7 +89,7 @@ contains
             do k = 1, a%n_nodes
                 if (a%is_body(k)) cycle
                 do i = 1, a%height(k)
-                    if (terms%is_out(a%origin(k) + i - 1)) self%lower(a%diagonal_offset(k) + (i - 1)*(a%height(k) + 1) + 1) = 1.0_wp
+                    if (terms%is_out(a%origin(k) + i - 1)) self%lower(a%block%diagonal(k) + (i - 1)*(a%height(k) + 1) + 1) = 1.0_wp
                 end do
             end do
         end associate
@@ -102,7 +102,7 @@ contains
             integer :: column, from, link, row, to, where
             logical :: has_norm
 
-            where = a%diagonal_offset(a%node_of_body(body))
+            where = a%block%diagonal(a%node_of_body(body))
             has_norm = a%norm_row(body) > 0
             if (has_norm) has_norm = .not. terms%is_out(a%norm_row(body))
             if (a%norm_row(body) > 0 .and. .not. has_norm) self%lower(where + height**2) = 1.0_wp
@@ -159,25 +159,25 @@ contains
         logical :: is_regular
 
         stat = status_ok
-        associate (lower => self%lower, upper => self%upper, at => a%later_offset)
+        associate (lower => self%lower, upper => self%upper, at => a%block%later)
             do n = 1, a%n_nodes
                 s = a%height(n)
-                call invert_pivoted(s, lower(a%diagonal_offset(n) + 1), is_regular)
+                call invert_pivoted(s, lower(a%block%diagonal(n) + 1), is_regular)
                 if (.not. is_regular) then
                     stat = status_newton_failed
                     return
                 end if
-                d = a%update_start(n)
+                d = a%target%update_start(n)
                 do j = a%later_start(n), a%later_start(n + 1) - 1
                     p = a%height(a%later(j))
-                    call multiply_block(p, s, s, lower(at(j) + 1), lower(a%diagonal_offset(n) + 1), scaled)
+                    call multiply_block(p, s, s, lower(at(j) + 1), lower(a%block%diagonal(n) + 1), scaled)
                     do i = 1, p*s
                         lower(at(j) + i) = scaled(i)
                     end do
                     do k = a%later_start(n), j
                         d = d + 1
                         q = a%height(a%later(k))
-                        target = a%update_target(d)
+                        target = a%target%update(d)
                         call subtract_product(p, q, s, scaled, upper(at(k) + 1), lower(target + 1))
                         if (k < j) call subtract_product(q, p, s, lower(at(k) + 1), upper(at(j) + 1), upper(target + 1))
                     end do

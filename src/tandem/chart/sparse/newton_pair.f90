@@ -62,16 +62,16 @@ contains
         logical :: is_regular
 
         stat = status_ok
-        associate (at => a%later_offset)
+        associate (at => a%block%later)
             do n = 1, a%n_nodes
                 s = a%height(n)
-                associate (diagonal => a%diagonal_offset(n) + 1)
+                associate (diagonal => a%block%diagonal(n) + 1)
                     call invert_complex(s, lower(diagonal), lower_im(diagonal), is_regular)
                     if (.not. is_regular) then
                         stat = status_newton_failed
                         return
                     end if
-                    d = a%update_start(n)
+                    d = a%target%update_start(n)
                     do j = a%later_start(n), a%later_start(n + 1) - 1
                         p = a%height(a%later(j))
                         call multiply_block(p, s, s, lower(at(j) + 1), lower(diagonal), scaled)
@@ -91,7 +91,7 @@ contains
                         do k = a%later_start(n), j
                             d = d + 1
                             q = a%height(a%later(k))
-                            target = a%update_target(d) + 1
+                            target = a%target%update(d) + 1
                             call subtract_product(p, q, s, scaled, upper(at(k) + 1), lower(target))
                             call subtract_product(p, q, s, minus_scaled_im, upper_im(at(k) + 1), lower(target))
                             call subtract_product(p, q, s, scaled, upper_im(at(k) + 1), lower_im(target))

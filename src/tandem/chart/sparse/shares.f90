@@ -14,7 +14,7 @@ contains
 
         do b = 1, a%n_bodies
             nb = a%first(b + 1) - a%first(b)
-            d = a%pair_start(b)
+            d = a%target%pair_start(b)
             associate (from => a%link_start(b), last => a%link_start(b + 1) - 1, f => a%first(b))
                 if (a%is_kept(b)) then
                     call put_kept(b, nb)
@@ -26,7 +26,7 @@ contains
                         s = a%height(n)
                         d = d + 1
                         k = a%link_offset(l)
-                        call add_kept(s, nb, n > a%node_of_body(b), inverse, self%c(k + 1), self%blocks(a%pair_target(d) + 1), &
+                        call add_kept(s, nb, n > a%node_of_body(b), inverse, self%c(k + 1), self%blocks(a%target%pair(d) + 1), &
                             self%alone(a%origin(n)))
                     end do
                     cycle
@@ -34,15 +34,15 @@ contains
                 if (last < from) cycle
                 if (a%joints_of_body(b) == of_hinges) then
                     call add_in_space(last - from + 1, a%link(1, from), size(self%w, 1), self%w(1, f), self%r(f), &
-                        a%pair_target(d + 1), self%c, self%sent(1, from), self%y, self%blocks)
+                        a%target%pair(d + 1), self%c, self%sent(1, from), self%y, self%blocks)
                     cycle
                 else if (a%joints_of_body(b) == of_pins) then
-                    call add_in_plane(last - from + 1, a%link(1, from), size(self%w, 1), self%w(1, f), a%pair_target(d + 1), &
+                    call add_in_plane(last - from + 1, a%link(1, from), size(self%w, 1), self%w(1, f), a%target%pair(d + 1), &
                         self%c, self%y, self%blocks)
                     cycle
                 end if
                 call add_links(a%kind(b), nb, last - from + 1, a%block_first(f), size(self%w, 1), self%w(1, f), a%link(1, from), &
-                    a%pair_target(d + 1), self%c, self%y, self%blocks)
+                    a%target%pair(d + 1), self%c, self%y, self%blocks)
                 if (a%norm_row(b) == 0) cycle
                 do l = from, last
                     do i = 1, most_rows
@@ -61,7 +61,7 @@ contains
             integer, intent(in) :: body, height
             integer :: column, row, first
 
-            associate (offset => a%diagonal_offset(a%node_of_body(body)), begins => a%first(body))
+            associate (offset => a%block%diagonal(a%node_of_body(body)), begins => a%first(body))
                 do column = 1, height
                     first = a%block_first(begins + column - 1) - begins + 1
                     row = first
