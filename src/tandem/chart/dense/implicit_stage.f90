@@ -68,28 +68,6 @@ contains
         matrix_cost = self%cost
     end procedure matrix_cost
 
-    !> Measure the size of the last correction, and check that the rates are finite.
-    subroutine judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:)
-        real(wp), intent(in) :: ha
-        real(wp), intent(out) :: change
-        integer, intent(out) :: stat
-        integer :: j
-
-        stat = status_ok
-        change = 0.0_wp
-        do j = 1, self%n
-            change = max(change, abs(ha*self%change_q(j))/max(abs(q(j)), self%scale(j)), &
-                abs(ha*self%change_qd(j))/max(abs(qd(j)), self%rate*self%scale(j)))
-        end do
-        if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
-            stat = status_not_finite
-            call self%name_infinite(stat)
-        end if
-        self%counts%newton_corrections = self%counts%newton_corrections + 1
-    end subroutine judge_correction
-
     module procedure expect_pairs
         call self%stage%expect_pairs(ratios)
     end procedure expect_pairs
@@ -282,21 +260,34 @@ contains
         call self%stage%solve_pair(self%v_basis, self%v_dual, self%w_basis, self%w_dual, k, x, y)
     end procedure solve_pair
 
+    !> Add the correction, measure its size, and check that the rates are finite.
     module procedure update_stage
-        real(wp) :: left, turned
+        real(wp) :: left, turned, sum_of_rates, unit_q, unit_qd
         integer :: j
 
+        stat = status_ok
         call self%stage%move_rates(self%v_basis, self%w_basis, correction, rate_q, rate_qd, self%change_q, self%change_qd)
-        call judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
-        if (restores(self)) return
+        self%counts%newton_corrections = self%counts%newton_corrections + 1
+        change = 0.0_wp
+        turned = 0.0_wp
+        left = 0.0_wp
+        sum_of_rates = 0.0_wp
         associate (iterate => self%iterates(stage))
-            left = 0.0_wp
-            turned = 0.0_wp
             do j = 1, self%n
-                turned = max(turned, abs(ha*self%change_q(j))/max(abs(q(j)), self%scale(j)))
-                left = max(left, abs(iterate%moved_q(j))/max(abs(q(j)), self%scale(j)), &
-                    max(abs(iterate%moved_qd(j)), abs(ha*iterate%moved_qdd(j)))/max(abs(qd(j)), self%rate*self%scale(j)))
+                unit_q = 1.0_wp/max(abs(q(j)), self%scale(j))
+                unit_qd = 1.0_wp/max(abs(qd(j)), self%rate*self%scale(j))
+                turned = max(turned, abs(ha*self%change_q(j))*unit_q)
+                change = max(change, abs(ha*self%change_qd(j))*unit_qd)
+                left = max(left, abs(iterate%moved_q(j))*unit_q, &
+                    max(abs(iterate%moved_qd(j)), abs(ha*iterate%moved_qdd(j)))*unit_qd)
+                sum_of_rates = sum_of_rates + (abs(rate_q(j)) + abs(rate_qd(j)))
             end do
+            change = max(change, turned)
+            if (.not. sum_of_rates <= huge(1.0_wp)) then
+                stat = status_not_finite
+                call self%name_infinite(stat)
+            end if
+            if (restores(self)) return
             ! The factors miss the part of the point's last corrections by which C has turned since.
             change = max(change, min(iterate%drift, 1.0_wp)*left)
             iterate%drift = iterate%drift + turned
