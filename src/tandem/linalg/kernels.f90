@@ -43,58 +43,135 @@ contains
         real(wp), intent(in), contiguous :: a(:, :), x(:)
         real(wp), intent(in) :: factor
         real(wp), intent(inout), contiguous :: y(:)
-        real(wp) :: x1, x2, x3
-        integer :: i, j, m, n
 
-        m = size(a, 1)
-        n = size(a, 2)
-        do j = 1, n - 2, 3
-            x1 = factor*x(j)
-            x2 = factor*x(j + 1)
-            x3 = factor*x(j + 2)
-            do i = 1, m
-                y(i) = y(i) + (a(i, j)*x1 + a(i, j + 1)*x2 + a(i, j + 2)*x3)
-            end do
-        end do
-        do j = n - modulo(n, 3) + 1, n
-            x1 = factor*x(j)
-            do i = 1, m
-                y(i) = y(i) + a(i, j)*x1
-            end do
-        end do
+        call add_product_of(size(a, 1), size(a, 2), a, x, factor, y)
     end subroutine add_product
+
+    !> The same with explicit sizes: blocks of rows that fit a register, the last one with rows of the one before if need be.
+    pure subroutine add_product_of(m, n, a, x, factor, y)
+        integer, intent(in) :: m, n
+        real(wp), intent(in) :: a(m, n), x(n), factor
+        real(wp), intent(inout) :: y(m)
+        real(wp) :: s(short), total
+        integer :: first, i, j, rest
+
+        if (m < short) then
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do i = 1, m
+                total = 0.0_wp
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do j = 1, n
+                    total = total + a(i, j)*x(j)
+                end do
+                y(i) = y(i) + factor*total
+            end do
+            return
+        end if
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do first = 0, m - short, short
+            do i = 1, short
+                s(i) = 0.0_wp
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, n
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    s(i) = s(i) + a(first + i, j)*x(j)
+                end do
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y(first + i) = y(first + i) + factor*s(i)
+            end do
+        end do
+        rest = iand(m, short - 1)
+        if (rest == 0) return
+        do i = 1, short
+            s(i) = 0.0_wp
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, n
+            !GCC$ UNROLL 1
+            do i = 1, short
+                s(i) = s(i) + a(m - short + i, j)*x(j)
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = short - rest + 1, short
+            y(m - short + i) = y(m - short + i) + factor*s(i)
+        end do
+    end subroutine add_product_of
 
     !> y := y + factor A' x, A (m, n).
     pure subroutine add_transposed_product(a, x, factor, y)
         real(wp), intent(in), contiguous :: a(:, :), x(:)
         real(wp), intent(in) :: factor
         real(wp), intent(inout), contiguous :: y(:)
-        real(wp) :: t1, t2, t3
-        integer :: i, j, m, n
 
-        m = size(a, 1)
-        n = size(a, 2)
-        do j = 1, n - 2, 3
-            t1 = 0.0_wp
-            t2 = 0.0_wp
-            t3 = 0.0_wp
-            do i = 1, m
+        call add_transposed_product_of(size(a, 1), size(a, 2), a, x, factor, y)
+    end subroutine add_transposed_product
+
+    !> The same with explicit sizes: two columns at once, in partial sums that fit a register.
+    pure subroutine add_transposed_product_of(m, n, a, x, factor, y)
+        integer, intent(in) :: m, n
+        real(wp), intent(in) :: a(m, n), x(m), factor
+        real(wp), intent(inout) :: y(n)
+        real(wp) :: s(short), t(short), t1, t2
+        integer :: first, i, j
+
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, n - 1, 2
+            do i = 1, short
+                s(i) = 0.0_wp
+                t(i) = 0.0_wp
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do first = 0, m - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    s(i) = s(i) + a(first + i, j)*x(first + i)
+                    t(i) = t(i) + a(first + i, j + 1)*x(first + i)
+                end do
+            end do
+            t1 = (s(1) + s(2)) + (s(3) + s(4))
+            t2 = (t(1) + t(2)) + (t(3) + t(4))
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do i = m - iand(m, short - 1) + 1, m
                 t1 = t1 + a(i, j)*x(i)
                 t2 = t2 + a(i, j + 1)*x(i)
-                t3 = t3 + a(i, j + 2)*x(i)
             end do
             y(j) = y(j) + factor*t1
             y(j + 1) = y(j + 1) + factor*t2
-            y(j + 2) = y(j + 2) + factor*t3
         end do
-        do j = n - modulo(n, 3) + 1, n
-            t1 = 0.0_wp
-            do i = 1, m
-                t1 = t1 + a(i, j)*x(i)
+        if (iand(n, 1) == 0) return
+        do i = 1, short
+            s(i) = 0.0_wp
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do first = 0, m - short, short
+            !GCC$ UNROLL 1
+            do i = 1, short
+                s(i) = s(i) + a(first + i, n)*x(first + i)
             end do
-            y(j) = y(j) + factor*t1
         end do
-    end subroutine add_transposed_product
+        t1 = (s(1) + s(2)) + (s(3) + s(4))
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = m - iand(m, short - 1) + 1, m
+            t1 = t1 + a(i, n)*x(i)
+        end do
+        y(n) = y(n) + factor*t1
+    end subroutine add_transposed_product_of
 
     !> C := A B, A (l, m), B (m, n).
     subroutine set_product(a, b, c)
@@ -109,34 +186,85 @@ contains
         integer, intent(in) :: l, n
         real(wp), intent(in), contiguous :: a(:, :), b(:, :)
         real(wp), intent(out) :: c(l, n)
-        real(wp) :: b1, b2, b3
-        integer :: i, j, k, m
 
-        m = size(a, 2)
-        if (l*m*n >= worth_a_call) then
-            call dgemm('N', 'N', l, n, m, 1.0_wp, a, size(a, 1), b, m, 0.0_wp, c, l)
+        if (l*size(a, 2)*n >= worth_a_call) then
+            call dgemm('N', 'N', l, n, size(a, 2), 1.0_wp, a, size(a, 1), b, size(b, 1), 0.0_wp, c, l)
+        else
+            call set_product_of(l, size(a, 2), n, size(a, 1), a, b, c)
+        end if
+    end subroutine set_leading_product
+
+    !> The same with explicit sizes: blocks of rows that fit a register, the last one with rows of the one before if need be.
+    pure subroutine set_product_of(l, m, n, height, a, b, c)
+        integer, intent(in) :: l, m, n, height
+        real(wp), intent(in) :: a(height, m), b(m, n)
+        real(wp), intent(out) :: c(l, n)
+        real(wp) :: s(short), t(short), total
+        integer :: first, i, j, k
+
+        if (l < short) then
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, n
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do i = 1, l
+                    total = 0.0_wp
+                    !GCC$ NOVECTOR
+                    !GCC$ UNROLL 1
+                    do k = 1, m
+                        total = total + a(i, k)*b(k, j)
+                    end do
+                    c(i, j) = total
+                end do
+            end do
             return
         end if
-        do j = 1, n
-            do i = 1, l
-                c(i, j) = 0.0_wp
-            end do
-            do k = 1, m - 2, 3
-                b1 = b(k, j)
-                b2 = b(k + 1, j)
-                b3 = b(k + 2, j)
-                do i = 1, l
-                    c(i, j) = c(i, j) + (a(i, k)*b1 + a(i, k + 1)*b2 + a(i, k + 2)*b3)
+        first = 0
+        do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, n - 1, 2
+                do i = 1, short
+                    s(i) = 0.0_wp
+                    t(i) = 0.0_wp
+                end do
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do k = 1, m
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        s(i) = s(i) + a(first + i, k)*b(k, j)
+                        t(i) = t(i) + a(first + i, k)*b(k, j + 1)
+                    end do
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    c(first + i, j) = s(i)
+                    c(first + i, j + 1) = t(i)
                 end do
             end do
-            do k = m - modulo(m, 3) + 1, m
-                b1 = b(k, j)
-                do i = 1, l
-                    c(i, j) = c(i, j) + a(i, k)*b1
+            if (iand(n, 1) == 1) then
+                do i = 1, short
+                    s(i) = 0.0_wp
                 end do
-            end do
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do k = 1, m
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        s(i) = s(i) + a(first + i, k)*b(k, n)
+                    end do
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    c(first + i, n) = s(i)
+                end do
+            end if
+            if (first + short == l) exit
+            first = min(first + short, l - short)
         end do
-    end subroutine set_leading_product
+    end subroutine set_product_of
 
     !> y := x. An assignment of short slices spends more time on their bounds.
     pure subroutine copy(n, x, y)
@@ -236,21 +364,15 @@ contains
     subroutine set_gram(a, b, c)
         real(wp), intent(in), contiguous :: a(:, :), b(:, :)
         real(wp), intent(out), contiguous :: c(:, :)
-        real(wp) :: total
-        integer :: i, j, k
+        integer :: j
 
         if (size(a)*size(b, 2) >= worth_a_call) then
             call dgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_wp, a, size(a, 1), b, size(b, 1), 0.0_wp, c, size(c, 1))
             return
         end if
+        c = 0.0_wp
         do j = 1, size(b, 2)
-            do i = 1, size(a, 2)
-                total = 0.0_wp
-                do k = 1, size(a, 1)
-                    total = total + a(k, i)*b(k, j)
-                end do
-                c(i, j) = total
-            end do
+            call add_transposed_product_of(size(a, 1), size(a, 2), a, b(:, j), 1.0_wp, c(:, j))
         end do
     end subroutine set_gram
 end module tandem_linalg_kernels

@@ -5,7 +5,7 @@
 !> measured factor of 2 to 4), and a threaded BLAS may start threads for it. LAPACK above.
 module tandem_linalg_lu
     use tandem_kinds, only: wp
-    use tandem_linalg_kernels, only: set_leading_product
+    use tandem_linalg_kernels, only: add_product, set_leading_product
     use tandem_linalg_lapack, only: dgecon, dgetrf, dgetrs
     use tandem_pack, only: pack_type
     implicit none (type, external)
@@ -23,7 +23,7 @@ module tandem_linalg_lu
         real(wp), allocatable :: factors(:, :), work(:)
         integer, allocatable :: pivots(:), iwork(:)
     contains
-        procedure :: allocate => allocate_lu, factor, factor_product, solve, solve_transposed, invert
+        procedure :: allocate => allocate_lu, factor, factor_product, solve, solve_transposed, solve_rows, invert
         procedure :: reciprocal_condition, determinant_sign, smallest_pivot, pack_state
         procedure, private :: factor_small, solve_small, solve_small_transposed
     end type lu_type
@@ -103,6 +103,36 @@ contains
             call dgetrs('T', self%n, 1, self%factors, self%n, self%pivots, b, self%n, info)
         end if
     end subroutine solve_transposed
+
+    !> B := B A^-1 for a matrix (m, n).
+    subroutine solve_rows(self, b)
+        class(lu_type), intent(in) :: self
+        real(wp), intent(inout), contiguous :: b(:, :)
+        real(wp) :: f
+        integer :: i, j, p
+
+        associate (a => self%factors, n => self%n)
+            do j = 1, n
+                call add_product(b(:, :j - 1), a(:j - 1, j), -1.0_wp, b(:, j))
+                f = 1.0_wp/a(j, j)
+                do i = 1, size(b, 1)
+                    b(i, j) = b(i, j)*f
+                end do
+            end do
+            do j = n - 1, 1, -1
+                call add_product(b(:, j + 1:n), a(j + 1:n, j), -1.0_wp, b(:, j))
+            end do
+            do j = n, 1, -1
+                p = self%pivots(j)
+                if (p == j) cycle
+                do i = 1, size(b, 1)
+                    f = b(i, p)
+                    b(i, p) = b(i, j)
+                    b(i, j) = f
+                end do
+            end do
+        end associate
+    end subroutine solve_rows
 
     !> The inverse (n, n).
     subroutine invert(self, inverse)

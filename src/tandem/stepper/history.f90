@@ -2,7 +2,7 @@
 !> Rates of past stages, and their extrapolation: start values for the next implicit stage. Rates are ambient, so that they remain
 !> valid when the chart changes.
 module tandem_stepper_history
-    use tandem_kinds, only: wp
+    use tandem_kinds, only: short, wp
     use tandem_pack, only: pack_type
     use tandem_stepper_state, only: state_type
     implicit none (type, external)
@@ -86,7 +86,7 @@ contains
         !> Coordinates (n).
         real(wp), intent(out), contiguous, optional :: q(:)
         integer :: nodes(most_nodes), n_most, n_nodes, i, j, k
-        real(wp) :: weight
+        real(wp) :: weights(most_nodes)
 
         n_most = usual_nodes
         if (present(most)) n_most = min(most, most_nodes)
@@ -102,19 +102,52 @@ contains
             if (i <= n_most) nodes(i) = k
             n_nodes = min(n_nodes + 1, n_most)
         end do
-        qd = 0.0_wp
-        qdd = 0.0_wp
-        if (present(q)) q = 0.0_wp
         do i = 1, n_nodes
-            weight = 1.0_wp
+            weights(i) = 1.0_wp
             do j = 1, n_nodes
-                if (j /= i) weight = weight*(t - self%t(nodes(j)))/(self%t(nodes(i)) - self%t(nodes(j)))
+                if (j /= i) weights(i) = weights(i)*(t - self%t(nodes(j)))/(self%t(nodes(i)) - self%t(nodes(j)))
             end do
-            qd = qd + weight*self%qd(:, nodes(i))
-            qdd = qdd + weight*self%qdd(:, nodes(i))
-            if (present(q)) q = q + weight*self%q(:, nodes(i))
         end do
+        call combine(size(qd), n_nodes, nodes, weights, self%qd, qd)
+        call combine(size(qd), n_nodes, nodes, weights, self%qdd, qdd)
+        if (present(q)) call combine(size(qd), n_nodes, nodes, weights, self%q, q)
     end subroutine extrapolate
+
+    !> y := sum_k weights(k) x(:, nodes(k)), by blocks of rows that fit a register.
+    pure subroutine combine(n, n_nodes, nodes, weights, x, y)
+        integer, intent(in) :: n, n_nodes, nodes(n_nodes)
+        real(wp), intent(in) :: weights(n_nodes), x(n, capacity)
+        real(wp), intent(out) :: y(n)
+        real(wp) :: s(short), total
+        integer :: first, i, k
+
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do first = 0, n - short, short
+            do i = 1, short
+                s(i) = 0.0_wp
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do k = 1, n_nodes
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    s(i) = s(i) + weights(k)*x(first + i, nodes(k))
+                end do
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                y(first + i) = s(i)
+            end do
+        end do
+        do i = n - iand(n, short - 1) + 1, n
+            total = 0.0_wp
+            do k = 1, n_nodes
+                total = total + weights(k)*x(i, nodes(k))
+            end do
+            y(i) = total
+        end do
+    end subroutine combine
 
     !> True if there are enough rates for a divided difference of an order.
     pure logical function knows(self, order)

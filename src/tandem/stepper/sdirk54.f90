@@ -32,8 +32,10 @@ module tandem_stepper_sdirk54
     !> b minus the embedded weights of order 3, (59/48, -17/96, 225/32, -85/12, 0).
     real(wp), parameter :: e(5) = [-3.0_wp/16, -27.0_wp/32, 25.0_wp/32, 0.0_wp, 1.0_wp/4]
 
-    !> The polynomial through the rates of stages 1, 4 and 5, at the start of the step.
-    real(wp), parameter :: at_start(5) = [8.0_wp/3, 0.0_wp, 0.0_wp, -2.0_wp, 1.0_wp/3]
+    !> Rates at the start of the step from those of the stages 1, 3 and 5: exact for quadratic rates, and sum w defect = 0, so that
+    !> the stages' own errors of second order cancel. With a polynomial through three stages they would remain, and exceed the
+    !> embedded error in short steps.
+    real(wp), parameter :: at_start(5) = [22.0_wp/9, 0.0_wp, -50.0_wp/27, 0.0_wp, 11.0_wp/27]
     !> A kink that no stage has sampled causes an error of up to a quarter of the step times its size, half of that on average; it
     !> is used if it exceeds the embedded error by this factor.
     real(wp), parameter :: unseen = 0.125_wp, striking = 10.0_wp
@@ -119,7 +121,7 @@ contains
 
     !> Error of the last step. The embedded method alone is unbounded on stiff modes, R(infinity) = 10/3, so that its error is
     !> filtered by the Newton matrix (Hairer, Wanner II, (IV.8.19)). No stage is in the first quarter of the step: a kink there
-    !> appears only in the rates at the start, which then differ from the polynomial through the stages.
+    !> appears only in the rates at the start, which then differ from those that follow from the stages.
     subroutine estimate_stages(self, chart, h, weight_q, weight_qd, norm)
         class(sdirk54_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart

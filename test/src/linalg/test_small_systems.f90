@@ -4,7 +4,9 @@ module test_small_systems
     use asserts, only: check_below, check_count, check_true
     use differences, only: random_vector
     use tandem, only: wp
-    use tandem_linalg_kernels, only: add, are_same, is_finite
+    use tandem_linalg_kernels, only: add, add_product, add_transposed_product, are_same, is_finite, set_gram, set_product
+    use tandem_linalg_complex_lu, only: complex_lu_type
+    use tandem_linalg_lu, only: lu_type
     use tandem_linalg_small, only: factor_definite, solve_near_diagonal, substitute
     use tandem_kinds, only: lane
     use tandem_stepper_combination, only: combination_type
@@ -30,6 +32,9 @@ contains
             new_unittest('systems-near-a-diagonal-are-solved', test_near_diagonal), &
             new_unittest('a-small-pivot-is-refused-where-it-is-met', test_small_pivot), &
             new_unittest('sums-of-rates-are-those-of-matmul', test_combination), &
+            new_unittest('products-of-any-size-are-those-of-matmul', test_products), &
+            new_unittest('rows-are-divided-by-a-factored-matrix', test_rows), &
+            new_unittest('complex-systems-are-solved', test_complex), &
             new_unittest('vectors-of-any-length-are-added', test_add), &
             new_unittest('one-entry-makes-vectors-differ', test_same), &
             new_unittest('one-entry-makes-a-vector-infinite', test_finite)]
@@ -186,6 +191,114 @@ contains
         call combination%add(size(rate, 1), size(rate, 2), h, rate, x, y)
         call check_below(error, maxval(abs(y - h*(rate(:, 1) + 2*rate(:, 3)))), 1.0e-15_wp, 'a sum beside NaN')
     end subroutine test_combination
+
+    subroutine test_products(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: few = 1.0e-13_wp
+        real(wp), allocatable :: a(:, :), b(:, :), c(:, :), x(:), y(:), z(:)
+        integer :: l, m, n, seed
+
+        seed = 17
+        do l = 0, 11
+            do m = 0, 9
+                do n = 0, 6
+                    allocate (a(l, m), b(m, n), c(l, n), x(m), y(l), z(m))
+                    call get_random(seed, l, a)
+                    call get_random(seed, m, b)
+                    call random_vector(seed, x)
+                    call random_vector(seed, y)
+                    call random_vector(seed, z)
+                    c = 7.0_wp
+                    call set_product(a, b, c)
+                    call check_below(error, sum(abs(c - matmul(a, b))), few, 'A B')
+                    if (allocated(error)) return
+                    y = 1.0_wp
+                    call add_product(a, x, -2.0_wp, y)
+                    call check_below(error, sum(abs(y - (1.0_wp - 2.0_wp*matmul(a, x)))), few, 'y - 2 A x')
+                    if (allocated(error)) return
+                    x = z
+                    call add_transposed_product(a, y, 3.0_wp, x)
+                    call check_below(error, sum(abs(x - (z + 3.0_wp*matmul(y, a)))), 10*few, "x + 3 A' y")
+                    if (allocated(error)) return
+                    deallocate (c)
+                    allocate (c(m, m))
+                    call set_gram(a, a, c)
+                    call check_below(error, sum(abs(c - matmul(transpose(a), a))), few, "A' A")
+                    if (allocated(error)) return
+                    deallocate (a, b, c, x, y, z)
+                end do
+            end do
+        end do
+    end subroutine test_products
+
+    !> Orders on both sides of the change from loops to LAPACK, and a singular and an infinite matrix.
+    subroutine test_complex(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(complex_lu_type) :: lu
+        complex(wp), allocatable :: a(:, :), b(:), x(:)
+        real(wp), allocatable :: re(:, :), im(:, :), y(:), z(:)
+        integer :: i, n, seed, stat
+
+        seed = 29
+        do n = 1, 18
+            allocate (re(n, n), im(n, n), y(n), z(n))
+            call get_random(seed, n, re)
+            call get_random(seed, n, im)
+            call random_vector(seed, y)
+            call random_vector(seed, z)
+            x = cmplx(y, z, wp)
+            a = cmplx(re, im, wp)
+            do i = 1, n
+                a(n + 1 - i, i) = a(n + 1 - i, i) + 3.0_wp
+            end do
+            b = matmul(a, x)
+            y = real(b, wp)
+            z = aimag(b)
+            call lu%allocate(n)
+            call lu%factor(a, stat)
+            call check_count(error, stat, 0, 'the factorisation')
+            if (allocated(error)) return
+            call lu%solve(y, z)
+            call check_below(error, maxval(abs(cmplx(y, z, wp) - x)), 1.0e-12_wp, 'the solution')
+            if (allocated(error)) return
+            a(:, n) = 0.0_wp
+            call lu%factor(a, stat)
+            call check_true(error, stat > 0, 'a singular matrix is refused')
+            if (allocated(error)) return
+            a(:, n) = ieee_value(1.0_wp, ieee_positive_inf)
+            call lu%factor(a, stat)
+            call check_true(error, stat > 0, 'an infinite matrix is refused')
+            if (allocated(error)) return
+            deallocate (re, im, y, z)
+        end do
+    end subroutine test_complex
+
+    subroutine test_rows(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(lu_type) :: lu
+        real(wp), allocatable :: a(:, :), b(:, :), x(:, :)
+        integer :: i, n, seed, stat
+
+        seed = 23
+        do n = 1, 12
+            allocate (a(n, n), b(n + 2, n), x(n + 2, n))
+            call get_random(seed, n, a)
+            call get_random(seed, n + 2, x)
+            ! Pivots are below the diagonal.
+            do i = 1, n
+                a(n + 1 - i, i) = a(n + 1 - i, i) + 3.0_wp
+            end do
+            b = matmul(x, a)
+            call lu%allocate(n)
+            call lu%factor(a, stat)
+            call check_count(error, stat, 0, 'the factorisation')
+            if (allocated(error)) return
+            call lu%solve_rows(b)
+            call check_below(error, maxval(abs(b - x)), 1.0e-12_wp, 'B A^-1')
+            if (allocated(error)) return
+            deallocate (a, b, x)
+        end do
+    end subroutine test_rows
 
     subroutine test_add(error)
         type(error_type), allocatable, intent(out) :: error

@@ -26,7 +26,8 @@ contains
             new_unittest('steps-of-hard-stages-are-not-repeated', test_governor), &
             new_unittest('stages-of-steps-alike-take-hardly-more-than-one', test_alike), &
             new_unittest('fixed-steps-leave-of-stages-a-small-part-of-their-own-error', test_share), &
-            new_unittest('iterates-are-corrected-once-a-level', test_iterates)]
+            new_unittest('iterates-are-corrected-once-a-level', test_iterates), &
+            new_unittest('tight-tolerances-keep-the-order-of-sdirk54', test_tight)]
     end subroutine collect_newton_effort
 
     !> Iterates of the disk's stages near the manifold. Restored to the tolerance, a point took 5.2 corrections, and C was factored
@@ -50,6 +51,31 @@ contains
         if (allocated(error)) return
         call check_below(error, real(statistics%constraint_factorizations, wp)/points, 0.8_wp, 'factorisations of C, per point')
     end subroutine test_iterates
+
+    !> Steps of sdirk54 on the disk: a tolerance smaller by 10 takes 10**(1/4) times as many. An estimate of kinks of lower order
+    !> exceeded the embedded error at 1e-11: 1152 steps, then 3628.
+    subroutine test_tight(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(rolling_disk_type), target :: disk
+        type(simulation_type), allocatable :: simulation
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(9), qd(9), steps(2)
+        integer :: k
+
+        call disk%define()
+        do k = 1, 2
+            allocate (simulation)
+            call disk%start([-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, q, qd)
+            call run(simulation, disk, options_type(stepper='sdirk54', rtol=0.1_wp**(9 + k)), 0.0_wp, q, qd, 4.0_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            statistics = simulation%statistics()
+            steps(k) = real(statistics%steps, wp)
+            deallocate (simulation)
+        end do
+        call check_below(error, steps(2)/steps(1), 1.9_wp, 'steps at 1e-11, relative to those at 1e-10')
+    end subroutine test_tight
 
     !> Run a shipped scene to its end: its last coordinates (n), and corrections per step.
     subroutine run_scene(name, stepper, rtol, q, effort, error)

@@ -66,28 +66,6 @@ contains
         call self%point%forget_velocity_basis()
     end subroutine follow_stiffness
 
-    !> Measure the size of the last correction, and check that the rates are finite.
-    subroutine judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
-        class(dense_chart_type), intent(inout) :: self
-        real(wp), intent(in), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:)
-        real(wp), intent(in) :: ha
-        real(wp), intent(out) :: change
-        integer, intent(out) :: stat
-        integer :: j
-
-        stat = status_ok
-        change = 0.0_wp
-        do j = 1, self%n
-            change = max(change, abs(ha*self%work%change_q(j))/max(abs(q(j)), self%scale(j)), &
-                abs(ha*self%work%change_qd(j))/max(abs(qd(j)), self%rate*self%scale(j)))
-        end do
-        if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
-            stat = status_not_finite
-            call self%name_infinite(stat)
-        end if
-        self%counts%newton_corrections = self%counts%newton_corrections + 1
-    end subroutine judge_correction
-
     !> One correction per level with factors of the stage's first iterate, or restored points.
     module procedure do_find_residual
         !> Change of a stage's coordinates, relative to them, after which its factors are made again.
@@ -276,21 +254,35 @@ contains
         call self%stage%solve_pair(self%bases%v, self%bases%v_dual, self%bases%w, self%bases%w_dual, k, x, y)
     end procedure do_solve_pair
 
+    !> Add the correction, measure its size, and check that the rates are finite.
     module procedure do_update
-        real(wp) :: left, turned
+        real(wp) :: left, turned, sum_of_rates, unit_q, unit_qd
         integer :: j
 
-        call self%stage%move_rates(self%bases%v, self%bases%w, correction, rate_q, rate_qd, self%work%change_q, self%work%change_qd)
-        call judge_correction(self, q, qd, ha, rate_q, rate_qd, change, stat)
-        if (restores(self)) return
+        stat = status_ok
+        call self%stage%move_rates(self%bases%v, self%bases%w, correction, rate_q, rate_qd, self%work%change_q, &
+            self%work%change_qd)
+        self%counts%newton_corrections = self%counts%newton_corrections + 1
+        change = 0.0_wp
+        turned = 0.0_wp
+        left = 0.0_wp
+        sum_of_rates = 0.0_wp
         associate (iterate => self%iterates(stage))
-            left = 0.0_wp
-            turned = 0.0_wp
             do j = 1, self%n
-                turned = max(turned, abs(ha*self%work%change_q(j))/max(abs(q(j)), self%scale(j)))
-                left = max(left, abs(iterate%moved_q(j))/max(abs(q(j)), self%scale(j)), &
-                    max(abs(iterate%moved_qd(j)), abs(ha*iterate%moved_qdd(j)))/max(abs(qd(j)), self%rate*self%scale(j)))
+                unit_q = 1.0_wp/max(abs(q(j)), self%scale(j))
+                unit_qd = 1.0_wp/max(abs(qd(j)), self%rate*self%scale(j))
+                turned = max(turned, abs(ha*self%work%change_q(j))*unit_q)
+                change = max(change, abs(ha*self%work%change_qd(j))*unit_qd)
+                left = max(left, abs(iterate%moved_q(j))*unit_q, &
+                    max(abs(iterate%moved_qd(j)), abs(ha*iterate%moved_qdd(j)))*unit_qd)
+                sum_of_rates = sum_of_rates + (abs(rate_q(j)) + abs(rate_qd(j)))
             end do
+            change = max(change, turned)
+            if (.not. sum_of_rates <= huge(1.0_wp)) then
+                stat = status_not_finite
+                call self%name_infinite(stat)
+            end if
+            if (restores(self)) return
             ! The factors miss the part of the point's last corrections by which C has turned since.
             change = max(change, min(iterate%drift, 1.0_wp)*left)
             iterate%drift = iterate%drift + turned

@@ -23,6 +23,8 @@ module tandem_chart_dense_metric
     type :: metric_type
         !> True if complements follow stiff directions.
         logical :: is_on = .false.
+        !> True if the last matrix was not positive definite, as with masses that are so on the tangent spaces only.
+        logical, private :: is_unusable = .false.
         integer, private :: n = 0
         !> M, D and K of the last `load` (n, n), symmetric; the sums of |D| and of |K| by rows (n), the mean of M's diagonal.
         real(wp), allocatable, private :: mass(:, :), damping(:, :), stiffness(:, :), row_damping(:), row_stiffness(:)
@@ -81,6 +83,7 @@ contains
 
         self%n = n
         self%is_on = .false.
+        self%is_unusable = .false.
         self%has_moved = .false.
         self%tried = 0
         self%for_granted = 0
@@ -198,7 +201,7 @@ contains
         self%asked = beta
         has_changed = self%is_on
         if (self%pays(beta, complement, tangent)) then
-            has_changed = .not. (self%is_on .and. is_near(beta, self%beta))
+            has_changed = .not. ((self%is_on .or. self%is_unusable) .and. is_near(beta, self%beta))
             if (.not. has_changed) return
             call self%find_trace(beta, complement, tangent)
             call self%form(beta)
@@ -355,7 +358,8 @@ contains
         end do
         call self%factor%factor(self%matrix, stat)
         self%is_on = stat == 0
-        if (.not. self%is_on) return
+        self%is_unusable = .not. self%is_on
+        if (self%is_unusable) return
         self%inverse = 0.0_wp
         do j = 1, self%n
             self%inverse(j, j) = 1.0_wp
@@ -482,7 +486,7 @@ contains
         class(metric_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%is_on)
+        call pack%item(self%is_on, self%is_unusable)
         call pack%item(self%drift, self%asked, self%beta, self%trace_beta, self%trace)
         call pack%item(self%floor, self%mean)
         call pack%item(self%has_moved)

@@ -30,6 +30,9 @@ module tandem_chart_dense_stage_iterate
         !> Sum of the changes of the stage's coordinates since its factors were made, relative to them.
         real(wp) :: drift = 0.0_wp
         type(lu_type), private :: phi_u_lu, c_x_lu
+        !> X (C X)^-1 (n, m) for few rows: corrections are then products, which take less time than solutions. Without columns for
+        !> many rows.
+        real(wp), allocatable, private :: inverse(:, :)
         !> -X x and -X z (n); true until x, z and lambda have been found once.
         real(wp), allocatable, private :: shift_qd(:), shift_qdd(:), rows(:)
         logical, private :: is_new = .true.
@@ -44,11 +47,13 @@ contains
     subroutine allocate_iterate(self, n, nh, m)
         class(stage_iterate_type), intent(inout) :: self
         integer, intent(in) :: n, nh, m
+        !> A stage is corrected three times per iterate, two or three iterates long: more rows are not worth n m^2 operations.
+        integer, parameter :: few = 16
 
         if (allocated(self%u)) deallocate (self%u, self%lambda, self%moved_q, self%moved_qd, self%moved_qdd, &
-            self%shift_qd, self%shift_qdd, self%rows)
+            self%shift_qd, self%shift_qdd, self%rows, self%inverse)
         allocate (self%u(nh), self%lambda(m), self%moved_q(n), self%moved_qd(n), self%moved_qdd(n), &
-            self%shift_qd(n), self%shift_qdd(n), self%rows(m), source=0.0_wp)
+            self%shift_qd(n), self%shift_qdd(n), self%rows(m), self%inverse(n, merge(m, 0, m <= few)), source=0.0_wp)
         call self%phi_u_lu%allocate(nh)
         call self%c_x_lu%allocate(m)
     end subroutine allocate_iterate
@@ -76,6 +81,9 @@ contains
         call self%c_x_lu%factor_product(jacobian, x_basis, stat)
         stat = merge(status_ok, status_chart_left, stat == 0)
         self%is_new = .true.
+        if (size(self%inverse, 2) == 0 .or. stat /= status_ok) return
+        self%inverse(:, :) = x_basis
+        call self%c_x_lu%solve_rows(self%inverse)
     end subroutine factor_velocity
 
     !> q corrected towards Phi = 0.
@@ -131,9 +139,13 @@ contains
         !> Sum of the changes and this one, zero if it is the first; y (n).
         real(wp), intent(inout), contiguous :: shift(:), moved(:), y(:)
 
-        call self%c_x_lu%solve(self%rows)
         moved = 0.0_wp
-        call add_product(x_basis, self%rows, -1.0_wp, moved)
+        if (size(self%inverse, 2) > 0) then
+            call add_product(self%inverse, self%rows, -1.0_wp, moved)
+        else
+            call self%c_x_lu%solve(self%rows)
+            call add_product(x_basis, self%rows, -1.0_wp, moved)
+        end if
         y = y + moved
         if (self%is_new) then
             shift = moved
@@ -156,8 +168,12 @@ contains
             call add_transposed_product(jacobian, self%lambda, -1.0_wp, force)
         end if
         self%rows = 0.0_wp
-        call add_transposed_product(x_basis, force, 1.0_wp, self%rows)
-        call self%c_x_lu%solve_transposed(self%rows)
+        if (size(self%inverse, 2) > 0) then
+            call add_transposed_product(self%inverse, force, 1.0_wp, self%rows)
+        else
+            call add_transposed_product(x_basis, force, 1.0_wp, self%rows)
+            call self%c_x_lu%solve_transposed(self%rows)
+        end if
         self%lambda = self%lambda + self%rows
         self%is_new = .false.
         call add_transposed_product(jacobian, self%rows, -1.0_wp, force)
