@@ -175,15 +175,41 @@ class Advice(Case):
         self.assertNotIn("cosine", done.stderr)
         self.refused("show", scene, "--set", "joint.u.across=[0, 0.6, 0.8]", says=["their cosine is 0.6"])
 
+    def flat_four_bars(self, number):
+        """Flat four-bars of hinges in space, side by side."""
+        bodies = "".join(f"[body.{name}{y}]\nmass = 1\ninertia = [0.1, 0.1, 0.1]\nposition = [{x}, {y}, 0]\n"
+                         for y in range(number) for name, x in (("a", 0.5), ("c", 2), ("b", 2.5)))
+        joints = "".join(f'[joint.{name}{y}]\ntype = "revolute"\nbodies = ["{one}", "{two}{y}"]\nat = [{x}, {y}, 0]\n'
+                         "axis = [0, 1, 0]\n" for y in range(number)
+                         for name, one, two, x in (("p", "ground", "a", 0), ("q", f"a{y}", "c", 1), ("r", f"c{y}", "b", 3),
+                                                   ("s", "ground", "b", 2)))
+        return self.scene(f'[scene]\nmodel = "mechanism"\n{bodies}{joints}[time]\nend = 1\n')
+
+    def test_singular_starts_are_refused_on_sparse_charts(self):
+        """By the user's choice, and for many bodies."""
+        for number, settings in ((1, ("solver.chart_kind=sparse",)), (2, ()), (20, ())):
+            with self.subTest(number):
+                says = self.run_fails(self.flat_four_bars(number), *(x for value in settings for x in ("--set", value)), code=2)
+                self.assertIn("singular configuration", says)
+                self.assertRegex(says, r'constraint "[pqrs][0-9]+ [^"]*" with "[pqrs][0-9]+ ')
+
+    def test_contradictory_motions_are_named_on_sparse_charts(self):
+        """Two sliders along one line, whose motions differ at one level."""
+        for level, motion in (("position", "0.1 + sin(t)"), ("velocity", "2*sin(t)"), ("acceleration", "t + t^2")):
+            with self.subTest(level):
+                joints = "".join(f'[joint.{name}]\ntype = "prismatic"\nbodies = ["ground", "a"]\nat = [0, 0, 0]\naxis = [1, 0, 0]\n'
+                                 f'motion = "{value}"\n' for name, value in (("p", "sin(t)"), ("q", motion)))
+                scene = self.scene('[scene]\nmodel = "mechanism"\n[body.a]\nmass = 1\ninertia = [1, 1, 1]\nposition = [0, 0, 0]\n'
+                                   f'velocity = [1, 0, 0]\n{joints}[time]\nend = 1\n')
+                for kind in ("sparse", "automatic"):
+                    says = self.run_fails(scene, "--set", f"solver.chart_kind={kind}", code=2)
+                    self.assertRegex(says, f'constraint "[pq] [^"]*" depends on .* and contradicts it in the {level} at the start')
+
     def test_rows_of_a_singular_start_are_named(self):
         """A flat four-bar of hinges in space, whose rows are redundant besides."""
-        bodies = "".join(f"[body.{name}]\nmass = 1\ninertia = [0.1, 0.1, 0.1]\nposition = [{x}, 0, 0]\n"
-                         for name, x in (("a", 0.5), ("c", 2), ("b", 2.5)))
-        joints = "".join(f'[joint.{name}]\ntype = "revolute"\nbodies = ["{one}", "{two}"]\nat = [{x}, 0, 0]\naxis = [0, 1, 0]\n'
-                         for name, one, two, x in (("p", "ground", "a", 0), ("q", "a", "c", 1), ("r", "c", "b", 3), ("s", "ground", "b", 2)))
-        says = self.run_fails(self.scene(f'[scene]\nmodel = "mechanism"\n{bodies}{joints}[time]\nend = 1\n'), code=2)
+        says = self.run_fails(self.flat_four_bars(1), code=2)
         self.assertIn("singular configuration", says)
-        self.assertRegex(says, r'constraint "[pqrs] [^"]*" with "[pqrs] ')
+        self.assertRegex(says, r'constraint "[pqrs]0 [^"]*" with "[pqrs]0 ')
         self.assertIn("start beside this configuration, or remove one of these rows", says)
 
     def test_a_step_that_is_too_large(self):

@@ -3,9 +3,10 @@
 !> so that the choice of a chart does not depend on the machine or its load.
 !>
 !> A dense chart eliminates m rows of n columns and forms D'M D with the n - m columns of D; a sparse chart processes the entries
-!> of C, body by body, and the blocks of its factor. The weights are fitted to runs of 93 random mechanisms without redundant rows,
-!> 6 to 98 coordinates and rtol of 1e-4 and 1e-6: of `dop853` and `dopri5` for explicit steps, of `radau5` and `sdirk54` for
-!> implicit ones (doc/sparse.md; `bench/random_mechanisms.py --seed 7 --count 130`).
+!> of C, body by body, and the blocks of its factor. Evaluations of the model take the same time on both. The weights are therefore
+!> fitted to the difference of both times, in runs without redundant rows of random mechanisms, of shipped scenes and of other
+!> mechanisms with 6 to 98 coordinates: of `dop853` and `dopri5` for explicit steps, of `radau5` and `sdirk54` for implicit ones
+!> (doc/sparse.md; `bench/random_mechanisms.py --seed 7 --count 130`).
 module tandem_chart_cost
     use tandem_chart_sparse_analysis, only: analysis_type
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
@@ -46,15 +47,15 @@ contains
         free = n - m
         call analysis%analyse(model%pattern, [(i, i=1, model%n_constraints())])
         associate (bodies => real(analysis%n_bodies, wp), entries => real(analysis%n_entries, wp), &
-            neighbours => real(size(analysis%behind, 2), wp), work => real(analysis%work, wp))
+            neighbours => real(size(analysis%behind, 2), wp))
             if (implicit) then
                 call build_stiffness(model, stiffness)
                 call newton%analyse_newton(analysis, stiffness)
-                cost%dense = 9.8_wp + 3.04_wp*n + 0.139_wp*n*m + 2.58e-3_wp*m**2*n + 2.2e-5_wp*free*n**2
-                cost%sparse = 5.7_wp + 16.1_wp*bodies + 0.252_wp*entries + 0.147_wp*real(newton%block%n_entries, wp)
+                cost%dense = 12.2_wp + 0.813_wp*n + 0.122_wp*n*m + 1.03e-3_wp*m**2*n + 6.9e-4_wp*free*n**2
+                cost%sparse = 13.2_wp + 5.86_wp*bodies + 0.298_wp*entries + 0.0324_wp*real(newton%block%n_entries, wp)
             else
-                cost%dense = 20.0_wp + 0.061_wp*n + 0.066_wp*n*m + 7.4e-4_wp*m**2*n + 3.1e-4_wp*free*n**2
-                cost%sparse = 14.0_wp + 1.76_wp*bodies + 0.151_wp*entries + 0.921_wp*neighbours + 1.16e-4_wp*work
+                cost%dense = 16.4_wp + 0.196_wp*n + 0.0675_wp*n*m + 9.3e-4_wp*m**2*n + 1.23e-3_wp*free*n**2
+                cost%sparse = 11.7_wp + 1.23_wp*bodies + 0.168_wp*entries + 1.31_wp*neighbours
             end if
         end associate
     end subroutine estimate_cost

@@ -34,7 +34,7 @@ module tandem_simulation
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_factory, only: new_stepper, stepper_choices
     use tandem_stepper_state, only: state_type
-    use tandem_chart, only: chart_type, measure_type, need_policy, step_end
+    use tandem_chart, only: chart_type, measure_type, need_policy, need_rank, step_end
     use tandem_chart_implicit, only: filter_error
     use tandem_model_kinetic_energy, only: kinetic_energy_type
     use tandem_model_counts, only: counts_type

@@ -7,24 +7,24 @@ submodule(tandem_simulation) tandem_simulate_start
     implicit none (type, external)
 
     character(len=12), parameter :: level_name(3) = [character(len=12) :: 'position', 'velocity', 'acceleration']
+    character(len=*), parameter :: beside_start = 'at the start, though not beside it (a singular configuration)'
 
 contains
 
     module procedure accept_start
         integer :: rows(3), stat, i
-        logical :: has_changed
 
         ! These arrays are free here and hold copies of the start.
         self%next%dq(:) = self%state%q
         self%next%dqd(:) = self%state%qd
         call begin_chart(self, stat)
-        has_changed = .false.
         if (stat == status_rank_deficient .and. .not. (self%is_sparse .or. allocated(self%own%chart))) then
-            call enter_sparse(self, stat, has_changed, error)
+            call enter_sparse(self, stat, error)
             if (allocated(error)) return
         end if
         if (self%is_sparse .and. stat == status_rank_deficient) then
-            if (.not. is_suspect(self, has_changed)) call leave_out_rows(self, stat)
+            call leave_out_rows(self, stat, error)
+            if (allocated(error)) return
         end if
         if (self%is_sparse .and. any(stat == [status_rank_deficient, status_singular_mass])) then
             call leave_sparse(self, stat, error)
@@ -32,10 +32,6 @@ contains
             call begin_chart(self, stat)
         end if
         if (stat == status_ok) call measure(self, rows, stat)
-        if (stat == status_ok .and. allocated(self%chart%left_out)) then
-            call check_left_out(self, rows, error)
-            if (allocated(error)) return
-        end if
         if (stat == status_rank_deficient .or. (stat == status_ok .and. .not. self%is_sparse .and. may_hide_redundancy(self))) then
             call drop_redundant_rows(self, stat == status_rank_deficient, error)
             if (allocated(error)) return
@@ -77,62 +73,49 @@ contains
     end procedure accept_start
 
     !> Change to a sparse chart if redundant rows make the dense one more expensive.
-    subroutine enter_sparse(self, stat, has_changed, error)
+    subroutine enter_sparse(self, stat, error)
         class(simulation_type), intent(inout) :: self
         !> Status of the chart at the start.
         integer, intent(inout) :: stat
-        logical, intent(out) :: has_changed
         type(error_type), allocatable, intent(out) :: error
 
-        has_changed = suits_redundancy(self%model, self%options, self%method%implicit, self%cost)
-        if (.not. has_changed) return
+        if (.not. suits_redundancy(self%model, self%options, self%method%implicit, self%cost)) return
         self%is_sparse = .true.
         call self%allocate_chart()
         call self%chart%attach(self%model, self%options, self%method%implicit, self%method%damps, error)
         if (.not. allocated(error)) call begin_chart(self, stat)
     end subroutine enter_sparse
 
-    !> True if the dependent rows at the start are not redundant, but contradict each other or depend only there: a dense chart
-    !> reports that. Sparse charts of larger models, and those that the user has chosen, do not look beside the start.
-    logical function is_suspect(self, has_changed)
-        class(simulation_type), intent(inout) :: self
-        !> True if a dense chart would look.
-        logical, intent(in) :: has_changed
-        !> Largest number of coordinates for which singular values are cheap.
-        integer, parameter :: most = 30
-        type(redundancy_type), allocatable :: redundancy
-        integer :: stat
-
-        is_suspect = .false.
-        if (self%options%chart_kind /= chart_kinds(1) .or. allocated(self%own%chart)) return
-        if (self%model%n > most .and. .not. has_changed) return
-        allocate (redundancy)
-        associate (state => self%state, model => self%model)
-            call redundancy%analyse(model, model%scales(), state%t, state%q, state%qd, self%options%constraint_tolerance, &
-                self%chart%counts, stat)
-        end associate
-        is_suspect = stat /= status_ok
-    end function is_suspect
-
     !> Let a sparse chart leave out redundant rows, and report them.
-    subroutine leave_out_rows(self, stat)
+    subroutine leave_out_rows(self, stat, error)
         class(simulation_type), intent(inout) :: self
-        !> ok, or the reason for its failure.
+        !> ok, or the reason for which a dense chart is required.
         integer, intent(out) :: stat
+        type(error_type), allocatable, intent(out) :: error
         integer, allocatable :: partners(:), first(:)
-        integer :: i
-        !> Largest number of rows reported with their partners.
-        integer, parameter :: most_told = 100
+        integer :: i, level, row
+        !> Largest number of rows reported with their partners, and of coordinates for which a dense chart is affordable.
+        integer, parameter :: most_told = 100, most_dense = 300
 
         associate (state => self%state, model => self%model)
             call self%chart%leave_out_dependent(state%t, state%q, state%qd, stat)
             if (stat /= status_ok) return
+            call compare_left_out(self, row, level)
+            if (row > 0 .and. may_leave_sparse(self) .and. model%n <= most_dense) then
+                ! A dense chart finds all rows that are concerned.
+                stat = status_rank_deficient
+                return
+            end if
+            if (row > 0) then
+                call report_row(self, row, level, error)
+                return
+            end if
             self%n_redundant = self%chart%n_dropped
             call self%chart%find_partners(self%chart%left_out(:min(self%n_redundant, most_told)), first, partners)
             do i = 1, min(self%n_redundant, most_told)
-                associate (row => self%chart%left_out(i))
-                    call self%warn('the constraint "'//model%row_name(row)//'" repeats'// &
-                        trim(self%with_rows(partners(first(i):first(i + 1) - 1), row, ' '))// &
+                associate (dropped => self%chart%left_out(i))
+                    call self%warn('the constraint "'//model%row_name(dropped)//'" repeats'// &
+                        trim(self%with_rows(partners(first(i):first(i + 1) - 1), dropped, ' '))// &
                         ' and was left out; the multipliers are those of least norm', is_note=.true.)
                 end associate
             end do
@@ -141,24 +124,81 @@ contains
         end associate
     end subroutine leave_out_rows
 
-    !> A row that depends on others must not contradict them.
-    subroutine check_left_out(self, rows, error)
+    !> A row that was left out, but contradicts the others at the start or does not depend on them beside it. Points with the other
+    !> rows satisfied must satisfy it as well.
+    subroutine compare_left_out(self, row, level)
         class(simulation_type), intent(inout) :: self
-        !> The worst rows of the levels.
-        integer, intent(in) :: rows(3)
+        !> 0 if there is none; the level of the contradiction, 0 if the row does not depend on the others beside the start.
+        integer, intent(out) :: row, level
+        !> Distance of the points, in coordinate scales, and the largest errors of a row at the start: gamma may come from
+        !> differences.
+        real(wp), parameter :: distance = 1.0e-3_wp, largest_error(3) = [1.0e-9_wp, 1.0e-9_wp, 1.0e-6_wp]
+        integer, parameter :: n_points = 3
+        type(measure_type) :: measured
+        real(wp) :: errors(3), scale(self%model%n)
+        integer :: i, k, rows(3), stat
+
+        scale = self%model%scales()
+        associate (state => self%state, point => self%next, chart => self%chart)
+            do k = 0, n_points
+                row = 0
+                level = 1
+                ! First the start itself, then points in directions without preference.
+                state%dq(:) = 0.0_wp
+                if (k > 0) state%dq(:) = distance*scale*[(sin(real(k + i*(k + 1), wp)), i=1, size(scale))]
+                state%dqd(:) = 0.0_wp
+                call chart%restore(state%t, state%dq, state%dqd, step_end, point%q, point%qd, stat)
+                if (stat == status_position_diverged) row = chart%failure%row
+                if (k == 0) then
+                    if (stat == status_chart_left) then
+                        level = 2
+                        row = chart%failure%row
+                    end if
+                    if (stat == status_ok) call chart%accelerate(state%t, point%q, point%qd, step_end, point%qdd, stat)
+                    if (stat == status_ok) call chart%find_errors(state%t, point%q, point%qd, point%qdd, errors, rows, stat)
+                    if (stat == status_ok) then
+                        level = findloc(errors > largest_error, .true., dim=1)
+                        if (level > 0) row = rows(level)
+                    end if
+                else if (stat == status_ok) then
+                    call chart%measure(need_rank, state%t, state%q, state%t, point%q, point%qd, measured, stat)
+                    if (stat == status_ok .and. .not. measured%room > 0.0_wp) row = chart%failure%row
+                end if
+                if (row == 0 .or. all(chart%left_out /= row)) cycle
+                if (k > 0) level = 0
+                exit
+            end do
+            state%dq(:) = 0.0_wp
+            state%dqd(:) = 0.0_wp
+            if (row > 0 .and. all(chart%left_out /= row)) row = 0
+        end associate
+    end subroutine compare_left_out
+
+    !> A dependent row contradicts the others, or depends on them only at the start (level 0).
+    subroutine report_row(self, row, level, error)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: row, level
         type(error_type), allocatable, intent(out) :: error
         integer, allocatable :: partners(:), first(:)
-        integer :: i
 
-        do i = 1, 2
-            if (self%errors(i) <= self%options%start_tolerance .or. all(self%chart%left_out /= rows(i))) cycle
-            call self%chart%find_partners(rows(i:i), first, partners)
-            call set_error(error, status_inconsistent_rows, 'the constraint "'//self%model%row_name(rows(i))// &
+        call self%chart%find_partners([row], first, partners)
+        if (level > 0) then
+            call set_error(error, status_inconsistent_rows, 'the constraint "'//self%model%row_name(row)// &
                 '" depends on'//trim(self%with_rows(partners, 0, ' '))//' and contradicts it in the '// &
-                trim(level_name(i))//' at the start')
+                trim(level_name(level))//' at the start')
             return
-        end do
-    end subroutine check_left_out
+        end if
+        self%chart%failure%row = row
+        self%chart%failure%rows = [row, partners]
+        call self%fail(status_rank_deficient, beside_start, error, before_steps)
+    end subroutine report_row
+
+    !> True if a dense chart may replace the sparse one: the user has chosen neither.
+    pure logical function may_leave_sparse(self)
+        class(simulation_type), intent(in) :: self
+
+        may_leave_sparse = self%options%chart_kind == chart_kinds(1) .and. .not. allocated(self%own%chart)
+    end function may_leave_sparse
 
     !> Bodies without mass and redundant rows among nonholonomic ones require the dense chart: use it unless the user has chosen the
     !> sparse one.
@@ -168,7 +208,7 @@ contains
         integer, intent(in) :: stat
         type(error_type), allocatable, intent(out) :: error
 
-        if (self%options%chart_kind /= chart_kinds(1) .or. allocated(self%own%chart)) then
+        if (.not. may_leave_sparse(self)) then
             if (stat == status_rank_deficient) then
                 call set_error(error, status_invalid_option, 'the chart is sparse, but the constraint "'// &
                     self%model%row_name(self%chart%failure%row)//'" depends on others at the start', &
@@ -265,8 +305,7 @@ contains
                     self%chart%failure%row = redundancy%failed_row
                     self%chart%failure%rows = redundancy%partners(findloc(redundancy%dropped, redundancy%failed_row, dim=1))
                 end if
-                call self%fail(status_rank_deficient, 'at the start, though not beside it (a singular configuration)', error, &
-                    before_steps)
+                call self%fail(status_rank_deficient, beside_start, error, before_steps)
                 return
             else if (stat /= status_ok) then
                 call self%fail(stat, 'at the start', error, before_steps)
