@@ -53,7 +53,7 @@ contains
         real(wp), intent(in) :: a(m, n), x(n), factor
         real(wp), intent(inout) :: y(m)
         real(wp) :: s(short), total
-        integer :: first, i, j, rest
+        integer :: block, first, i, j, rest
 
         if (m < short) then
             !GCC$ NOVECTOR
@@ -71,7 +71,8 @@ contains
         end if
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do first = 0, m - short, short
+        do block = 1, m/short
+            first = short*(block - 1)
             do i = 1, short
                 s(i) = 0.0_wp
             end do
@@ -123,18 +124,20 @@ contains
         real(wp), intent(in) :: a(m, n), x(m), factor
         real(wp), intent(inout) :: y(n)
         real(wp) :: s(short), t(short), t1, t2
-        integer :: first, i, j
+        integer :: block, first, i, j, pair
 
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do j = 1, n - 1, 2
+        do pair = 1, n/2
+            j = 2*pair - 1
             do i = 1, short
                 s(i) = 0.0_wp
                 t(i) = 0.0_wp
             end do
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
-            do first = 0, m - short, short
+            do block = 1, m/short
+                first = short*(block - 1)
                 !GCC$ UNROLL 1
                 do i = 1, short
                     s(i) = s(i) + a(first + i, j)*x(first + i)
@@ -158,7 +161,8 @@ contains
         end do
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do first = 0, m - short, short
+        do block = 1, m/short
+            first = short*(block - 1)
             !GCC$ UNROLL 1
             do i = 1, short
                 s(i) = s(i) + a(first + i, n)*x(first + i)
@@ -200,7 +204,7 @@ contains
         real(wp), intent(in) :: a(height, m), b(m, n)
         real(wp), intent(out) :: c(l, n)
         real(wp) :: s(short), t(short), total
-        integer :: first, i, j, k
+        integer :: first, i, j, k, pair
 
         if (l < short) then
             !GCC$ NOVECTOR
@@ -224,7 +228,8 @@ contains
         do
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
-            do j = 1, n - 1, 2
+            do pair = 1, n/2
+                j = 2*pair - 1
                 do i = 1, short
                     s(i) = 0.0_wp
                     t(i) = 0.0_wp

@@ -119,11 +119,12 @@ contains
         real(wp), intent(in) :: weights(n_nodes), x(n, capacity)
         real(wp), intent(out) :: y(n)
         real(wp) :: s(short), total
-        integer :: first, i, k
+        integer :: block, first, i, k
 
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
-        do first = 0, n - short, short
+        do block = 1, n/short
+            first = short*(block - 1)
             do i = 1, short
                 s(i) = 0.0_wp
             end do
