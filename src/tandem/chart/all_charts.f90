@@ -12,7 +12,7 @@ submodule(tandem_chart_factory) tandem_chart_all
     integer, parameter :: many = 60
     !> With redundant rows a sparse chart is used up to this cost of a step, relative to the dense one: for explicit steps, whose
     !> dense charts then need a basis at every step, and for implicit ones.
-    real(wp), parameter :: most_explicit = 1.5_wp, most_implicit = 1.1_wp
+    real(wp), parameter :: most_explicit = 2.0_wp, most_implicit = 1.1_wp
     !> Forces that oscillate or decay faster than the mechanism moves by this factor make sparse charts take more implicit steps.
     real(wp), parameter :: very_stiff = 500.0_wp
 
