@@ -424,12 +424,12 @@ class Names(Mechanism):
         for name in ("t", "length", "angle", "rate"):
             with self.subTest(name):
                 self.refused("check", self.scene(PLANE + f"[parameters]\n{name} = 3\n[body.a]\nmass = 1\nposition = [0, 0]\n" + END),
-                             says=[f'"{name}" has a meaning of its own', "choose another name"])
+                             says=[f'"{name}" is reserved in expressions', "choose another name"])
                 text = PLANE + "[body.a]\nmass = 1\nposition = [0, 0]\n" + END
-                self.refused("check", self.scene(text), "--set", f"parameters.{name}=3", says=f'"{name}" has a meaning of its own')
+                self.refused("check", self.scene(text), "--set", f"parameters.{name}=3", says=f'"{name}" is reserved in expressions')
                 self.refused("check", self.scene(f"{text}[function.{name}]\nat = [0, 1]\nvalues = [0, 1]\n"), says=f'"{name}"')
                 self.refused("check", self.scene(f'{text}[repeat.r]\ncount = 2\nindex = "{name}"\n[repeat.r.body."b{{{name}}}"]\nmass = 1\n'
-                                                 f'position = ["{name}", 0]\n'), says=f'"{name}" has a meaning of its own')
+                                                 f'position = ["{name}", 0]\n'), says=f'"{name}" is reserved in expressions')
 
     def test_a_sweep_over_such_a_name(self):
         text = PLANE + "[body.a]\nmass = 1\nposition = [0, 0]\n" + END
@@ -453,7 +453,7 @@ class Names(Mechanism):
         for element in ('[force.f]\ntype = "torsion"\njoint = "hinge"\n', '[force.f]\ntype = "friction"\njoint = "hinge"\ndynamic = 0.1\n'
                         'speed = 0.1\nnormal = 1\n', '[constraint.c]\ntype = "coupling"\njoints = ["hinge"]\nfactors = [1]\n'):
             with self.subTest(element):
-                self.refused("check", self.scene(text + element), says=["turns and slides", "hinge.angle", "hinge.way"])
+                self.refused("check", self.scene(text + element), says=["rotates and slides", "hinge.angle", "hinge.way"])
                 for part in ("angle", "way"):
                     self.tandem("check", self.scene(text + element.replace('"hinge"', f'"hinge.{part}"')))
 

@@ -54,14 +54,14 @@ class Watching(Mechanism):
 
     def test_wrong_events(self):
         cases = {
-            event("e", "/sensors/bob/place", 0.0): ["names nothing", "/sensors/bob/position"],
+            event("e", "/sensors/bob/place", 0.0): ["is not an output of the model", "/sensors/bob/position"],
             event("e", "/sensors/bob/position", 0.0): [".x, .y or .z"],
             event("e", "/sensors/bob/acceleration.x", 0.0): ["cannot be watched"],
-            event("e", "/sensors/pull/traction.x", 0.0): ["one number"],
+            event("e", "/sensors/pull/traction.x", 0.0): ["is a scalar"],
             event("e", "bob.x", 0.0, change="lock string"): ["string", "locked"],
-            event("e", "bob.x", 0.0, change="open the door"): ["no change", "lock NAME"],
-            event("e", "bob.x", 0.0, change="force.coil.stiffness = 3"): ["coil", "no spring"],
-            event("e", "bob.x", 0.0, change="force.coil.stiffness = x"): ["sets no number"],
+            event("e", "bob.x", 0.0, change="open the door"): ["not a valid change", "lock NAME"],
+            event("e", "bob.x", 0.0, change="force.coil.stiffness = 3"): ["coil", "neither a spring"],
+            event("e", "bob.x", 0.0, change="force.coil.stiffness = x"): ["does not set a number"],
         }
         for text, says in cases.items():
             with self.subTest(text):
@@ -72,7 +72,7 @@ class Watching(Mechanism):
         for number in ("2*", ",", "/", "1,2", "1e3 xyz", "", "1 2", "1-5x", "1/0", "k"):
             with self.subTest(number):
                 text = SPRING + event("e", "mass.x", 0.0, change=f"force.coil.stiffness = {number}")
-                self.refused("check", self.scene(text), says=["sets no number", "force.NAME.KEY = NUMBER"])
+                self.refused("check", self.scene(text), says=["does not set a number", "force.NAME.KEY = NUMBER"])
         self.refused("check", "rolling_disk", "--set", 'event=[{name="e", watch="phi", change="lock it"}]', says=["event"])
 
 

@@ -291,7 +291,7 @@ class Nearest(Case):
         ):
             with self.subTest(words):
                 self.assertIn(piece, self.tandem("linearise", "scene.toml", *words, code=2).stderr)
-        self.assertIn("out of balance", self.tandem("linearise", "scene.toml", "--near", "0", "--set", "gravity.vector=[1, -9]",
+        self.assertIn("unbalanced", self.tandem("linearise", "scene.toml", "--near", "0", "--set", "gravity.vector=[1, -9]",
                                                     code=1).stderr)
         # A disk that goes round the bend is in no steady motion.
         self.assertIn("steady motion", self.tandem("linearise", "mechanism_disk", "--near", "0", code=1).stderr)

@@ -414,8 +414,8 @@ class Contract(Mechanism):
         wrong = {
             'results.joints=["a"]': ["joints", "a"], 'results.joints="some"': ["all"], "results.bodies=1": ["results.bodies"],
             'results.joint="all"': ["joints"], 'results.bodies=["crank", "rud"]': ["rud", "did you mean", "rod"],
-            'results.bodies=["crank", "crank"]': ["crank"], 'sensor.s.reaction="crank"': ["crank", "no joint"],
-            'sensor.s.force="motor"': ["motor", "no force"], 'sensor.s.body="motor"': ["motor", "no body"],
+            'results.bodies=["crank", "crank"]': ["crank"], 'sensor.s.reaction="crank"': ["crank", "not a joint"],
+            'sensor.s.force="motor"': ["motor", "not a force"], 'sensor.s.body="motor"': ["motor", "no body"],
             "results.balance=3": ["balance"],
         }
         for setting, says in wrong.items():

@@ -456,7 +456,7 @@ contains
             turn = 0
             way = self%massless_wheels(k)%way
         else
-            call refuse(label//': there is no joint '//text(:dot - 1), 'add the joint before', error)
+            call refuse(label//': there is no joint '//text(:dot - 1), 'define the joint first', error)
             return
         end if
         if (text(dot:) == '.angle') then
@@ -464,14 +464,14 @@ contains
         else if (text(dot:) == '.way') then
             number = way
         else if (dot > len_trim(text) .and. turn > 0 .and. way > 0) then
-            call refuse(label//': the joint '//trim(text)//' turns and slides', &
-                'name its angle or its way: '//trim(text)//'.angle or '//trim(text)//'.way', error)
+            call refuse(label//': the joint '//trim(text)//' rotates and slides', &
+                'name its angle or its displacement: '//trim(text)//'.angle or '//trim(text)//'.displacement', error)
             return
         else if (dot > len_trim(text)) then
             number = max(turn, way)
         end if
         if (number == 0) call refuse(label//': '//merge('the joint', 'the wheel', type_of == of_joint)//' '//text(:dot - 1)// &
-            ' has no axis to turn about or to slide along', 'take a joint that has one, and its .angle or .way', error)
+            ' has no coordinate', 'name a joint that rotates or slides, and its .angle or .displacement', error)
     end subroutine find_coordinate
 
     !> Position and rotation of a body in the reference configuration.

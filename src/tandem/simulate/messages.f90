@@ -26,8 +26,8 @@ contains
                 message = message//', error '//to_text(self%chart%failed_value)//' of its natural scale'
             end if
         end if
-        if (stat == status_singular_mass .and. self%chart%failed_coordinate > 0) message = message//': nothing ties "'// &
-            trim(self%model%coordinate_label(self%chart%failed_coordinate))//'", which has no mass'
+        if (stat == status_singular_mass .and. self%chart%failed_coordinate > 0) message = message// &
+            ': no constraint determines "'//trim(self%model%coordinate_label(self%chart%failed_coordinate))//'", which has no mass'
         if (stat == status_invalid_model .and. allocated(self%chart%failed_term)) then
             associate (term => self%chart%failed_term)
                 if (index(term, 'outside') == 1) then

@@ -146,8 +146,9 @@ contains
     subroutine test_refused(error)
         type(error_type), allocatable, intent(out) :: error
 
-        call refused([character(len=40) :: 'gravity.vector=[0, -9.81]'], 'no_equilibrium', 'change as it goes on')
-        call refused([character(len=40) :: 'body.rod1.omega=3', 'body.rod1.velocity=[0, 1.5]'], 'no_equilibrium', 'moves otherwise')
+        call refused([character(len=40) :: 'gravity.vector=[0, -9.81]'], 'no_equilibrium', 'change along the motion')
+        call refused([character(len=40) :: 'body.rod1.omega=3', 'body.rod1.velocity=[0, 1.5]'], 'no_equilibrium', &
+            'is not a rigid motion')
         call refused([character(len=40) :: 'parameters.n=1', 'body.rod1.velocity=[0, 1.5]'], 'inconsistent_start', 'violate')
 
     contains

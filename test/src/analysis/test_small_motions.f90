@@ -97,7 +97,7 @@ contains
         call linearise_scene('mechanism_disk', [character(len=1) ::], scene, it, error)
         if (allocated(error)) return
         call floquet%find(it, scene%model, 0.5_wp, failure)
-        call check_failure(error, failure, 'invalid_option', 'has not come round')
+        call check_failure(error, failure, 'invalid_option', 'is not periodic')
     end subroutine test_multipliers
 
     !> A pendulum that swings through 60 degrees is periodic without a named motion: both multipliers are 1, in a Jordan block whose

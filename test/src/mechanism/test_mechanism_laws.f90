@@ -307,7 +307,7 @@ contains
         call check_no_failure(error, failure)
         call mechanism%define(failure)
         call check_true(error, allocated(failure), 'a motion that jumps is refused')
-        if (allocated(failure)) call check_true(error, index(failure%message, 'the motion of motor jumps at t = 0.3') > 0, &
-            failure%message)
+        if (allocated(failure)) call check_true(error, index(failure%message, 'the motion of motor is discontinuous at t = 0.3') &
+            > 0, failure%message)
     end subroutine test_jumping_motion
 end module test_mechanism_laws
