@@ -1556,16 +1556,16 @@ static void test_steady_motion(void)
     tandem_set_key(p, "constraint.string.between", "[\"ground\", \"bob\"]");
     expect("a-bob-on-a-string", p, tandem_define(p, 0, 0, 0, 10), TANDEM_OK, "ok");
     tandem_get_drawing(p, q, qd);
-    expect("a-rate-is-held", p, tandem_find_steady_motion(p, 0, q, qd, "any, world.turn_z=4"), TANDEM_OK, "ok");
+    expect("a-rate-is-held", p, tandem_find_steady_motion(p, 0, q, qd, "any, world.rotation_z=4"), TANDEM_OK, "ok");
     check("where-it-turns-so-fast", fabs(q[2] + h) < 1e-12 && fabs(hypot(q[0], q[1]) - r) < 1e-12, "elsewhere");
     check("at-that-rate", fabs(q[0] * qd[1] - q[1] * qd[0] - 4 * r * r) < 1e-12 && fabs(qd[2]) < 1e-12, "at another");
     tandem_get_drawing(p, q, qd);
     expect("without-a-rate", p, tandem_find_steady_motion(p, 0, q, qd, NULL), TANDEM_OK, "ok");
     w = (q[0] * qd[1] - q[1] * qd[0]) / (q[0] * q[0] + q[1] * q[1]);
     check("its-rate-stays", fabs(w - 2.2 / 0.6) < 1e-9 && fabs(w * w * -q[2] - 9.81) < 1e-9, "they do not");
-    expect("a-motion-that-there-is-not", p, tandem_find_steady_motion(p, 0, q, qd, "world.turn_q"), TANDEM_NO_EQUILIBRIUM, "turn_q");
-    expect("a-rate-that-is-none", p, tandem_find_steady_motion(p, 0, q, qd, "world.turn_z=fast"), TANDEM_INVALID_OPTION, "no number");
-    expect("a-rate-of-a-group", p, tandem_find_steady_motion(p, 0, q, qd, "world.turn=1"), TANDEM_INVALID_OPTION, "no rate of");
+    expect("a-motion-that-there-is-not", p, tandem_find_steady_motion(p, 0, q, qd, "world.rotation_q"), TANDEM_NO_EQUILIBRIUM, "turn_q");
+    expect("a-rate-that-is-none", p, tandem_find_steady_motion(p, 0, q, qd, "world.rotation_z=fast"), TANDEM_INVALID_OPTION, "no number");
+    expect("a-rate-of-a-group", p, tandem_find_steady_motion(p, 0, q, qd, "world.rotation=1"), TANDEM_INVALID_OPTION, "no rate of");
     expect("no-state", p, tandem_find_steady_motion(p, 0, q, NULL, NULL), TANDEM_INVALID_OPTION, "NULL");
     tandem_free(p);
 }

@@ -73,7 +73,7 @@ class References(Mechanism):
         self.assertEqual(sum(element["redundant_rows"] for element in checked["elements"]), 1)
 
     def test_governor(self):
-        self.near(self.sensed("a05_governor", "time.end=1", "solver.rtol=1e-8")["s/way"], 0.5014209223796, 1e-6)
+        self.near(self.sensed("a05_governor", "time.end=1", "solver.rtol=1e-8")["s/displacement"], 0.5014209223796, 1e-6)
 
     def test_rattleback(self):
         with self.went("rattleback") as file:
@@ -117,7 +117,7 @@ class References(Mechanism):
             t = file["trajectory/time"][:]
             angle = 2*math.pi*t
             expected = 0.08*np.cos(angle) + np.sqrt(0.3**2 - (0.08*np.sin(angle))**2) - 0.38
-            self.near(file["sensors/stroke/way"][:], expected, 1e-10)
+            self.near(file["sensors/stroke/displacement"][:], expected, 1e-10)
 
     def test_all_of_them(self):
         """Every shipped mechanism has at most 60 lines, stands in a group, and its procedures are right."""
@@ -256,15 +256,15 @@ class Sensors(Mechanism):
         asked = 'sensor.travel.joint="front"', 'results.wheels=["front"]', 'results.forces="all"', "time.end=1", "output.every=50"
         with self.went("mechanism_motorcycle", *asked, 'force.push={ type = "load", on = "chassis", force = ["20*front.speed", 0, 0] }') as file:
             names = list(file["trajectory/q"].attrs["names"])
-            q, qd = file["trajectory/q"][:, names.index("front.way")], file["trajectory/qd"][:, names.index("front.way")]
+            q, qd = file["trajectory/q"][:, names.index("front.displacement")], file["trajectory/qd"][:, names.index("front.displacement")]
             for group in "sensors/travel", "wheels/front":
-                np.testing.assert_array_equal(file[group]["way"][:], q)
+                np.testing.assert_array_equal(file[group]["displacement"][:], q)
                 np.testing.assert_array_equal(file[group]["speed"][:], qd)
             along = np.array([0, math.sin(0.2), -math.cos(0.2)])
             self.near(file["wheels/front/force_body"][:] @ along, -file["forces/suspension/force"][:], 1e-9)
             self.assertGreater(np.ptp(file["forces/suspension/force"][:]), 0.01)
             self.assertEqual(list(file["forces/suspension/force"].attrs["between"]), ["chassis", "front"])
-            self.near(file["wheels/front/place"][:, 2], 0, 1e-13)
+            self.near(file["wheels/front/position"][:, 2], 0, 1e-13)
             self.near(file["forces/push/force"][:, 0], 20*qd, 1e-15)
 
     def test_turns_are_counted(self):
@@ -509,6 +509,7 @@ WRONG = [
     ("position = [\"l\", 1]\n", "", ["body.bob", "the key position is missing"]),
     ("position = [\"l\", 1]", 'position = ["l", 1, 0]', ["body.bob.position", "has 3 elements", "must have 2"]),
     ("position = [\"l\", 1]", 'position = ["L", 1]', ["body.bob.position: column 1", 'did you mean "l"?']),
+    ("stiffness = 10", "stiffness = 10\npull = 3", ['unknown key "pull" of force.coil (did you mean "tension"?)']),
     ("position = [\"l\", 1]", 'position = ["l", 0]', ["coil", "length zero in the reference configuration", "move one of its ends"]),
     ("[body.bob]", "[body.ground]", ["there is another \"ground\" already", "another name"]),
     ("[body.bob]", "[body.pivot]", ["pivot"]),
@@ -623,7 +624,7 @@ class Wrong(Case):
         """Laws, motions and other functions that name a table, in elements of which each key in turn is missing."""
         table = '[function.table]\nat = [0, 1, 2, 3]\nvalues = [0, 0, 0, 0]\n\n'
         elements = {
-            "force.f": ['type = "spring"', 'between = ["rod.tip", "bob"]', 'law = "table"', 'pull = "table"'],
+            "force.f": ['type = "spring"', 'between = ["rod.tip", "bob"]', 'law = "table"', 'tension = "table"'],
             "force.g": ['type = "torsion"', 'joint = "pivot"', 'law = "table"', 'torque = "table"'],
             "force.h": ['type = "load"', 'on = "rod"', "force = [1, 0]", 'factor = "table"'],
             "force.r": ['type = "friction"', 'joint = "pivot"', "normal = 1", "dynamic = 0.1", "speed = 0.1"],

@@ -149,7 +149,7 @@ class Robots(Mechanism):
             # It carries the moment of the weight alone.
             pull = np.array([0.5, 0.2, 0.5])
             lever = np.cross([1.0, 0, 0], pull/np.linalg.norm(pull))[1]
-            self.near(file["constraints/stay/traction"][:], -5*G*0.7/lever, 1e-8)
+            self.near(file["constraints/stay/tension"][:], -5*G*0.7/lever, 1e-8)
 
     def test_wrong_files(self):
         cases = {

@@ -184,7 +184,7 @@ class Writer:
         watched = [(name, joint) for name, joint in self.scalar.values() if joint.range]
         taken, lines = Names(), []
         for name, joint in watched:
-            what = "way" if joint.type == "slide" else "angle"
+            what = "displacement" if joint.type == "slide" else "angle"
             for end, value, direction in zip(("lower", "upper"), joint.range, ("falling", "rising")):
                 lines += ["[[event]]", f'name = "{taken.take(name, "_" + end)}"', f'watch = "/joints/{name}/{what}"',
                           f"value = {text_of(value - self.model.at[joint.name])}", f'direction = "{direction}"', ""]

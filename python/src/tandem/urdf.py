@@ -479,7 +479,7 @@ def coupling_lines(robot: Robot, moving, joint_name, names, at) -> list:
 
 
 def limit_lines(joint: Joint, name: str, x: float, events: Names) -> list:
-    what = "way" if joint.type == "prismatic" else "angle"
+    what = "displacement" if joint.type == "prismatic" else "angle"
     lines = []
     for end, value, direction in (("lower", joint.lower, "falling"), ("upper", joint.upper, "rising")):
         lines += ["[[event]]", f'name = "{events.take(name, "_" + end)}"', f'watch = "/joints/{name}/{what}"',

@@ -134,7 +134,7 @@ contains
                 call reader%get_function('steer', steer, 'rad', 'steering angle, a function of time')
                 call reader%get_numbers('about', [3], about, anything, '', 'steering axis; default: the strut')
             else
-                call reader%get_function('turn', turn, 'rad', 'rotation of the plane about its normal')
+                call reader%get_function('rotation', turn, 'rad', 'rotation of the plane about its normal')
                 call reader%get_numbers('pivot', [3], pivot, anything, 'm', 'centre of this rotation; default: the origin')
                 call reader%get_function('slide', slide, 'm', 'displacement of the plane along a direction in it')
                 call reader%get_numbers('along', [3], along, anything, '', 'direction of this displacement')
@@ -200,7 +200,7 @@ contains
             call reader%get_number('damping', damping, anything, 'N s/m', '')
             call reader%get_number('length', length, not_negative, 'm', &
                 'length without force; default: length in the reference configuration')
-            call reader%get_function('pull', motion, 'N', 'additional tension')
+            call reader%get_function('tension', motion, 'N', 'additional tension')
             call reader%get_law('law', 'length', law, 'N', 'additional tension, a function of t, length and rate')
         case ('torsion')
             call reader%get('joint', text, 'that rotates or slides; "joint.angle" or "joint.displacement" if it does both', &

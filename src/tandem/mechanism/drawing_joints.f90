@@ -351,7 +351,7 @@ contains
         subroutine add_direction(a, b, about)
             integer, intent(in) :: a, b, about
 
-            call self%held%add(trim(joint%name)//' turn '//letter(about), 'N m')
+            call self%held%add(trim(joint%name)//' rotation '//letter(about), 'N m')
             call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%held%n, a=joint%axes1(:, a), &
                 b=joint%axes2(:, b)))
         end subroutine add_direction

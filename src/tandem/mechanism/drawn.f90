@@ -424,7 +424,7 @@ contains
             character(len=*), intent(in) :: name
             integer, intent(in) :: way
 
-            call add(name//'way', is_joint, way, 1)
+            call add(name//'displacement', is_joint, way, 1)
             call add(name//'speed', is_joint_rate, way, 1)
         end subroutine add_way
 
@@ -437,7 +437,7 @@ contains
         end subroutine add
     end function list_variables
 
-    !> Index of the coordinate of a joint or of a sliding wheel, from `joint`, `joint.angle` or `joint.way`.
+    !> Index of the coordinate of a joint or of a sliding wheel, from `joint`, `joint.angle` or `joint.displacement`.
     subroutine find_coordinate(self, label, text, number, error)
         class(drawn_type), intent(in) :: self
         character(len=*), intent(in) :: label, text
@@ -461,7 +461,7 @@ contains
         end if
         if (text(dot:) == '.angle') then
             number = turn
-        else if (text(dot:) == '.way') then
+        else if (text(dot:) == '.displacement') then
             number = way
         else if (dot > len_trim(text) .and. turn > 0 .and. way > 0) then
             call refuse(label//': the joint '//trim(text)//' rotates and slides', &

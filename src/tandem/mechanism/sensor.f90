@@ -79,7 +79,7 @@ contains
             call add(sensor, list, 3, 'acceleration', 'm/s^2', 'its acceleration')
         case (sensed_joint)
             if (sensor%slides) then
-                call add(sensor, list, 0, 'way', 'm', 'displacement of the second side')
+                call add(sensor, list, 0, 'displacement', 'm', 'displacement of the second side')
                 call add(sensor, list, 0, 'speed', 'm/s', 'rate of the displacement')
             end if
             if (sensor%turns) then
@@ -151,11 +151,11 @@ contains
             call add(sensor, list, 3, 'force_body', 'N', 'the force in the axes of the second body')
             call add(sensor, list, 3, 'torque_body', 'N m', 'the torque in the axes of the second body')
         case (of_wheel, of_edge, of_massless_wheel)
-            call add(sensor, list, 3, 'place', 'm', 'contact point: x, y, z')
+            call add(sensor, list, 3, 'position', 'm', 'contact point: x, y, z')
             call add(sensor, list, 3, 'force', 'N', 'force on the body there, in world axes')
             call add(sensor, list, 3, 'force_body', 'N', 'force on the body there, in body axes')
         case (of_distance)
-            call add(sensor, list, 0, 'traction', 'N', 'tension between the points')
+            call add(sensor, list, 0, 'tension', 'N', 'tension between the points')
             call add(sensor, list, 3, 'force', 'N', 'force on the second point, in world axes')
         case default
             call add(sensor, list, 0, trim(merge('torque', 'force ', sensor%unit == 'N m')), trim(sensor%unit), &
@@ -173,14 +173,14 @@ contains
 
         select case (sensor%of)
         case (of_spring)
-            call add(sensor, list, 0, 'traction', 'N', 'tension between the points')
+            call add(sensor, list, 0, 'tension', 'N', 'tension between the points')
             call add(sensor, list, 3, 'force', 'N', 'force on the second point, in world axes')
             call add(sensor, list, 0, 'length', 'm', 'distance of the points')
             call add(sensor, list, 0, 'rate', 'm/s', 'rate of the distance')
         case (of_torsion)
             if (sensor%slides) then
                 call add(sensor, list, 0, 'force', 'N', 'along the coordinate, positive if it accelerates the coordinate')
-                call add(sensor, list, 0, 'way', 'm', 'coordinate of the joint')
+                call add(sensor, list, 0, 'displacement', 'm', 'coordinate of the joint')
                 call add(sensor, list, 0, 'speed', 'm/s', 'its rate')
             else
                 call add(sensor, list, 0, 'torque', 'N m', 'about the axis, positive if it accelerates the angle')

@@ -138,7 +138,7 @@ contains
         type(scene_type), target :: scene
         type(linearisation_type) :: it
 
-        call linearise_scene('a05_governor', ['initial.steady=["world.turn_z"]'], scene, it, error)
+        call linearise_scene('a05_governor', ['initial.steady=["world.rotation_z"]'], scene, it, error)
         call check_agreement(scene, it, (-10.0_wp, 10.0_wp), 3, 1.0e-8_wp, 'a governor', error)
     end subroutine test_governor
 

@@ -439,8 +439,8 @@ contains
             error_case_type('1.2.3', 4, 'expected an operator'), error_case_type('.', 1, 'digits next to the decimal point'), &
             error_case_type('1 + .e3', 5, 'digits next to the decimal point'), error_case_type('1d3', 2, 'found "d3"'), &
             error_case_type('0x10', 2, 'found "x10"'), error_case_type('1e400', 1, 'the number is too large'), &
-            error_case_type('1/0', 2, 'not a finite number'), error_case_type('t + log(0 - 1)', 5, 'not a finite number'), &
-            error_case_type('10^400*t', 3, 'not a finite number'), error_case_type('t < 1', 3, 'comparisons are not available'), &
+            error_case_type('1/0', 2, 'yield a finite number'), error_case_type('t + log(0 - 1)', 5, 'yield a finite number'), &
+            error_case_type('10^400*t', 3, 'yield a finite number'), error_case_type('t < 1', 3, 'comparisons are not available'), &
             error_case_type('t == 1', 3, 'comparisons are not available'), &
             error_case_type('t ? 1 : 0', 3, 'comparisons are not available'), error_case_type('t $ 1', 3, 'found "$"'), &
             error_case_type('t; 1', 2, 'found ";"'), error_case_type('_t', 1, 'found "_"'), &

@@ -67,11 +67,11 @@ contains
         call mechanism%add_torsion('bump', 'front', failure, stiffness=50.0_wp, damping=3.0_wp, angle=-0.2_wp, &
             law=expression_law(law))
         call check_no_failure(error, failure)
-        call mechanism%add_coupling('bar', ['front.way', 'rear.way '], [1.0_wp, -0.5_wp], failure, motion=swing)
+        call mechanism%add_coupling('bar', ['front.displacement', 'rear.displacement '], [1.0_wp, -0.5_wp], failure, motion=swing)
         call check_no_failure(error, failure)
         do i = 1, 3
-            call parse_expression(push(i), merge('third.way*first.x', 'rear.speed*t     ', i == 2), mechanism%variable_names(), &
-                failure)
+            call parse_expression(push(i), merge('third.displacement*first.x', 'rear.speed*t              ', i == 2), &
+                mechanism%variable_names(), failure)
             call check_no_failure(error, failure)
         end do
         call mechanism%add_load('push', 'first.tip', failure, force_by=push)

@@ -130,7 +130,7 @@ contains
             call mechanism%add_joint('pin', 'cylindrical', 'first', 'second', failure, at=at, axis=axis)
             call check_no_failure(error, failure)
             force = [parsed('first.vx*first.wy + second.z', mechanism%variable_names(), error), &
-                parsed('pin.angle*pin.way', mechanism%variable_names(), error), &
+                parsed('pin.angle*pin.displacement', mechanism%variable_names(), error), &
                 parsed('pin.speed*pin.rate*first.e2', mechanism%variable_names(), error)]
             torque = [parsed('-2*second.wx', mechanism%variable_names(), error), &
                 parsed('t*second.wy*second.wz', mechanism%variable_names(), error), &

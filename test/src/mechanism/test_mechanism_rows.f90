@@ -336,8 +336,8 @@ contains
                 call check_no_failure(error, failure)
                 call mechanism%add_coupling('gear', [character(len=8) :: 'pin', 'pivot'], [2.0_wp, -3.0_wp], failure)
                 call check_no_failure(error, failure)
-                call mechanism%add_coupling('rack', [character(len=8) :: 'rail.way', 'pivot', 'pin'], [1.0_wp, 0.3_wp, -0.1_wp], &
-                    failure, motion=swing)
+                call mechanism%add_coupling('rack', [character(len=17) :: 'rail.displacement', 'pivot', 'pin'], [1.0_wp, 0.3_wp, &
+                    -0.1_wp], failure, motion=swing)
                 call check_no_failure(error, failure)
             end associate
             call verify(mechanism, 'couplings', error)
@@ -355,11 +355,11 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism
         type(failure_type), allocatable :: failure
-        character(len=*), parameter :: space(19) = [character(len=14) :: 'first.x m', 'first.y m', 'first.z m', 'first.e0 1', &
+        character(len=*), parameter :: space(19) = [character(len=20) :: 'first.x m', 'first.y m', 'first.z m', 'first.e0 1', &
             'first.e1 1', 'first.e2 1', 'first.e3 1', 'second.x m', 'second.y m', 'second.z m', 'second.e0 1', 'second.e1 1', &
-            'second.e2 1', 'second.e3 1', 'mass.x m', 'mass.y m', 'mass.z m', 'front.way m', 'clutch.slack 1']
-        character(len=*), parameter :: rows(10) = [character(len=16) :: 'pin x N', 'pin y N', 'pin z N', 'pin turn y N m', &
-            'pin turn x N m', 'front height N', 'clutch N m', 'first norm J', 'second norm J', 'front slip N']
+            'second.e2 1', 'second.e3 1', 'mass.x m', 'mass.y m', 'mass.z m', 'front.displacement m', 'clutch.slack 1']
+        character(len=*), parameter :: rows(10) = [character(len=20) :: 'pin x N', 'pin y N', 'pin z N', 'pin rotation y N m', &
+            'pin rotation x N m', 'front height N', 'clutch N m', 'first norm J', 'second norm J', 'front slip N']
         character(len=*), parameter :: plane(8) = [character(len=16) :: 'first.x m', 'first.y m', 'first.angle rad', 'second.x m', &
             'second.y m', 'second.angle rad', 'mass.x m', 'mass.y m']
 

@@ -69,7 +69,7 @@ contains
         type(threshold_event_type), intent(inout) :: event
         character(len=*), parameter :: axis(3) = ['x', 'y', 'z']
         character(len=path_length), allocatable :: paths(:)
-        character(len=:), allocatable :: path
+        character(len=:), allocatable :: path, wanted
         integer :: i, k, n, dot
 
         if (reader%failed()) return
@@ -102,7 +102,9 @@ contains
                 end associate
             end do
         end if
+        wanted = path
         path = 'is not an output of the model'
+        if (nearest_name(wanted, paths) /= '') path = path//'; did you mean "'//nearest_name(wanted, paths)//'"?'
         if (size(paths) > 0) path = path//'; there are '//listed(paths)
         call reader%refuse('watch', path)
     end subroutine find_measured
