@@ -23,7 +23,7 @@ extern "C" {
 
 /* The version of this interface: a thousand times the major number, plus the minor one. A library serves a program if the
  * major numbers are equal and its minor number is not smaller; compare with tandem_interface_version(). */
-#define TANDEM_INTERFACE_VERSION 1016
+#define TANDEM_INTERFACE_VERSION 1017
 
 /* Status codes. */
 enum {
@@ -236,7 +236,7 @@ int tandem_linearise(tandem_problem *problem, double t, const double *q, const d
 int tandem_find_equilibrium(tandem_problem *problem, double t, double *q);
 
 /* Move q and qd to the nearest steady motion, along the motions in a text, separated by blanks or commas: one of a mechanism's
- * symmetries, as "world.turn_z"; a group of them, as "world.turn"; "any", or NULL, for all; "world.turn_z=0.03" for a given rate
+ * symmetries, as "world.rotation_z"; a group of them, as "world.rotation"; "any", or NULL, for all; "world.rotation_z=0.03" for a given rate
  * (rad/s, m/s). q and qd are unchanged if none is found: doc/linearisation.md. A run is not affected. */
 int tandem_find_steady_motion(tandem_problem *problem, double t, double *q, double *qd, const char *motions);
 

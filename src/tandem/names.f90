@@ -9,6 +9,11 @@ module tandem_names
     !> Number of letters around the name in a question.
     integer, parameter :: around = 19
 
+    !> Names of keys, quantities and motions in earlier versions, and their present names.
+    character(len=12), parameter :: former_names(5) = [character(len=12) :: 'way', 'traction', 'pull', 'turn', 'place']
+    character(len=12), parameter :: present_names(5) = [character(len=12) :: 'displacement', 'tension', 'tension', 'rotation', &
+        'position']
+
 contains
 
     !> Length of the nearest name.
@@ -29,14 +34,14 @@ contains
         if (question_length > 0) question_length = question_length + around
     end function question_length
 
-    !> Place of the nearest name; 0 if none is near.
+    !> Index of the nearest name; 0 if none is near. A name of an earlier version is nearest to its present name.
     pure integer function nearest_place(word, names)
         character(len=*), intent(in) :: word, names(:)
         integer :: i, distance, least
 
-        nearest_place = 0
+        nearest_place = renamed_place(word, names)
         least = huge(1)
-        if (len(word) > 64) return
+        if (len(word) > 64 .or. nearest_place > 0) return
         do i = 1, size(names)
             distance = edits(lower_case(word), lower_case(names(i)))
             if (distance < least .and. distance <= max(1, len_trim(names(i))/3)) then
@@ -45,6 +50,22 @@ contains
             end if
         end do
     end function nearest_place
+
+    !> Index of the present name of a word whose last part, behind a dot or a slash, is a name of an earlier version, as
+    !> `world.turn_z`; 0 if there is none.
+    pure integer function renamed_place(word, names)
+        character(len=*), intent(in) :: word, names(:)
+        integer :: from, to, i
+
+        renamed_place = 0
+        from = scan(word, './', back=.true.) + 1
+        to = from + scan(word(from:)//'_', '_ ') - 2
+        do i = 1, size(former_names)
+            if (word(from:to) /= former_names(i)) cycle
+            renamed_place = findloc(names == word(:from - 1)//trim(present_names(i))//word(to + 1:), .true., dim=1)
+            if (renamed_place > 0) return
+        end do
+    end function renamed_place
 
     !> Name that was probably meant, or nothing: the one with the fewest edits, at most a third of its length.
     pure function nearest_name(word, names) result(name)

@@ -190,11 +190,11 @@ contains
         call self%visit_course(visitor)
         call visitor%take(option_row_type('start_tolerance', '', &
             'largest constraint error of the start', tolerance), number=self%start_tolerance)
-        call visitor%take(option_row_type('max_steps', '', 'most steps of the run', from_one), whole=self%max_steps)
+        call visitor%take(option_row_type('max_steps', '', 'largest number of steps', from_one), whole=self%max_steps)
         call visitor%take(option_row_type('max_evaluations', '', &
-            'most evaluations of the right-hand side; 0 for no limit', limit), whole=self%max_evaluations)
-        call visitor%take(option_row_type('max_seconds', 's', 'most wall time; 0 for no limit', limit), number=self%max_seconds)
-        call visitor%take(option_row_type('max_events', '', 'most events of the run', from_one), whole=self%max_events)
+            'largest number of evaluations of the right-hand side; 0 for no limit', limit), whole=self%max_evaluations)
+        call visitor%take(option_row_type('max_seconds', 's', 'largest wall time; 0 for no limit', limit), number=self%max_seconds)
+        call visitor%take(option_row_type('max_events', '', 'largest number of events', from_one), whole=self%max_events)
     end subroutine visit
 
     !> Show a visitor the options that affect the course of a run: neither limits that only end it, nor options of the start.
@@ -202,36 +202,37 @@ contains
         class(options_type), intent(inout) :: self
         class(option_visitor_type), intent(inout) :: visitor
 
-        call visitor%take(option_row_type('stepper', '', 'the method; auto with a fixed step is rk4'), word=self%stepper, &
-            choices=stepper_choices)
+        call visitor%take(option_row_type('stepper', '', 'integration method; auto selects rk4 with a fixed step'), &
+            word=self%stepper, choices=stepper_choices)
         call visitor%take(option_row_type('step', 's', &
-            'size of fixed steps, instead of rtol; 0: not given, which is 1e-3 for rk4', unset_or_positive), number=self%step)
+            'size of fixed steps; excludes rtol; 0: not set (rk4 then takes 1e-3)', unset_or_positive), number=self%step)
         call visitor%take(option_row_type('rtol', '', &
-            'relative tolerance, for all or per coordinate; 0: 1e-6, or fixed steps with step or rk4', unset_or_tolerance), &
+            'relative tolerance, scalar or per coordinate; 0: 1e-6, or fixed steps with step or rk4', unset_or_tolerance), &
             number=self%rtol, list=self%rtol_q)
         call visitor%take(option_row_type('atol', '', &
-            'absolute tolerance, for all or one a coordinate, in units of its scale; 0 for rtol', limit), &
+            'absolute tolerance, scalar or per coordinate, in units of its scale; 0: equal to rtol', limit), &
             number=self%atol, list=self%atol_q)
         call visitor%take(option_row_type('rtol_q', '', &
             'relative tolerance per coordinate; overrides rtol', tolerance, key='rtol'), list=self%rtol_q)
         call visitor%take(option_row_type('rtol_qd', '', &
-            'relative tolerances of the velocities, where it is not rtol', tolerance), list=self%rtol_qd)
+            'relative tolerance per velocity; overrides rtol', tolerance), list=self%rtol_qd)
         call visitor%take(option_row_type('atol_q', '', &
             'absolute tolerance per coordinate; overrides atol', limit, key='atol'), list=self%atol_q)
         call visitor%take(option_row_type('atol_qd', '', &
-            'absolute tolerances of the velocities, where it is not atol', limit), list=self%atol_qd)
+            'absolute tolerance per velocity; overrides atol', limit), list=self%atol_qd)
         call visitor%take(option_row_type('first_step', 's', &
-            'the first step, with rtol; 0: tandem chooses', limit), number=self%first_step)
-        call visitor%take(option_row_type('max_step', 's', 'the largest step, with rtol; 0 for none', limit), number=self%max_step)
+            'first step under error control; 0: chosen automatically', limit), number=self%first_step)
+        call visitor%take(option_row_type('max_step', 's', 'largest step under error control; 0 for no limit', limit), &
+            number=self%max_step)
         call visitor%take(option_row_type('chart_kind', '', &
-            'of what a chart is made; sparse ones serve many bodies'), word=self%chart_kind, choices=chart_kinds)
-        call visitor%take(option_row_type('chart', '', 'when a chart is renewed'), word=self%chart, choices=chart_policies)
+            'matrices of a chart: dense, or sparse for many bodies'), word=self%chart_kind, choices=chart_kinds)
+        call visitor%take(option_row_type('chart', '', 'rule for a new chart'), word=self%chart, choices=chart_policies)
         call visitor%take(option_row_type('refresh', '', &
-            'how the inverses follow the motion'), word=self%refresh, choices=refresh_modes)
+            'update of the inverses B and H'), word=self%refresh, choices=refresh_modes)
         call visitor%take(option_row_type('basis', '', &
-            'where the bases of a chart come from'), word=self%basis, choices=basis_methods)
+            'factorization that yields the bases of a chart'), word=self%basis, choices=basis_methods)
         call visitor%take(option_row_type('projection', '', &
-            'where explicit steps meet the constraints'), word=self%projection, choices=projections)
+            'points of explicit steps that are projected onto the constraints'), word=self%projection, choices=projections)
         call visitor%take(option_row_type('constraint_tolerance', '', &
             "largest constraint error, on each row's natural scale", tolerance), number=self%constraint_tolerance)
         call visitor%take(option_row_type('utol', '', &
@@ -246,7 +247,7 @@ contains
             'tolerance of the iteration of implicit stages; 0 for constraint_tolerance/100, or more', &
             unset_or_tolerance), number=self%intol)
         call visitor%take(option_row_type('v_limit', '', &
-            'limit on |v| in a chart, with paper; 0 for none, and 70 degrees without any', limit), number=self%v_limit)
+            'limit on |v| in a chart, with paper; 0 for none; 70 degrees if no limit is set', limit), number=self%v_limit)
         call visitor%take(option_row_type('w_limit', '', &
             'limit on |w| in a chart, with paper; 0 for none', limit), number=self%w_limit)
         call visitor%take(option_row_type('condition_limit', '', &

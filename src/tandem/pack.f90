@@ -88,17 +88,17 @@ contains
         self%has_failed = .false.
         self%n = head
         if (size(words) < head) then
-            problem = 'it is empty or cut off'
+            problem = 'it is empty or truncated'
         else if (words(1) /= word_of(signature) .or. words(2) /= word_of(kind_of_row)) then
-            problem = 'it is something else'
+            problem = 'it is not a checkpoint'
         else if (words(3) > version) then
-            problem = 'a newer version of tandem made it'
+            problem = 'it was written by a newer version of tandem'
         else if (words(3) /= version) then
-            problem = 'an older version of tandem made it'
+            problem = 'it was written by an older version of tandem'
         else if (words(4) < head .or. words(4) > size(words)) then
-            problem = 'it is cut off'
+            problem = 'it is truncated'
         else if (words(head) /= checksum(words(head + 1:int(words(4))))) then
-            problem = 'it is damaged: its checksum is wrong'
+            problem = 'it is damaged: wrong checksum'
         end if
         if (problem /= '') return
         self%words = words(:int(words(4)))

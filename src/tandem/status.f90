@@ -55,61 +55,61 @@ module tandem_status
     end type status_type
 
     type(status_type), parameter :: table(1 - last_status) = [ &
-        status_type(status_ok, 'ok', .false., 'all went well', 'nothing to do'), &
+        status_type(status_ok, 'ok', .false., 'success', 'none required'), &
         status_type(status_invalid_option, 'invalid_option', .true., &
-            'an option has a value that cannot be', 'correct the option that the message names'), &
+            'invalid option value', 'correct the option named in the message'), &
         status_type(status_invalid_model, 'invalid_model', .true., &
-            'the model lacks a procedure, or its sizes or its mass matrix cannot be', 'complete the model as the message says'), &
-        status_type(status_inconsistent_start, 'inconsistent_start', .true., &
+            'the model lacks a procedure, or has invalid sizes or an invalid mass matrix', &
+            'correct the model as the message states'), status_type(status_inconsistent_start, 'inconsistent_start', .true., &
             'the start violates the constraints', &
-            'correct the position or velocity that the message names, or let the start be assembled'), &
+            'correct the position or velocity named in the message, or assemble the start'), &
         status_type(status_rank_deficient, 'rank_deficient', .false., &
-            'constraint rows depend on each other', &
-            'remove a row that repeats others, or end the run before the configuration where they become dependent'), &
+            'constraint rows are linearly dependent', &
+            'remove the redundant row, or end the run before the configuration where rows become dependent'), &
         status_type(status_singular_mass, 'singular_mass', .false., &
             'the mass matrix is not positive definite on the null space of the constraints', &
             'give every free direction a mass, and check the sign and symmetry of M'), &
         status_type(status_callback_failed, 'callback_failed', .false., &
-            'a model procedure asked to stop', 'see why the procedure that the message names returned a negative status'), &
+            'a model procedure requested a stop', 'check why the procedure named in the message returned a negative status'), &
         status_type(status_not_evaluable, 'not_evaluable', .false., &
             'the model could not be evaluated at a point of the step', 'take a smaller step'), &
         status_type(status_not_finite, 'not_finite', .false., &
-            'a NaN or an infinity came out of the model or out of the step', &
-            'take a smaller step; if it persists, look for what has no value there'), &
+            'the model or the step produced a NaN or an infinity', &
+            'take a smaller step; if the failure persists, look for an undefined term there'), &
         status_type(status_position_diverged, 'position_diverged', .false., &
             'the iteration for the position constraints did not converge', &
-            'take a smaller step; if none helps, see whether the constraints allow no motion there'), &
+            'take a smaller step; if that does not help, check whether the constraints permit motion there'), &
         status_type(status_chart_left, 'chart_left', .false., &
             'the step left the domain of its chart', &
-            'take a smaller step; if none helps, see whether the constraints allow no motion there'), &
+            'take a smaller step; if that does not help, check whether the constraints permit motion there'), &
         status_type(status_constraints_not_held, 'constraints_not_held', .false., &
             'a constraint error exceeds its tolerance at an accepted step', &
-            'loosen constraint_tolerance, or remove the near-redundancy of the constraints'), &
+            'increase constraint_tolerance, or remove nearly redundant constraints'), &
         status_type(status_step_underflow, 'step_underflow', .false., &
-            'the step no longer changes the time', 'take a larger step or a shorter span'), &
+            'the step is too small to change the time', 'take a larger step or a shorter time interval'), &
         status_type(status_step_limit, 'step_limit', .false., &
-            'max_steps were taken before the end', 'raise max_steps, or loosen the tolerances'), &
+            'max_steps reached before the end time', 'raise max_steps, or loosen the tolerances'), &
         status_type(status_output_failed, 'output_failed', .false., &
             'the results could not be written', 'check the disk and the path of the output file'), &
         status_type(status_newton_failed, 'newton_failed', .false., &
             'the iteration for an implicit stage did not converge', &
-            'take a smaller step; check the derivatives of a model of your own'), &
+            'take a smaller step; check the derivatives of a user-supplied model'), &
         status_type(status_inconsistent_rows, 'inconsistent_rows', .true., &
-            'constraint rows depend on each other and contradict each other', &
-            'remove or correct one of the rows that the message names'), &
+            'constraint rows are linearly dependent and contradict each other', &
+            'remove or correct one of the rows named in the message'), &
         status_type(status_event_limit, 'event_limit', .false., &
-            'events follow each other without end', &
-            'let the action of the event leave its zero, or raise max_events'), &
+            'endless sequence of events', &
+            'make the action of the event move the state away from its zero, or raise max_events'), &
         status_type(status_work_limit, 'work_limit', .false., &
-            'max_evaluations or max_seconds were spent before the end', &
-            'raise the limit that the message names, loosen the tolerances, or choose another stepper'), &
+            'max_evaluations or max_seconds reached before the end time', &
+            'raise the limit named in the message, loosen the tolerances, or choose another stepper'), &
         status_type(status_invalid_checkpoint, 'invalid_checkpoint', .true., &
-            'a run cannot be taken up from this checkpoint', 'start the run anew'), &
+            'the run cannot be resumed from this checkpoint', 'restart the run'), &
         status_type(status_interrupted, 'interrupted', .false., &
-            'somebody asked the run to end', 'go on with tandem resume, or run it again'), &
+            'the run was interrupted', 'continue with tandem resume, or run again'), &
         status_type(status_no_equilibrium, 'no_equilibrium', .false., &
             'no equilibrium or steady motion was found near the start', &
-            'start nearer to one, or see whether forces and motions leave any')]
+            'start nearer to one, or check whether one exists')]
 
 contains
 
@@ -126,7 +126,7 @@ contains
                 return
             end if
         end do
-        row = status_type(code, 'unknown', .false., 'a code that this version does not know', 'report it')
+        row = status_type(code, 'unknown', .false., 'unknown code', 'report it')
     end function status_of
 
     !> Length of the name of a code. Function results of type text have a known length, because gfortran stores a deferred length in

@@ -101,7 +101,7 @@ def a_wheel(random, planar):
             ("crown", 0.1 * (kind == "disk"), positive(random)),
             ("semi_axes", 0.95 * (kind == "ellipsoid"), mostly(random, ["[1, 2, 0.5]"], ["[0, 1, 1]", "[1e9, 1, 1e-9]"])),
             ("steer", 0.1, random.choice(TIMES)),
-            ("along", 0.4 * (kind == "massless"), a_vector(random, False)), ("turn", 0.05, random.choice(TIMES))]
+            ("along", 0.4 * (kind == "massless"), a_vector(random, False)), ("rotation", 0.05, random.choice(TIMES))]
     return ["[wheel.roller]", f'type = "{kind}"', *some(random, keys)]
 
 
@@ -109,7 +109,7 @@ def a_force(random, planar, name):
     kind = {"coil": "spring", "twist": "torsion", "push": "load", "rub": "friction", "pad": "bushing"}[name]
     n = 3 if planar else 6
     keys = {
-        "spring": [("between", 0.98, a_pair(random)), ("length", 0.5, positive(random)), ("pull", 0.1, random.choice(TIMES)),
+        "spring": [("between", 0.98, a_pair(random)), ("length", 0.5, positive(random)), ("tension", 0.1, random.choice(TIMES)),
                    ("stiffness", 0.9, a_number(random)), ("damping", 0.3, a_number(random)),
                    ("law", 0.2, random.choice(['"-length^3"', '"table"', '"rate"', '"1/(length - 1)"', *TIMES]))],
         "torsion": [("joint", 0.98, '"pin"'), ("stiffness", 0.9, a_number(random)), ("damping", 0.3, a_number(random)),

@@ -117,7 +117,7 @@ C     is 9.81/16 m below the pivot.
       CALL TDDEFN (IH, 0, 0, 0.0D0, 10.0D0, IERR)
       CALL TDDRAW (IH, Q, QD, IERR)
       CALL TOLD ('a-bob-on-a-string', IERR .EQ. 0, NFAIL)
-      CALL TDSTDY (IH, 0.0D0, Q, QD, 'any world.turn_z=4  ', RPAR,
+      CALL TDSTDY (IH, 0.0D0, Q, QD, 'any world.rotation_z=4  ', RPAR,
      &             IPAR, IERR)
       CALL TOLD ('turns-at-a-rate-that-is-held', IERR .EQ. 0 .AND.
      &           ABS(Q(3) + 9.81D0/16.0D0) .LT. 1.0D-12 .AND.
@@ -126,9 +126,9 @@ C     is 9.81/16 m below the pivot.
       CALL TDSTDY (IH, 0.0D0, Q, QD, ' ', RPAR, IPAR, IERR)
       CALL TOLD ('and-stays-where-none-is-held', IERR .EQ. 0 .AND.
      &           ABS(Q(3) + 9.81D0/16.0D0) .LT. 1.0D-9, NFAIL)
-      CALL TDSTDY (IH, 0.0D0, Q, QD, 'world.turn', RPAR, IPAR, IERR)
+      CALL TDSTDY (IH, 0.0D0, Q, QD, 'world.rotation', RPAR, IPAR, IERR)
       CALL TOLD ('along-a-group', IERR .EQ. 0, NFAIL)
-      CALL TDSTDY (IH, 0.0D0, Q, QD, 'world.turn_z=', RPAR, IPAR, IERR)
+      CALL TDSTDY (IH, 0.0D0, Q, QD, 'world.rotation_z=', RPAR, IPAR, IERR)
       CALL TDTEXT (IH, TEXT)
       CALL TOLD ('a-rate-that-is-none', IERR .EQ. TDEOPT .AND.
      &           INDEX (TEXT, 'no number') .GT. 0, NFAIL)

@@ -77,7 +77,7 @@ static const char *some_text(void)
     static const char *values[] = {"step", "rtol", "stepper", "rk4", "holonomic", "mass_matrix", "applied_force", "q", "qd", "lambda",
                                    "coordinate_scale", "breakpoints", "constant_mass", "gamma_q", "jacobian_derivative", "steps",
                                    "coordinate", "row", "unit", "radau5", "chart_kind", "sparse", "", "?", "body.bob.mass", "1.5",
-                                   "world.turn", "any", "weight_q", "fixed_qd", "mass_blocks", "potential_energy"};
+                                   "world.rotation", "any", "weight_q", "fixed_qd", "mass_blocks", "potential_energy"};
     unsigned k = draw(33);
     return k == 32 ? NULL : values[k];
 }

@@ -106,8 +106,8 @@ class Names(unittest.TestCase):
             self.assertIn("time", file["forces/coil"])
             all_ = [whats for group in (*self.result.groups.values(), self.result.sensors) for whats in group.values()]
             self.assertFalse([whats for whats in all_ if "time" in whats])
-            np.testing.assert_array_equal(self.result.groups["forces"]["coil"]["traction"].values, file["forces/coil/traction"][:])
-            np.testing.assert_array_equal(self.result.to_xarray("forces")["coil_traction"], file["forces/coil/traction"][:])
+            np.testing.assert_array_equal(self.result.groups["forces"]["coil"]["tension"].values, file["forces/coil/tension"][:])
+            np.testing.assert_array_equal(self.result.to_xarray("forces")["coil_tension"], file["forces/coil/tension"][:])
             with self.assertRaisesRegex(KeyError, "there is no group 'force'; there are trajectory, diagnostics, sensors"):
                 self.result.to_xarray("force")
             np.testing.assert_array_equal(self.result.groups["balance"]["balance"]["residual"].values, file["balance/residual"][:])

@@ -69,7 +69,7 @@ class Plots(Folder):
         figure = tandem.plot.coordinates(one, ["rod.x", "d(rod.x)", "stroke way"])
         panels = figure.axes
         self.assertEqual([axes.get_ylabel() for axes in panels], ["[m]", "d(rod.x) [m/s]"])
-        for line, values in ((panels[0].lines[0], one["rod.x"]), (panels[0].lines[1], one.sensors["stroke"]["way"].values),
+        for line, values in ((panels[0].lines[0], one["rod.x"]), (panels[0].lines[1], one.sensors["stroke"]["displacement"].values),
                              (panels[1].lines[0], one.qd[:, one.names.index("rod.x")])):
             self.assertGreaterEqual(len(line.get_xdata()), motion.LEAST_POINTS)
             self.assertTrue(np.array_equal(line.get_ydata()[np.isin(line.get_xdata(), one.time)], values))
@@ -287,13 +287,13 @@ class Motions(unittest.TestCase):
         """A velocity that an event has changed: the line goes to the state before, on both sides without overshoot."""
         time = np.array([0.0, 1.0, 2.0])
         one = tandem.Result(time, ["x"], ["m"], q=np.array([[0.0], [3.0], [1.0]]), qd=np.array([[3.0], [-2.0], [-2.0]]),
-                            qdd=np.zeros((3, 1)), sensors={"p": {"way": tandem.result.Series(np.array([0.0, 3, 1])),
+                            qdd=np.zeros((3, 1)), sensors={"p": {"displacement": tandem.result.Series(np.array([0.0, 3, 1])),
                                                                  "speed": tandem.result.Series(np.array([3.0, -2, -2]))}},
                             events={"time": np.array([0.5, 1.0]), "q": np.array([[1.5], [3.0]]), "qd": np.array([[3.0], [3.0]])})
         drawn = motion.with_rows_between(one)
         expected = np.where(drawn.time <= 1, 3*drawn.time, 5 - 2*drawn.time)
         self.assertLess(np.abs(drawn["x"] - expected).max(), 1e-12)
-        self.assertLess(np.abs(drawn.sensors["p"]["way"].values - expected).max(), 1e-12)
+        self.assertLess(np.abs(drawn.sensors["p"]["displacement"].values - expected).max(), 1e-12)
         at = np.flatnonzero(drawn.time == 1.0)
         self.assertEqual(drawn.qd[at, 0].tolist(), [3.0, -2.0])
         frames = np.linspace(0, 2, 33)

@@ -19,18 +19,18 @@ class SteadyMotions(unittest.TestCase):
 
     def test_a_rate_is_held(self):
         run = self.bob().simulation()
-        q, qd = run.find_steady_motion(["any", "world.turn_z=4"])
+        q, qd = run.find_steady_motion(["any", "world.rotation_z=4"])
         # g = w^2 h.
         self.assertAlmostEqual(q[2], -9.81/16, delta=1e-12)
         np.testing.assert_allclose(qd, np.cross([0, 0, 4], q), atol=1e-12)
-        again = run.find_steady_motion("any world.turn_z=4")
+        again = run.find_steady_motion("any world.rotation_z=4")
         np.testing.assert_array_equal(again, (q, qd))
         np.testing.assert_array_equal(run.state.q, [0.6, 0, -0.8])
         with self.assertRaisesRegex(tandem.InvalidInput, "no number"):
-            run.find_steady_motion("world.turn_z=fast")
+            run.find_steady_motion("world.rotation_z=fast")
 
     def test_a_start_there(self):
-        solution = self.bob(**{"initial.steady": ["any", "world.turn_z=4"]}).solve(rtol=1e-10)
+        solution = self.bob(**{"initial.steady": ["any", "world.rotation_z=4"]}).solve(rtol=1e-10)
         np.testing.assert_allclose(solution.q[:, 2], -9.81/16, atol=1e-9)
 
 

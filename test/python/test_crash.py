@@ -358,7 +358,7 @@ class Disk(Running):
                 if way == "replaced":
                     (self.folder / name).write_text("mine\n")
                 _, err = self.end(process, 1)
-                self.assertIn("was removed or replaced while the run wrote it", err)
+                self.assertIn("was removed or replaced during the run", err)
                 self.check_rescue(err)
                 if way == "replaced":
                     self.assertEqual((self.folder / name).read_text(), "mine\n")

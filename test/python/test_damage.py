@@ -214,7 +214,7 @@ class Verify(Damaged):
                         file[name][3, 0] = np.nextafter(file[name][3, 0], 9.0)
                     else:
                         file[name][3] += 1
-                says = f"the rows of /{name} are not those that were written"
+                says = f"the rows of /{name} differ from those that were written"
                 self.assertIn(f"run.h5 is damaged: {says}", self.tandem("verify", "run.h5", code=1).stderr)
                 self.assertIn(f"cannot resume from run.h5: it is damaged: {says}",
                               self.tandem("resume", "run.h5", *ON, code=2).stderr)
@@ -230,8 +230,8 @@ class Verify(Damaged):
                 with self.subTest(text=text, place=place):
                     says = self.call("verify", "run.h5")
                     self.assertEqual(says.returncode, 1)
-                    self.assertRegex(says.stderr, "texts among its attributes are not|/checkpoint/(first|second) is not")
-        says = "it is damaged: texts among its attributes are not those that were written"
+                    self.assertRegex(says.stderr, "text attributes differ|/checkpoint/(first|second) differs")
+        says = "it is damaged: text attributes differ from those that were written"
         with h5py.File(self.folder / "run.h5", "r+") as file:
             file["trajectory/q"].attrs["units"] = [unit.replace("m", "k") for unit in file["trajectory/q"].attrs["units"]]
         self.assertIn(says, self.tandem("resume", "run.h5", *ON, code=2).stderr)
@@ -306,11 +306,11 @@ class Verify(Damaged):
                 self.assertNotIn("damaged", says)
 
     def test_a_damaged_checkpoint(self):
-        """One place is enough to go on from, but the file is not as it was written."""
+        """One place is enough to go on from, but the file differs from what was written."""
         self.tandem("run", "rolling_disk", *LIMITED, "--set", "output.flush=0", "--output", "run.h5", code=1)
         with h5py.File(self.folder / "run.h5", "r+") as file:
             file["checkpoint/first"][100] += 1
-        self.assertIn("/checkpoint/first is not as it was written", self.tandem("verify", "run.h5", code=1).stderr)
+        self.assertIn("/checkpoint/first differs from what was written", self.tandem("verify", "run.h5", code=1).stderr)
         self.tandem("resume", "run.h5", *ON)
         self.tandem("verify", "run.h5")
 
@@ -328,7 +328,7 @@ class Verify(Damaged):
         self.refused("verify", says="needs a FILE")
         self.refused("verify", "none.h5", says="cannot verify none.h5: there is no such file")
         (self.folder / "text.h5").write_text("[scene]")
-        self.refused("verify", "text.h5", says="it is no result of tandem")
+        self.refused("verify", "text.h5", says="it is not a result of tandem")
         whole = self.limited()
         (self.folder / "run.h5").write_bytes(whole[:len(whole)//2])
         self.refused("verify", "run.h5", says="it is damaged: HDF5 cannot open it")
@@ -353,7 +353,7 @@ class Cut(Running):
                 os.truncate(self.folder / name, length)
                 out, err = self.end(process, 1)
                 self.assertIn("output_failed", err)
-                self.assertIn("has cut or overwritten the file while the run wrote it", err)
+                self.assertIn("truncated or overwrote the file during the run", err)
                 self.assertIn("is saved: tandem run", err)
                 self.assertNotIn("resume", out + err)
                 # It is not made to look whole again.
@@ -369,7 +369,7 @@ class Cut(Running):
         os.truncate(self.folder / "a.h5", 5000)
         process.send_signal(signal.SIGTERM)
         _, err = self.end(process, 128 + signal.SIGTERM)
-        self.assertIn("has cut or overwritten the file", err)
+        self.assertIn("truncated or overwrote the file", err)
         self.assertNotIn("tandem resume", err)
 
     def test_at_the_very_end(self):
@@ -380,7 +380,7 @@ class Cut(Running):
         time.sleep(0.1)
         os.truncate(self.folder / "a.h5", 0)
         out, err = self.end(process, 1)
-        self.assertIn("has cut or overwritten the file", err)
+        self.assertIn("truncated or overwrote the file", err)
         self.assertIn("INCOMPLETE", out)
 
 

@@ -104,7 +104,7 @@ assemble = true
                     t = file["trajectory/time"][:]
                     x = 0.3*np.cos(angle + t) + np.sqrt(1 - (0.3*np.sin(angle + t))**2)
                     self.near(file["bodies/slider/position"][:, 0], x, 1e-9)
-                    self.near(file["joints/guide/way"][:], x - 1.3, 1e-9)
+                    self.near(file["joints/guide/displacement"][:], x - 1.3, 1e-9)
                     self.near(file["joints/motor/angle"][:], angle + t, 1e-10)
 
     def test_sides_that_are_apart_along_the_axis(self):
@@ -130,10 +130,10 @@ bodies = "all"
         with self.went(self.scene(text.replace("MOTION", 'motion = "0.25*t^2"'))) as file:
             t = file["trajectory/time"][:]
             self.near(file["bodies/b/position"][:, 0], 0.7 + 0.25*t**2, self.BOUND)
-            self.near(file["joints/rail/way"][:], 0.25*t**2, self.BOUND)
+            self.near(file["joints/rail/displacement"][:], 0.25*t**2, self.BOUND)
             self.near(file["forces/k/force"][:], -0.5*t**2, self.BOUND)
         with self.went(self.scene(text.replace("MOTION", ""))) as file:
-            self.near(file["joints/rail/way"][:], 0, self.BOUND)
+            self.near(file["joints/rail/displacement"][:], 0, self.BOUND)
 
     def test_a_distance_at_the_start_of_the_run(self):
         """Driven by a function of time that is a length only from t = 4 s on."""
@@ -310,7 +310,7 @@ class Signs(Mechanism):
                         w = np.sqrt(3)
                         x = 0.75*(1 - np.exp(-t)*(np.cos(w*t) + np.sin(w*t)/w))
                         v = 0.75*np.exp(-t)*4/w*np.sin(w*t)
-                        self.near(file["joints/rail/way"][:], x, self.BOUND)
+                        self.near(file["joints/rail/displacement"][:], x, self.BOUND)
                         self.near(file["forces/f/force"][:], 6 - 8*x - 4*v, self.BOUND)
                         self.near(file["forces/f/power"][:], (6 - 4*v)*v, self.BOUND)
                         self.near(file["forces/f/energy"][:], 4*x**2, self.BOUND)
@@ -380,7 +380,7 @@ at = [0.3, 0]
 axis = [1, 0]
 [force.spring]
 type = "torsion"
-joint = "wire.way"
+joint = "wire.displacement"
 stiffness = 4
 [force.turner]
 type = "torsion"
@@ -394,7 +394,7 @@ joints = "all"
 forces = "all"
 [[event]]
 name = "half"
-watch = "/joints/wire/way"
+watch = "/joints/wire/displacement"
 value = 0.25
 [time]
 end = 0.5
@@ -402,18 +402,18 @@ end = 0.5
                     if reverse:
                         # The line turns with the bead: only the start is compared.
                         with self.went(self.scene(text)) as file:
-                            self.near(file["joints/wire/way"][0], 0, 1e-12)
+                            self.near(file["joints/wire/displacement"][0], 0, 1e-12)
                             self.near(file["joints/wire/angle"][0], 0, 1e-12)
                             self.near(file["joints/wire/rate"][0], -0.2, 1e-12)
-                            self.near(file["forces/spring/way"][:], file["joints/wire/way"][:], 1e-12)
+                            self.near(file["forces/spring/displacement"][:], file["joints/wire/displacement"][:], 1e-12)
                             self.near(file["forces/turner/angle"][:], file["joints/wire/angle"][:], 1e-12)
                         continue
                     with self.went(self.scene(text)) as file:
                         t = file["trajectory/time"][:]
                         way, angle = np.sin(2*t)/2, 0.2*t + t**2/8
-                        self.near(file["joints/wire/way"][:], way, 1e-9)
+                        self.near(file["joints/wire/displacement"][:], way, 1e-9)
                         self.near(file["joints/wire/angle"][:], angle, 1e-9)
-                        self.near(file["sensors/zeroed/way"][:], 7 + way, 1e-9)
+                        self.near(file["sensors/zeroed/displacement"][:], 7 + way, 1e-9)
                         self.near(file["sensors/zeroed/angle"][:], 7 + angle, 1e-9)
                         self.near(file["forces/spring/force"][:], -4*way, 1e-9)
                         self.near(file["events/time"][:], [np.arcsin(0.5)/2], 1e-9)
@@ -424,12 +424,12 @@ class Names(Mechanism):
         for name in ("t", "length", "angle", "rate"):
             with self.subTest(name):
                 self.refused("check", self.scene(PLANE + f"[parameters]\n{name} = 3\n[body.a]\nmass = 1\nposition = [0, 0]\n" + END),
-                             says=[f'"{name}" has a meaning of its own', "choose another name"])
+                             says=[f'"{name}" is reserved in expressions', "choose another name"])
                 text = PLANE + "[body.a]\nmass = 1\nposition = [0, 0]\n" + END
-                self.refused("check", self.scene(text), "--set", f"parameters.{name}=3", says=f'"{name}" has a meaning of its own')
+                self.refused("check", self.scene(text), "--set", f"parameters.{name}=3", says=f'"{name}" is reserved in expressions')
                 self.refused("check", self.scene(f"{text}[function.{name}]\nat = [0, 1]\nvalues = [0, 1]\n"), says=f'"{name}"')
                 self.refused("check", self.scene(f'{text}[repeat.r]\ncount = 2\nindex = "{name}"\n[repeat.r.body."b{{{name}}}"]\nmass = 1\n'
-                                                 f'position = ["{name}", 0]\n'), says=f'"{name}" has a meaning of its own')
+                                                 f'position = ["{name}", 0]\n'), says=f'"{name}" is reserved in expressions')
 
     def test_a_sweep_over_such_a_name(self):
         text = PLANE + "[body.a]\nmass = 1\nposition = [0, 0]\n" + END
@@ -453,8 +453,8 @@ class Names(Mechanism):
         for element in ('[force.f]\ntype = "torsion"\njoint = "hinge"\n', '[force.f]\ntype = "friction"\njoint = "hinge"\ndynamic = 0.1\n'
                         'speed = 0.1\nnormal = 1\n', '[constraint.c]\ntype = "coupling"\njoints = ["hinge"]\nfactors = [1]\n'):
             with self.subTest(element):
-                self.refused("check", self.scene(text + element), says=["turns and slides", "hinge.angle", "hinge.way"])
-                for part in ("angle", "way"):
+                self.refused("check", self.scene(text + element), says=["rotates and slides", "hinge.angle", "hinge.displacement"])
+                for part in ("angle", "displacement"):
                     self.tandem("check", self.scene(text + element.replace('"hinge"', f'"hinge.{part}"')))
 
 

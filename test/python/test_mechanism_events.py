@@ -33,11 +33,11 @@ def event(name, watch, value, direction="both", **keys):
 class Watching(Mechanism):
     def test_a_reaction_that_vanishes(self):
         """With v^2 = 3.5 g l at the bottom the string is slack at 120 degrees."""
-        text = STRING + event("slack", "/sensors/pull/traction", 0.0, "falling", action="stop")
+        text = STRING + event("slack", "/sensors/pull/tension", 0.0, "falling", action="stop")
         with self.went(self.scene(text)) as file:
             self.assertIn('stopped by "slack"', file.attrs["status_message"])
             self.near(file["sensors/bob/position"][-1], [np.sqrt(0.75), 0.5, 0], 1e-9)
-            self.near(file["sensors/pull/traction"][-1], 0, 1e-8)
+            self.near(file["sensors/pull/tension"][-1], 0, 1e-8)
 
     def test_a_height(self):
         text = STRING + event("level", "/sensors/bob/position.y", -0.5, "rising")
@@ -54,14 +54,15 @@ class Watching(Mechanism):
 
     def test_wrong_events(self):
         cases = {
-            event("e", "/sensors/bob/place", 0.0): ["names nothing", "/sensors/bob/position"],
+            event("e", "/sensors/bob/place", 0.0): ["is not an output of the model", "/sensors/bob/position"],
+            event("e", "/sensors/pull/traction", 0.0): ['did you mean "/sensors/pull/tension"?'],
             event("e", "/sensors/bob/position", 0.0): [".x, .y or .z"],
             event("e", "/sensors/bob/acceleration.x", 0.0): ["cannot be watched"],
-            event("e", "/sensors/pull/traction.x", 0.0): ["one number"],
+            event("e", "/sensors/pull/tension.x", 0.0): ["is a scalar"],
             event("e", "bob.x", 0.0, change="lock string"): ["string", "locked"],
-            event("e", "bob.x", 0.0, change="open the door"): ["no change", "lock NAME"],
-            event("e", "bob.x", 0.0, change="force.coil.stiffness = 3"): ["coil", "no spring"],
-            event("e", "bob.x", 0.0, change="force.coil.stiffness = x"): ["sets no number"],
+            event("e", "bob.x", 0.0, change="open the door"): ["not a valid change", "lock NAME"],
+            event("e", "bob.x", 0.0, change="force.coil.stiffness = 3"): ["coil", "neither a spring"],
+            event("e", "bob.x", 0.0, change="force.coil.stiffness = x"): ["does not set a number"],
         }
         for text, says in cases.items():
             with self.subTest(text):
@@ -72,7 +73,7 @@ class Watching(Mechanism):
         for number in ("2*", ",", "/", "1,2", "1e3 xyz", "", "1 2", "1-5x", "1/0", "k"):
             with self.subTest(number):
                 text = SPRING + event("e", "mass.x", 0.0, change=f"force.coil.stiffness = {number}")
-                self.refused("check", self.scene(text), says=["sets no number", "force.NAME.KEY = NUMBER"])
+                self.refused("check", self.scene(text), says=["does not set a number", "force.NAME.KEY = NUMBER"])
         self.refused("check", "rolling_disk", "--set", 'event=[{name="e", watch="phi", change="lock it"}]', says=["event"])
 
 
@@ -180,9 +181,9 @@ class Changing(Mechanism):
 
     def test_a_spring_that_changes(self):
         """k = 1 until the mass passes the middle, k = 4 from there."""
-        text = SPRING + event("middle", "/sensors/way/way", -1.0, change="force.coil.stiffness = 4", direction="falling")
+        text = SPRING + event("middle", "/sensors/way/displacement", -1.0, change="force.coil.stiffness = 4", direction="falling")
         with self.went(self.scene(text)) as file:
-            t, x = file["trajectory/time"][:], file["sensors/way/way"][:] + 1
+            t, x = file["trajectory/time"][:], file["sensors/way/displacement"][:] + 1
             self.near(file["events/time"][:], [np.pi/2], 1e-10)
             self.near(x, np.where(t < np.pi/2, np.cos(t), -0.5*np.sin(2*(t - np.pi/2))), 1e-9)
 

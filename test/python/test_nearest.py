@@ -224,9 +224,9 @@ class Nearest(Case):
         m_ij a_j'' + w^2 sum_j m_ij (a_i - a_j) = 0, where the masses are those of a chain; a rope's are w^2 (k (2 k - 1) - 1)."""
         n, w = 1000, 2.0
         said = self.said(self.scene(ROTOR), "--set", f"parameters.n={n}", "--set", f"parameters.w={w}", "--near", "0,3")
-        self.assertEqual((said["kind"], list(said["steady"])), ("steady motion", ["world.turn"]))
+        self.assertEqual((said["kind"], list(said["steady"])), ("steady motion", ["world.rotation"]))
         # Rounding of squares of places of up to 1000 m.
-        self.assertLess(abs(said["steady"]["world.turn"] - w), 1e-12)
+        self.assertLess(abs(said["steady"]["world.rotation"] - w), 1e-12)
         i = np.arange(1, n + 1)
         mass = n - np.maximum.outer(i, i) + 0.5
         mass[np.diag_indices(n)] = n - i + 1 / 3
@@ -291,7 +291,7 @@ class Nearest(Case):
         ):
             with self.subTest(words):
                 self.assertIn(piece, self.tandem("linearise", "scene.toml", *words, code=2).stderr)
-        self.assertIn("out of balance", self.tandem("linearise", "scene.toml", "--near", "0", "--set", "gravity.vector=[1, -9]",
+        self.assertIn("unbalanced", self.tandem("linearise", "scene.toml", "--near", "0", "--set", "gravity.vector=[1, -9]",
                                                     code=1).stderr)
         # A disk that goes round the bend is in no steady motion.
         self.assertIn("steady motion", self.tandem("linearise", "mechanism_disk", "--near", "0", code=1).stderr)

@@ -100,8 +100,8 @@ class Motions(Mechanism):
         with self.went("a01_pendulum", 'results.constraints="all"', 'results.bodies="all"') as file:
             rod, bob = file["constraints/rod"], file["bodies/bob"]
             place = bob["position"][:]
-            self.near(rod["traction"][:], -3*9.81*place[:, 1], 3e-9)
-            self.near(rod["force"][:], -rod["traction"][:][:, None]*place, 1e-10)
+            self.near(rod["tension"][:], -3*9.81*place[:, 1], 3e-9)
+            self.near(rod["force"][:], -rod["tension"][:][:, None]*place, 1e-10)
             self.assertNotIn("orientation", bob)
             self.near(bob["kinetic_energy"][:] + bob["potential_energy"][:], 0, 1e-9)
 
@@ -160,11 +160,11 @@ class Motions(Mechanism):
             t, coil = file["trajectory/time"][:], file["forces/coil"]
             x = np.exp(-3*t)*(np.cos(4*t) + 0.75*np.sin(4*t))
             v = -np.exp(-3*t)*6.25*np.sin(4*t)
-            for name, value in {"length": 2 + x, "rate": v, "traction": 25*x + 6*v, "energy": 12.5*x**2, "power": -6*v**2}.items():
+            for name, value in {"length": 2 + x, "rate": v, "tension": 25*x + 6*v, "energy": 12.5*x**2, "power": -6*v**2}.items():
                 with self.subTest(name):
                     self.near(coil[name][:], value, 3e-9)
             self.near(file["balance/work_of_forces"][:], v**2/2 + 12.5*x**2 - 12.5, 3e-9)
-            self.near(file["joints/line/way"][:], x - 1, 3e-10)
+            self.near(file["joints/line/displacement"][:], x - 1, 3e-10)
             self.near(coil["force"][:, 0], -(25*x + 6*v), 3e-9)
 
 
@@ -227,11 +227,11 @@ end = 1.0
     def test_motion_and_law(self):
         """The path goes through the points, and the tension is that of the table at the length of the spring."""
         with self.went(self.scene(self.TEXT)) as file:
-            t, way = file["trajectory/time"][:], file["joints/actuator/way"][:]
+            t, way = file["trajectory/time"][:], file["joints/actuator/displacement"][:]
             self.near([way[np.argmin(np.abs(t - x))] for x in (0, 0.2, 0.5, 1.0)], [0, 0.01, 0.05, 0.02], 1e-13)
             coil = file["forces/buffer_spring"]
             self.assertGreater(np.ptp(coil["length"][:]), 1e-3)
-            self.near(coil["traction"][:], np.interp(coil["length"][:], [0.1, 0.2, 0.3], [-80, 0, 5]), 1e-11)
+            self.near(coil["tension"][:], np.interp(coil["length"][:], [0.1, 0.2, 0.3], [-80, 0, 5]), 1e-11)
         checked = json.loads(self.tandem("check", "scene.toml", "--json").stdout)
         self.assertTrue(all(procedure["passed"] for procedure in checked["procedures"]))
         shown = self.tandem("show", "scene.toml").stdout
@@ -414,8 +414,8 @@ class Contract(Mechanism):
         wrong = {
             'results.joints=["a"]': ["joints", "a"], 'results.joints="some"': ["all"], "results.bodies=1": ["results.bodies"],
             'results.joint="all"': ["joints"], 'results.bodies=["crank", "rud"]': ["rud", "did you mean", "rod"],
-            'results.bodies=["crank", "crank"]': ["crank"], 'sensor.s.reaction="crank"': ["crank", "no joint"],
-            'sensor.s.force="motor"': ["motor", "no force"], 'sensor.s.body="motor"': ["motor", "no body"],
+            'results.bodies=["crank", "crank"]': ["crank"], 'sensor.s.reaction="crank"': ["crank", "not a joint"],
+            'sensor.s.force="motor"': ["motor", "not a force"], 'sensor.s.body="motor"': ["motor", "no body"],
             "results.balance=3": ["balance"],
         }
         for setting, says in wrong.items():

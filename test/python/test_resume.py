@@ -429,12 +429,12 @@ class Refused(Resume):
         self.check("there is no such file", "none.h5")
         os.mkfifo(self.folder / "pipe.h5")
         for path in ("pipe.h5", "/dev/null", str(self.folder)):
-            self.check("it is no regular file", path)
+            self.check("not a regular file", path)
         (self.folder / "run.h5").write_text("[scene]")
-        self.check("it is no result of tandem, which is HDF5")
+        self.check("it is not a result of tandem (HDF5)")
         with h5py.File(self.folder / "run.h5", "w") as file:
             file["x"] = 1
-        self.check("it is no result of tandem")
+        self.check("it is not a result of tandem")
         self.tandem("run", "rolling_disk", "--set", "time.end=0.2", "--set", "solver.max_steps=150", "--output", "run.h5", "--force",
                     code=1)
         whole = (self.folder / "run.h5").read_bytes()
@@ -451,7 +451,7 @@ class Refused(Resume):
                 action(file)
 
         change(lambda file: file.attrs.__setitem__("format_version", 2))
-        self.check("a newer version of tandem wrote it")
+        self.check("it was written by a newer version of tandem")
         change(lambda file: file.__delitem__("checkpoint"))
         self.check("it has no checkpoint")
         change(lambda file: [file[f"trajectory/{name}"].resize(3, axis=0) for name in ("time", "q")])
@@ -465,15 +465,15 @@ class Refused(Resume):
             return action
 
         change(write(2, 1000))
-        self.check("a newer version of tandem made it")
+        self.check("it was written by a newer version of tandem")
         change(write(0, 0))
-        self.check("it is something else")
+        self.check("it is not a checkpoint")
         change(write(7, 12345))
-        self.check("its checksum is wrong")
+        self.check("wrong checksum")
         change(lambda file: [place.resize(20, axis=0) for place in file["checkpoint"].values() if len(place)])
-        self.check("it is cut off")
+        self.check("it is truncated")
         change(lambda file: [place.resize(0, axis=0) for place in file["checkpoint"].values()])
-        self.check("it is empty or cut off")
+        self.check("it is empty or truncated")
 
     def test_an_end_before_the_state(self):
         """A run that has failed or was interrupted, whose rows already go further."""

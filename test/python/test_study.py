@@ -206,7 +206,7 @@ class Precision(Case):
         self.precision("rolling_disk", "--reference", "pipe", code=2, says="the reference pipe cannot be read: ")
         (self.folder / "study").mkdir()
         os.mkfifo(self.folder / "study/precision_rolling_disk.h5")
-        self.precision("rolling_disk", "--force", code=2, says="it is no regular file")
+        self.precision("rolling_disk", "--force", code=2, says="not a regular file")
 
     def test_strange_files_are_spared(self):
         (self.folder / "study").mkdir()

@@ -241,7 +241,7 @@ class Tables(Case):
         self.assertEqual(summary["failures"], {"invalid_option": 1})
         with h5py.File(self.folder / "sweep.h5") as file:
             self.assertEqual(file["failures/case"][:].tolist(), [3])
-            self.assertIn('"coupler2.x" names no coordinate', file["failures/message"][0].decode())
+            self.assertIn('"coupler2.x" is not a coordinate', file["failures/message"][0].decode())
             for case, n in ((1, 2), (2, 3), (4, 4), (5, 2)):
                 subprocess.run([TANDEM, "run", "a02_four_bars", "--set", f"parameters.n={n}", "--set", "time.end=0.1", "--set",
                                 'output.fields=["q", "lambda"]', "--output", "run.h5", "--force", "--quiet"],
@@ -297,7 +297,7 @@ class Tables(Case):
             row = next(csv.DictReader(text))
         self.assertEqual((row["status"], row["error_q"]), ("ok", ""))
         self.assertNotEqual(row["rz_end"], "")
-        self.assertIn("no estimate of the error: invalid_option: an event has stopped", row["message"])
+        self.assertIn("error not estimated: invalid_option: an event has stopped", row["message"])
 
     def test_memory_of_a_sweep_that_is_only_begun(self):
         """A thousand million draws take no memory before they are made."""
@@ -668,7 +668,7 @@ HEAD = '[sweep]\nscene = "rolling_disk"\n'
 WRONG = [
     ("", "scene"),
     ("[sweep]\n" + VARY, "scene"),
-    ('[sweep]\nscene = 3\n' + VARY, "scene must be a text"),
+    ('[sweep]\nscene = 3\n' + VARY, "scene must be a string"),
     ('[sweep]\nscene = "roling_disk"\n' + VARY, 'did you mean "rolling_disk"'),
     ('[sweep]\nscene = "nowhere.toml"\n' + VARY, "nowhere.toml"),
     (HEAD, "[[vary]]"),
@@ -681,7 +681,7 @@ WRONG = [
     (HEAD + 'trajectories = "nowhere"\n' + VARY, "trajectories must be a folder"),
     (HEAD + "max_seconds = -1.0\n" + VARY, "max_seconds must not be negative"),
     (HEAD + "set = \"time.end=1.0\"\n" + VARY, "set must be a list"),
-    (HEAD + "set = [1.0]\n" + VARY, "set must be a list of texts"),
+    (HEAD + "set = [1.0]\n" + VARY, "set must be a list of strings"),
     (HEAD + 'set = ["time.ende=1.0"]\n' + VARY, 'did you mean "end"'),
     (HEAD + 'csv = "none.csv"\n', "csv names a file that cannot be read"),
     (HEAD + "draws = 5\n[[vary]]\nkey = \"model.mass\"\nvalues = [1.0]\n", "draws have no effect"),
@@ -691,23 +691,23 @@ WRONG = [
     (HEAD + "[[vary]]\nuniform = [1.0, 2.0]\n", "the key key is missing"),
     (HEAD + "[[vary]]\nkey = \"mass\"\nuniform = [1.0, 2.0]\n", "key must be table.key"),
     (HEAD + "[[vary]]\nkey = \"model.mas\"\nuniform = [1.0, 2.0]\n", 'did you mean "mass"'),
-    (HEAD + "[[vary]]\nkey = \"model.mass[1]\"\nuniform = [1.0, 2.0]\n", "no list of numbers"),
+    (HEAD + "[[vary]]\nkey = \"model.mass[1]\"\nuniform = [1.0, 2.0]\n", "not a list of numbers"),
     (HEAD + "[[vary]]\nkey = \"initial.omega[4]\"\nuniform = [1.0, 2.0]\n", "fewer elements"),
-    (HEAD + "[[vary]]\nkey = \"initial.omega[x]\"\nuniform = [1.0, 2.0]\n", "number of an element"),
+    (HEAD + "[[vary]]\nkey = \"initial.omega[x]\"\nuniform = [1.0, 2.0]\n", "index of an element"),
     (HEAD + "[[vary]]\nkey = \"output.file\"\nvalues = [\"a\"]\n", "must not be one of [output]"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\n", "needs its values"),
     (HEAD + VARY + "normal = [1.0, 2.0]\n", "must have one"),
     (HEAD + VARY + VARY, "gives the name of another input"),
     (HEAD + VARY + '[[vary]]\nkey = "model.mass"\nname = "m"\nvalues = [1.0]\n', "a second time"),
     (HEAD + 2*'[[vary]]\nkey = "initial.omega[2]"\nvalues = [1.0]\n' + 'name = "again"\n', "a second time"),
-    ('[sweep]\nscene = "a01_pendulum"\n[[vary]]\nkey = "parameters.ll"\nvalues = [1.0]\n', "no parameter of the scene"),
+    ('[sweep]\nscene = "a01_pendulum"\n[[vary]]\nkey = "parameters.ll"\nvalues = [1.0]\n', "not a parameter of the scene"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nuniform = [2.0, 1.0]\n", "the latter larger"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nuniform = [2.0]\n", "uniform has 1 element;"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nnormal = [2.0, 0.0]\n", "the latter positive"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nlog_uniform = [0.0, 1.0]\n", "positive ends"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nvalues = 3.0\n", "values must be a list"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nvalues = []\n", "empty list"),
-    (HEAD + "[[vary]]\nkey = \"model.mass\"\nvalues = [1.0, \"a\"]\n", "not some of each"),
+    (HEAD + "[[vary]]\nkey = \"model.mass\"\nvalues = [1.0, \"a\"]\n", "all numbers, all strings or all truth values"),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nvalues = [-1.0]\n", "mass must be positive"),
     (HEAD + "[[vary]]\nkey = \"solver.stepper\"\nvalues = [\"rk4\", \"rk5\"]\n", 'did you mean "rk4"'),
     (HEAD + "[[vary]]\nkey = \"model.mass\"\nfrom = 1.0\ncount = 3\n", "the key to is missing"),
@@ -720,29 +720,29 @@ WRONG = [
      "equally long"),
     (HEAD + 'lists = "columns"\n' + VARY, "lists must be one of grid, rows"),
     (HEAD + "indices = true\n" + VARY, "at least 8"),
-    (HEAD + 'indices = true\ndraws = 8\n[[vary]]\nkey = "model.mass"\nvalues = [1.0]\n', "no input is drawn"),
+    (HEAD + 'indices = true\ndraws = 8\n[[vary]]\nkey = "model.mass"\nvalues = [1.0]\n', "no input is random"),
     (HEAD + VARY + "[[keep]]\n", "the key quantity is missing"),
     (HEAD + VARY + '[[keep]]\nquantity = "rzz"\n', 'did you mean "rz"'),
     (HEAD + VARY + '[[keep]]\nquantity = "sensor:tip"\n', "needs a model with sensors"),
-    (HEAD + VARY + '[[keep]]\nquantity = "event:hit"\n', "names no event"),
-    (HEAD + VARY + '[[keep]]\nquantity = "figure:stepz"\n', "names no figure"),
-    (HEAD + VARY + '[[keep]]\nquantity = "speed:rz"\n', "begins with none of"),
+    (HEAD + VARY + '[[keep]]\nquantity = "event:hit"\n', "is not an event"),
+    (HEAD + VARY + '[[keep]]\nquantity = "figure:stepz"\n', "is not a figure"),
+    (HEAD + VARY + '[[keep]]\nquantity = "speed:rz"\n', "must begin with one of"),
     (HEAD + VARY + '[[keep]]\nquantity = "rz"\ntake = "median"\n', "take must be one of"),
     (HEAD + VARY + '[[keep]]\nquantity = "rz"\ntake = "first"\n', "an event has first"),
-    (HEAD + VARY + '[[keep]]\nquantity = "rz"\ntake = "end"\nat = [0.0]\n', "leave out take"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rz"\ntake = "end"\nat = [0.0]\n', "remove take"),
     (HEAD + VARY + '[[keep]]\nquantity = "rz"\nat = [1.0, 0.5]\n', "ascending"),
     (HEAD + VARY + '[[keep]]\nquantity = "rz"\nat = [-1.0]\n', "must not begin before"),
     (HEAD + VARY + '[[keep]]\nquantity = "rz"\n[[keep]]\nquantity = "rz"\n', "has the name of another"),
-    (HEAD + VARY + '[[keep]]\nquantity = "rz"\nname = "a/b"\n', "no slash"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rz"\nname = "a/b"\n', "not contain a slash"),
     (HEAD + VARY + '[[keep]]\nquantity = "rz"\nname = "z"\nat = [0.0]\n[[keep]]\nquantity = "rx"\nname = "z.times"\n', "times"),
     (HEAD + VARY + '[[keep]]\nquantity = "rx"\nname = "z.times"\n[[keep]]\nquantity = "rz"\nname = "z"\nat = [0.0]\n', "times"),
     (HEAD + VARY + '[[keep]]\nquantity = "rx"\nname = "z@0.0"\n[[keep]]\nquantity = "rz"\nname = "z"\nat = [0.0]\n', "times"),
-    (HEAD + "indices = true\ndraws = 8\n" + VARY + '[[keep]]\nquantity = "rz"\nname = "inputs"\n', "table of indices"),
+    (HEAD + "indices = true\ndraws = 8\n" + VARY + '[[keep]]\nquantity = "rz"\nname = "inputs"\n', "reserved in the table of indices"),
     (HEAD + VARY + '[[keep]]\nquantity = "rz"\nname = "status"\n', "the table has itself"),
     (HEAD + VARY + '[[keep]]\nquantity = "rz"\nname = "model.mass"\n', "the name of an input"),
     (HEAD + VARY + 'name = "seconds"\n', "the table has itself"),
-    (HEAD + VARY + '[[keep]]\nquantity = "error:qdd"\n', "names no error of a run"),
-    (HEAD + VARY + '[[keep]]\nquantity = "error:q"\nat = [0.0]\n', "number of the whole run"),
+    (HEAD + VARY + '[[keep]]\nquantity = "error:qdd"\n', "is not an error of a run"),
+    (HEAD + VARY + '[[keep]]\nquantity = "error:q"\nat = [0.0]\n', "number of the complete run"),
     (HEAD + 'points = "sobol"\nindices = true\ndraws = 8\nset = ["initial.q=[0,0,1,1,0,0,0,0,0]", '
      '"initial.qd=[0,0,0,0,0,0,0,0,0]"]\n'
      + "".join(f'[[vary]]\nkey = "initial.{q}[{i}]"\nuniform = [0.0, 1.0]\n' for q in ("q", "qd") for i in range(1, 10))
@@ -777,8 +777,8 @@ class Wrong(Case):
                 self.assertEqual(left, ["sweep.toml"])
 
     def test_files_of_cases(self):
-        for text, words in [("", "no list of keys"), ("model.mass\n", "holds no cases"), ("model.mass,\n1,2\n", "no list of keys"),
-                            ("model.mass\n1,2\n", "line 2 has not 1 values"), ("model.mass\n1\nx\n", "line 3 has"),
+        for text, words in [("", "not a list of keys"), ("model.mass\n", "contains no cases"), ("model.mass,\n1,2\n", "not a list of keys"),
+                            ("model.mass\n1,2\n", "line 2 does not have 1 values"), ("model.mass\n1\nx\n", "line 3 has"),
                             ("model.mass,model.mass\n1,2\n", "two columns"), ("mass\n1\n", "must be table.key"),
                             ("model.weight\n1\n", "refused by the scene"), ("model.mass\n1-5\n", "refused by the scene"),
                             ("model.mass\n2+3\n", "refused by the scene"), ("model.mass\n+1.5e+0\n1.2.3\n", "line 3 has"),

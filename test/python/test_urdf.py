@@ -59,7 +59,7 @@ class Robots(Mechanism):
         self.assertIn("mesh package://a/rod.dae scale 1 1 1", rod["looks"][0])
         self.assertEqual([scene["joint"]["hinge"][key] for key in ("type", "at", "axis")], ["revolute", [0, 0, 2], [0, 1, 0]])
         self.assertEqual({event["name"]: event["value"] for event in scene["event"]}, {"hinge_lower": -1, "hinge_upper": 2})
-        self.assertIn("# Friction of joints is left out.", text)
+        self.assertIn("# Friction of joints is ignored.", text)
         self.tandem("check", "robot.toml")
         again = self.tandem("show", "robot.toml").stdout
         self.assertIn("looks = ", again)
@@ -149,19 +149,19 @@ class Robots(Mechanism):
             # It carries the moment of the weight alone.
             pull = np.array([0.5, 0.2, 0.5])
             lever = np.cross([1.0, 0, 0], pull/np.linalg.norm(pull))[1]
-            self.near(file["constraints/stay/traction"][:], -5*G*0.7/lever, 1e-8)
+            self.near(file["constraints/stay/tension"][:], -5*G*0.7/lever, 1e-8)
 
     def test_wrong_files(self):
         cases = {
             "no XML": ("<robot", "is not XML"), "another": ("<sdf/>", "not URDF"), "empty": ("<robot/>", "no links"),
             "macros": ('<robot xmlns:xacro="http://ros.org/xacro"><xacro:macro/></robot>', "xacro"),
-            "loop": (ROBOT.replace('<child link="end"/>', '<child link="stand"/>'), "trees alone"),
+            "loop": (ROBOT.replace('<child link="end"/>', '<child link="stand"/>'), "permits trees only"),
             "unknown": (ROBOT.replace('<child link="end"/>', '<child link="and"/>'), "there is no link and"),
             "type": (ROBOT.replace('type="prismatic"', 'type="sliding"'), "type"),
             "axis": (ROBOT.replace('<axis xyz="1 0 0"/>', '<axis xyz="0 0 0"/>'), "length zero"),
             "number": (ROBOT.replace('xyz="0.5 0 0"', 'xyz="0.5 0"'), "3 numbers"),
             "mass": (ROBOT.replace('mass value="3"', 'mass value="-3"'), "mass"),
-            "twice": (ROBOT.replace('<link name="end">', '<link name="rod">'), "two links rod"),
+            "twice": (ROBOT.replace('<link name="end">', '<link name="rod">'), "two links have the name rod"),
         }
         for name, (text, says) in cases.items():
             with self.subTest(name):
@@ -169,7 +169,7 @@ class Robots(Mechanism):
                 self.assertFalse((self.folder / "x.toml").exists())
         self.assertIn("JOINT=NUMBER", self.imported(ROBOT, "--at", "hinge", code=2))
         self.assertIn("JOINT=NUMBER", self.imported(ROBOT, "--at", "hinge=nan", code=2))
-        for ends, says in ((("a_j",), "go round"), (("b_j", "a_j"), "go round")):
+        for ends, says in ((("a_j",), "form a cycle"), (("b_j", "a_j"), "form a cycle")):
             wheels = "".join(self.WHEEL.format(name, other, 1) for name, other in zip("ab", ends))
             self.assertIn(says, self.imported(ROBOT.replace("</robot>", wheels + "</robot>"), code=2))
         wheel = ROBOT.replace("</robot>", self.WHEEL.format("a", "hinge", 1) + "</robot>")

@@ -107,7 +107,7 @@ def spring(axes):
               rotation=np.degrees(np.arctan2(along[1], along[0])))
     point(axes, p1, "$P_1$", (-0.1, 0.42))
     point(axes, p2, "$P_2$", (0.12, -0.42))
-    axes.set(xlim=(-1.0, 5.4), ylim=(-0.5, 2.9), title="spring, damper, distance: traction $f > 0$ pulls")
+    axes.set(xlim=(-1.0, 5.4), ylim=(-0.5, 2.9), title="spring, damper, distance: tension $f > 0$ pulls")
 
 
 def disk(axes):

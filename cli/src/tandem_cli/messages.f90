@@ -72,7 +72,7 @@ contains
         character(len=:), allocatable :: text
 
         text = error%message
-        if (error%stat /= status_inconsistent_start .or. index(text, 'let the start be assembled') == 0) return
+        if (error%stat /= status_inconsistent_start .or. index(text, 'assemble the start') == 0) return
         if (index(text, 'q0 and qd0') > 0) then
             text = text//new_line('a')//'In a scene, q0 and qd0 are the keys q and qd of [initial], and assemble = true there '// &
                 'lets the start be assembled.'

@@ -218,7 +218,7 @@ contains
         source = max(reader%source_of('q'), reader%source_of('qd'))
         associate (n => scene%model%n)
             if (source >= 0) then
-                call reader%hide(source, 'cannot be combined with q and qd, which give the whole start')
+                call reader%hide(source, 'cannot be combined with q and qd, which define the complete start')
                 call reader%get_numbers('q', [n], scene%q, help='coordinates '//some_of(scene%model), required=.true.)
                 call reader%get_numbers('qd', [n], scene%qd, help='velocities', required=.true.)
             else
@@ -228,7 +228,7 @@ contains
             end if
         end associate
         if (.not. (all(ieee_is_finite(scene%q)) .and. all(ieee_is_finite(scene%qd)))) then
-            call reader%refuse('q', 'and qd are not finite where the numbers of [model] and [initial] are as they are')
+            call reader%refuse('q', 'and qd are not finite for these values of [model] and [initial]')
         end if
         call read_assembly(reader, scene%model, scene%assembly)
         call read_settling(reader, scene%model, scene%rests, scene%steady)
@@ -280,12 +280,12 @@ contains
         if ((scene%t_end - scene%t_start)/h <= real(huge(1), wp)) return
         call reader%open_table(table)
         if (reader%source_of(key) >= 0) then
-            call reader%refuse(key, 'must be larger: there can be '//to_toml(huge(1))//' of them until the end, '// &
+            call reader%refuse(key, 'must be larger: at most '//to_toml(huge(1))//' are possible until the end, '// &
                 to_toml(scene%t_end))
         else
             call reader%open_table('time')
-            call reader%refuse('end', 'must be nearer: there can be '//to_toml(huge(1))//' steps of '//to_toml(h)// &
-                ' s until then')
+            call reader%refuse('end', 'must be earlier: at most '//to_toml(huge(1))//' steps of '//to_toml(h)// &
+                ' s are possible until then')
         end if
     end subroutine check_work
 
@@ -304,21 +304,22 @@ contains
         call reader%replace([character(len=8) :: 'interval', 'rows'], by=['every'])
         call reader%replace([character(len=8) :: 'interval', 'every'], by=['rows'])
         rows = merge(default_rows, 0, scene%options%is_adaptive() .and. .not. (reader%gives('every') .or. reader%gives('interval')))
-        call reader%get('file', scene%output%file, 'the result; --output names another')
-        call reader%get('every', scene%output%every, positive, 'steps from one row to the next')
+        call reader%get('file', scene%output%file, 'result file; overridden by --output')
+        call reader%get('every', scene%output%every, positive, 'steps between rows')
         call reader%get('interval', scene%output%interval, unit='s', &
-            help='from one row to the next, by dense output; 0 for rows at steps')
+            help='time between rows, by dense output; 0 for rows at steps')
         if (.not. scene%output%interval >= 0.0_wp) call reader%refuse('interval', 'must be positive, or 0 for rows at steps')
         if (scene%output%every > 1 .and. scene%output%interval > 0.0_wp) call reader%refuse('every', &
-            'has no effect beside interval, which places the rows; remove one of them (--unset output.every does that)')
-        call reader%get('rows', rows, not_negative, 'at least, by dense output where steps are few; 0 for rows at steps; '// &
-            to_toml(default_rows)//' with error control where neither every nor interval is given, else 0')
+            'has no effect together with interval; remove one of them (--unset output.every)')
+        call reader%get('rows', rows, not_negative, &
+            'smallest number of rows, by dense output if there are fewer steps; 0 for rows at steps; '// &
+            to_toml(default_rows)//' with error control if neither every nor interval is given, else 0')
         if (rows > 0 .and. (scene%output%every > 1 .or. scene%output%interval > 0.0_wp)) call reader%refuse('rows', &
-            'has no effect beside every or interval, which place the rows; remove one of them (--unset output.rows does that)')
+            'has no effect together with every or interval; remove one of them (--unset output.rows)')
         if (rows > 0) scene%output%spacing = (scene%t_end - scene%t_start)/rows
         call reader%get('flush', scene%output%flush, not_negative, 's', &
-            'of wall time at most until rows, and the state for tandem resume, are on the disk')
-        call reader%get('fields', scene%output%fields, field_names, 'besides the time')
+            'largest wall time before rows, and the state for tandem resume, are written to disk')
+        call reader%get('fields', scene%output%fields, field_names, 'fields to write, in addition to the time')
         problem = scene%output%problem(scene%model)
         if (problem /= '') call reader%refuse('fields', problem)
         call reader%close_table()

@@ -56,7 +56,7 @@ def parse(path, budget: Budget | None = None) -> ElementTree.Element:
         if depth > DEEPEST:
             raise InputError(f"{path}, line {parser.CurrentLineNumber}: elements are nested more than {DEEPEST} deep")
         if budget.elements < 0:
-            raise InputError(f"{path} has more than {MOST_ELEMENTS} elements, with those that it includes; divide the model")
+            raise InputError(f"{path} has more than {MOST_ELEMENTS} elements, including included files; divide the model")
         builder.start(named(tag), {named(key): value for key, value in attributes.items()})
 
     def end(tag):
@@ -65,7 +65,7 @@ def parse(path, budget: Budget | None = None) -> ElementTree.Element:
         builder.end(named(tag))
 
     def entity(*_):
-        raise InputError(f"{path} declares entities, which are not taken; write their text out")
+        raise InputError(f"{path} declares entities, which are not supported; expand them")
 
     parser.StartElementHandler, parser.EndElementHandler, parser.EntityDeclHandler = start, end, entity
     try:
@@ -84,14 +84,14 @@ def read_bytes(path, budget: Budget) -> bytes:
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
     try:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise InputError(f"{path} is not a regular file; write its content into one")
+            raise InputError(f"{path} is not a regular file; save its content in one")
         with open(handle, "rb", closefd=False) as file:
             text = file.read(budget.bytes + 1)
     finally:
         os.close(handle)
     budget.bytes -= len(text)
     if budget.bytes < 0:
-        raise InputError(f"{path} has more than {MOST_BYTES//2**20} MB, with what it includes; divide the model")
+        raise InputError(f"{path} has more than {MOST_BYTES//2**20} MB, including included files; divide the model")
     return text
 
 
@@ -106,7 +106,7 @@ def numbers(text: str | None, count, default, where: str, least: float | None = 
         wanted = f"{fewest}" if fewest == most else f"{fewest} to {most}"
         raise InputError(f'{where}: "{shortened(text)}" should be {wanted} number{"s" if most > 1 else ""}')
     if any(abs(value) > LARGEST for value in values):
-        raise InputError(f'{where}: "{shortened(text)}" has a number beyond {LARGEST:g}; take other units')
+        raise InputError(f'{where}: "{shortened(text)}" has a number larger than {LARGEST:g}; use other units')
     if least is not None and any(value < least for value in values):
         raise InputError(f'{where}: "{shortened(text)}" must not be below {least:g}')
     return np.array(values)
@@ -122,7 +122,7 @@ def keyword(text: str | None, words, default: str, where: str) -> str:
     if text is None:
         return default
     if text not in words:
-        raise InputError(f'{where}: "{shortened(text)}" is unknown; take one of {", ".join(words)}')
+        raise InputError(f'{where}: "{shortened(text)}" is unknown; use one of {", ".join(words)}')
     return text
 
 
@@ -141,7 +141,7 @@ def shortened(text: str, most: int = 60) -> str:
 def finite(value: float) -> float:
     """A number that goes into a scene."""
     if not math.isfinite(value):
-        raise InputError("a number of the scene overflows; see whether masses, sizes and distances are in sensible units")
+        raise InputError("a number of the scene overflows; check the units of masses, sizes and distances")
     return value
 
 

@@ -96,9 +96,9 @@ class Includes:
     def expanded(self, path, depth):
         place = os.path.realpath(path)
         if place in self.seen:
-            raise InputError(f"{path} is included twice, or files go round; MuJoCo takes each file once")
+            raise InputError(f"{path} is included twice, or includes are cyclic; MuJoCo permits each file once")
         if depth > DEEPEST:
-            raise InputError(f"{path}: files include each other {DEEPEST} deep; put some of them together")
+            raise InputError(f"{path}: includes are nested more than {DEEPEST} deep; merge some files")
         self.seen.add(place)
         root = parse(path, self.budget)
         for parent in list(root.iter()):
@@ -110,7 +110,7 @@ class Includes:
                 if child.tag == "include":
                     known(child.attrib, ("file", "prefix"), f"{path}, include")
                     if not child.get("file") or child.get("prefix"):
-                        raise InputError(f"{path}: an include names no file, or has a prefix, which is not taken")
+                        raise InputError(f"{path}: an include does not name a file, or has a prefix, which is not supported")
                     first = self.folder / child.get("file")
                     parent.extend(self.expanded(first if first.exists() else path.parent / child.get("file"), depth + 1))
                 else:
@@ -136,10 +136,10 @@ class Reader:
         gravity = numbers(option.get("gravity"), 3, (0, 0, -9.81), "option, gravity")
         self.model = Model(self.root.get("model") or Path(path).stem, 0*gravity if self.disabled("gravity") else gravity)
         if any(number(option.get(key), 0, f"option, {key}", 0) for key in ("density", "viscosity")):
-            self.model.note("the medium around (option density, viscosity) is left out")
+            self.model.note("the surrounding medium (option density, viscosity) is ignored")
         for flags, what in OFF:
             if self.disabled(*flags):
-                self.model.note(f"{what} are left out: the flag {next(flag for flag in flags if self.flags.get(flag) == 'disable')} disables them")
+                self.model.note(f"{what} are ignored: the flag {next(flag for flag in flags if self.flags.get(flag) == 'disable')} disables them")
         self.at, self.state, self.used = dict(at or {}), dict(state or {}), set()
         self.named = {element.get("name") for element in self.root.iter("body")}
 
@@ -162,7 +162,7 @@ class Reader:
         if len(self.sequence) != 3 or set(self.sequence.lower()) - set("xyz"):
             raise InputError(f'compiler, eulerseq: "{self.sequence[:20]}" should be three of x, y, z, X, Y, Z')
         if keyword(given.get("coordinate"), ("local", "global"), "local", "compiler, coordinate") != "local":
-            raise InputError("compiler, coordinate: global coordinates are of old versions; let MuJoCo save the model anew")
+            raise InputError("compiler, coordinate: global coordinates are of old versions; have a current MuJoCo save the model")
         self.limited_by_range = keyword(given.get("autolimits"), TRUTH, "true", "compiler, autolimits") == "true"
         self.from_geoms = keyword(given.get("inertiafromgeom"), AUTO, "auto", "compiler, inertiafromgeom")
         self.balances = keyword(given.get("balanceinertia"), TRUTH, "false", "compiler, balanceinertia") == "true"
@@ -177,7 +177,7 @@ class Reader:
             known(element.attrib, ATTRIBUTES["default"], "default")
             name = element.get("class") or ("main" if parent is None else "")
             if not name or (name in self.classes and parent is not None):
-                raise InputError(f'the default class "{name}" has no name of its own; give it one')
+                raise InputError(f'the default class "{name}" has no unique name; rename it')
             content = {tag: dict(values) for tag, values in self.classes.get(name if parent is None else parent, {}).items()}
             for child in element:
                 if child.tag != "default":
@@ -229,13 +229,13 @@ class Reader:
         self.model.places["world"] = (ground, Pose())
         for element in self.root:
             if element.tag not in KNOWN:
-                self.model.note(f"<{element.tag}> is left out")
+                self.model.note(f"<{element.tag}> is ignored")
         for world in self.root.findall("worldbody"):
             self.read_bodies(world, ground)
         self.scale_masses()
         for name in (*self.at, *self.state):
             if name not in self.used:
-                raise InputError(f"there is no joint {name} that turns or slides; correct the name")
+                raise InputError(f"no joint {name} rotates or slides; correct the name")
         if not self.disabled("constraint", "equality"):
             for section in self.root.findall("equality"):
                 self.read_equalities(section)
@@ -256,7 +256,7 @@ class Reader:
             if element.tag == "motor" and "joint" in given:
                 self.model.motors.append(given)
             else:
-                self.model.note(f"actuator {given.get('name', element.tag)} is left out: motors of joints alone are taken")
+                self.model.note(f"actuator {given.get('name', element.tag)} is ignored: only motors of joints are supported")
 
     def read_bodies(self, world, ground):
         """All bodies, each before those that it carries, in the order of the file."""
@@ -270,7 +270,7 @@ class Reader:
             if body.name != "ground":
                 self.weigh(element, geoms, body, pose, name)
             elif geoms:
-                self.model.note("contacts are left out, and with them the geoms of the world")
+                self.model.note("contacts and geoms of the world are ignored")
                 for child, of_geom, frame in geoms:
                     self.add_geom(child, of_geom, Body("", [], Pose()), frame, name, False)
             waiting += reversed(inner)
@@ -282,16 +282,16 @@ class Reader:
         while waiting:
             child, pose, given_class, in_frame = waiting.pop()
             if in_frame and child.tag in ("joint", "freejoint", "inertial"):
-                raise InputError(f"body {name} has a <{child.tag}> in a <frame>, which is not taken; put it into the body")
+                raise InputError(f"body {name} has a <{child.tag}> in a <frame>, which is not supported; put it into the body")
             if child.tag in REFUSED:
-                raise InputError(f"body {name} has a <{child.tag}>, which is not taken; let MuJoCo save the model expanded")
+                raise InputError(f"body {name} has a <{child.tag}>, which is not supported; have MuJoCo save the expanded model")
             if child.tag == "geom":
                 geoms.append((child, given_class, pose))
             elif child.tag == "site":
                 given = self.attributes(child, given_class)
                 site = given.get("name", "")
                 if site and site in self.model.sites:
-                    raise InputError(f"there are two sites {site}; give one another name")
+                    raise InputError(f"two sites have the name {site}; rename one")
                 self.model.sites[site] = (body, pose @ self.pose(given, f"site {site}"))
             elif child.tag == "frame":
                 known(child.attrib, ATTRIBUTES["frame"], f"frame in {name}")
@@ -300,7 +300,7 @@ class Reader:
             elif child.tag == "body":
                 inner.append((child, body, pose, given_class, ""))
             elif child.tag not in INSIDE:
-                raise InputError(f"body {name} has a <{child.tag}>, which MJCF does not have there; remove it")
+                raise InputError(f"body {name} has a <{child.tag}>, which MJCF does not permit there; remove it")
         return geoms, inner
 
     def read_body(self, element, parent, frame, given_class):
@@ -310,13 +310,13 @@ class Reader:
         while not name or (name in self.named and not element.get("name")):
             name, count = f"body{count}", count + 1
         if name in self.model.places:
-            raise InputError(f"there are two bodies {name}; give one another name")
+            raise InputError(f"two bodies have the name {name}; rename one")
         given_class = element.get("childclass") or given_class
         rest = frame @ self.pose(element.attrib, f"body {name}")
         joints = [self.read_joint(child, given_class, name, k) for k, child in enumerate(
             child for child in element if child.tag in ("joint", "freejoint"))]
         if number(element.get("gravcomp"), 0, f"body {name}, gravcomp"):
-            self.model.note(f"gravcomp of body {name} is left out")
+            self.model.note(f"gravcomp of body {name} is ignored")
         body, pose = parent, rest
         if joints:
             body, pose = self.move(name, joints, parent, rest), Pose()
@@ -337,7 +337,7 @@ class Reader:
         name = given.get("name") or f"{body}_joint{k or ''}"
         where = f"joint {name}"
         if name in self.used:
-            raise InputError(f"there are two joints {name}; give one another name")
+            raise InputError(f"two joints have the name {name}; rename one")
         self.used.add(name)
         scale = self.per_degree if kind == "hinge" else 1.0
         joint = Joint(name, kind, numbers(given.get("pos"), 3, (0, 0, 0), f"{where}, pos"),
@@ -349,22 +349,22 @@ class Reader:
                 continue
             setattr(joint, key, float(first))
             if any(others):
-                self.model.note(f"of the {key} of joint {name} what is not linear is left out")
+                self.model.note(f"nonlinear {key} of joint {name} is ignored")
         if any(numbers(given.get("springdamper"), 2, (0, 0), f"{where}, springdamper")) and not self.disabled("spring", "damper", "passive"):
-            self.model.note(f"springdamper of joint {name} is left out: give stiffness and damping")
+            self.model.note(f"springdamper of joint {name} is ignored: give stiffness and damping")
         limited = keyword(given.get("limited"), AUTO, "auto", f"{where}, limited")
         ends = numbers(given.get("range"), 2, (0, 0), f"{where}, range")*scale
         if "range" in given and (limited == "true" or limited == "auto" and self.limited_by_range) and kind != "free":
             if not ends[0] < ends[1] and kind != "ball":
-                raise InputError(f'{where}, range: "{given["range"]}" does not ascend')
+                raise InputError(f'{where}, range: "{given["range"]}" is not ascending')
             if not self.disabled("constraint", "limit"):
                 joint.range = tuple(ends)
         if number(given.get("armature"), 0, f"{where}, armature", 0):
-            self.model.note("armatures (inertias of rotors) are left out")
+            self.model.note("armatures (inertias of rotors) are ignored")
         if any(numbers(given.get("frictionloss"), (1, 3), (0,), f"{where}, frictionloss", 0)):
-            self.model.note("friction of joints is left out")
+            self.model.note("friction of joints is ignored")
         if number(given.get("springyield"), 0, f"{where}, springyield"):
-            self.model.note(f"springyield of joint {name} is left out")
+            self.model.note(f"springyield of joint {name} is ignored")
         return joint
 
     def move(self, name, joints, parent, rest) -> Body:
@@ -418,7 +418,7 @@ class Reader:
         self.bound(whole)
         add(body, Link(name, whole.mass, whole.centre, whole.inertia, whole.looks), pose)
         if geoms:
-            self.model.note("contacts are left out")
+            self.model.note("contacts are ignored")
 
     def add_geom(self, element, given_class, body, frame, name, weighs):
         given = self.attributes(element, given_class)
@@ -434,14 +434,14 @@ class Reader:
         look = None
         if kind in ("mesh", "sdf"):
             if weighs and mass != 0 and density != 0:
-                raise InputError(f"{where} is a mesh that gives body {name} its mass; give the body an <inertial>, or let MuJoCo save the model")
+                raise InputError(f"{where} is a mesh that gives body {name} its mass; give the body an <inertial>, or have MuJoCo save the model")
             own, principal = 0.0, np.zeros(3)
         else:
             volume, per_mass, look = solid(kind, size, where)
             own = density*volume if mass is None else mass
             principal = own*np.array(per_mass)
             if weighs and shell:
-                raise InputError(f"{where} has shellinertia, which is not taken; give body {name} an <inertial>")
+                raise InputError(f"{where} has shellinertia, which is not supported; give body {name} an <inertial>")
         if not weighs:
             own, principal = 0.0, np.zeros(3)
         add(body, Link(name, own, np.zeros(3), np.diag(principal), [(*look, Pose())] if look else []), frame @ place)
@@ -469,7 +469,7 @@ class Reader:
     def scale_masses(self):
         whole = sum(body.mass for body in self.model.bodies)
         if self.total_mass > 0 and whole > 0:
-            self.model.note("settotalmass counts bodies that move alone")
+            self.model.note("settotalmass includes moving bodies only")
             factor = self.total_mass/whole
             for body in self.model.bodies:
                 body.mass, body.inertia = factor*body.mass, factor*body.inertia
@@ -479,9 +479,9 @@ def solid(kind, size, where):
     """Volume, principal inertias for a mass of 1, and what it looks like, by half sizes."""
     needed = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}.get(kind)
     if needed is None:
-        raise InputError(f'{where} has the type "{kind}", which is not taken; give its body an <inertial>')
+        raise InputError(f'{where} has the type "{kind}", which is not supported; give its body an <inertial>')
     if len(size) < needed or min(size[:needed]) <= 0:
-        raise InputError(f"{where}: a {kind} needs {needed} sizes above zero")
+        raise InputError(f"{where}: a {kind} requires {needed} positive sizes")
     r, h, c = [*size, 0, 0][:3]
     if kind == "sphere":
         return 4/3*math.pi*r**3, [0.4*r*r]*3, ("sphere", [r])

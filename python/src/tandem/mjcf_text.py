@@ -27,22 +27,22 @@ def joined(name, joints, body, parent, rest):
     if free or ways == 3 and angles == 3:
         return None
     if any(np.linalg.norm(joint.pos - turns[0].pos) > 1e-12 for joint in turns):
-        raise InputError(f"{named}: their points differ; put bodies with masses between them")
+        raise InputError(f"{named}: their points differ; insert bodies with mass between them")
     if joints != slides + turns:
-        raise InputError(f"{named}: slides come first")
+        raise InputError(f"{named}: slides must come first")
     first = parent.pose.a @ rest.a
     anchor = body.pose.r + body.pose.a @ (turns[0].pos if turns else np.zeros(3))
     axes = [first @ joint.axis for joint in slides]
     if ways == 0 and angles == 3:
         if len(turns) == 3 and abs(np.linalg.det([joint.axis for joint in turns])) < RIGHT:
-            raise InputError(f"{named}: their axes are in a plane")
+            raise InputError(f"{named}: their axes are coplanar")
         return "spherical", {"at": anchor}
     if ways == 0 and angles == 2:
         if abs(turns[0].axis @ turns[1].axis) > RIGHT:
-            raise InputError(f"{named}: their axes are not at right angles")
+            raise InputError(f"{named}: their axes are not perpendicular")
         return "universal", {"at": anchor, "axis": first @ turns[0].axis, "across": body.pose.a @ turns[1].axis}
     if angles > 1:
-        raise InputError(f"{named}: at most one hinge goes with slides")
+        raise InputError(f"{named}: at most one hinge may follow slides")
     if angles:
         axes_of_turns = [body.pose.a @ turns[0].axis]
     elif ways == 1:
@@ -60,7 +60,7 @@ def combined(ways, turns, anchor, named):
     for axis in (*turns, *ways):
         if not any(abs(abs(axis @ other) - 1) < RIGHT for other in frame):
             if any(abs(axis @ other) > RIGHT for other in frame):
-                raise InputError(f"{named}: their axes are not at right angles")
+                raise InputError(f"{named}: their axes are not perpendicular")
             frame.append(axis)
     z = frame[0]
     x = frame[1] if len(frame) > 1 else np.cross(z, np.eye(3)[np.argmin(abs(z))])
@@ -103,7 +103,7 @@ class Writer:
                     self.scalar[joints[0].name] = (name, joints[0])
             for joint in joints:
                 if not alone and (joint.stiffness or joint.damping or joint.range):
-                    self.model.note(f"stiffness, damping and range of {joint.name} are left out: it is no joint of its own here")
+                    self.model.note(f"stiffness, damping and range of {joint.name} are ignored: it is not a separate joint here")
 
     def forces(self):
         for name, joint in self.scalar.values():
@@ -119,7 +119,7 @@ class Writer:
             joint = given["joint"]
             label = given.get("name", joint)
             if joint not in self.scalar:
-                self.model.note(f"motor {label} is left out: {joint} is no joint of its own here")
+                self.model.note(f"motor {label} is ignored: {joint} is not a separate joint here")
                 continue
             gear = float(numbers(given.get("gear"), (1, 6), (1,), f"motor {label}, gear")[0])
             parameter = self.names.take("".join(x if x.isascii() and x.isalnum() else "_" for x in f"ctrl_{label}"))
@@ -135,7 +135,7 @@ class Writer:
             elif kind in ("connect", "weld"):
                 self.loop(kind, label, given)
             else:
-                self.model.note(f"equality {label} is left out: connect, weld and joint are taken")
+                self.model.note(f"equality {label} is ignored: only connect, weld and joint are supported")
 
     def coupling(self, label, given):
         ends = [given[key] for key in ("joint1", "joint2") if key in given]
@@ -144,14 +144,14 @@ class Writer:
         given_factors = numbers(given.get("polycoef"), (1, 5), (), f"equality {label}, polycoef")
         factors[:len(given_factors)] = map(float, given_factors)
         if missing or any(factors[2:]):
-            self.model.note(f"equality {label} is left out: "
+            self.model.note(f"equality {label} is ignored: "
                             + (f"{missing[0]} is no joint of its own here" if missing else "it is not linear"))
             return
         joints = [self.scalar[end] for end in ends]
         ways = [self.model.at[end] - joint.ref for end, (_, joint) in zip(ends, joints)]
         weights = [1.0] if len(ends) == 1 or factors[1] == 0 else [1.0, -factors[1]]
         if abs(sum(weight*way for weight, way in zip(weights, ways)) - factors[0]) > 1e-12:
-            raise InputError(f"equality {label} does not hold where {' and '.join(ends)} are drawn; draw them elsewhere by --at")
+            raise InputError(f"equality {label} is violated in the reference configuration of {' and '.join(ends)}; change it by --at")
         self.add("constraint", self.names.take(label), {
             "type": '"coupling"', "joints": f"[{', '.join(quoted(name) for name, _ in joints[:len(weights)])}]", "factors": text_of(weights)})
 
@@ -160,11 +160,11 @@ class Writer:
         if "site1" in given:
             ends = [self.model.sites.get(given.get(key, "")) for key in ("site1", "site2")]
             if None in ends:
-                raise InputError(f"equality {label} names a site that there is not; correct the name")
+                raise InputError(f"equality {label} names an unknown site; correct the name")
         else:
             ends = [self.model.places.get(given.get(key, default)) for key, default in (("body1", ""), ("body2", "world"))]
             if None in ends:
-                raise InputError(f"equality {label} names a body that there is not; correct the name")
+                raise InputError(f"equality {label} names an unknown body; correct the name")
             # A weld is at the second body, a connection at its anchor in the first.
             here, there = (rest_of(self.model, body) @ pose for body, pose in ends)
             carrier = there if kind == "weld" else here
@@ -172,9 +172,9 @@ class Writer:
             ends = [(body, type(pose)(pose.r + pose.a @ (frame.a.T @ (place - frame.r)), pose.a))
                     for (body, pose), frame in zip(ends, (here, there))]
         if kind == "weld" and any(numbers(given.get("relpose"), 7, (0,)*7, f"equality {label}, relpose")[3:]):
-            self.model.note(f"relpose of {label} is left out: its bodies are welded as they are drawn")
+            self.model.note(f"relpose of {label} is ignored: its bodies are welded in the reference configuration")
         if ends[0][0] is ends[1][0]:
-            self.model.note(f"equality {label} is left out: both sides are of one body")
+            self.model.note(f"equality {label} is ignored: both sides belong to one body")
             return
         texts = [quoted(f"{self.name_of(body)}:{text_of(pose.r - body.centre*(body.name != 'ground'))}") for body, pose in ends]
         self.add("joint", self.names.take(label), {"type": quoted("spherical" if kind == "connect" else "fixed"),
@@ -184,7 +184,7 @@ class Writer:
         watched = [(name, joint) for name, joint in self.scalar.values() if joint.range]
         taken, lines = Names(), []
         for name, joint in watched:
-            what = "way" if joint.type == "slide" else "angle"
+            what = "displacement" if joint.type == "slide" else "angle"
             for end, value, direction in zip(("lower", "upper"), joint.range, ("falling", "rising")):
                 lines += ["[[event]]", f'name = "{taken.take(name, "_" + end)}"', f'watch = "/joints/{name}/{what}"',
                           f"value = {text_of(value - self.model.at[joint.name])}", f'direction = "{direction}"', ""]
@@ -209,7 +209,7 @@ def to_toml(model, source="", looks=True) -> str:
         raise InputError("nothing moves: no body has a joint")
     for body in model.bodies:
         if not body.mass > 0:
-            raise InputError(f"body {body.name} moves and has no mass; give it an <inertial> or geoms")
+            raise InputError(f"body {body.name} moves but has no mass; give it an <inertial> or geoms")
     writer = Writer(model)
     for body in model.bodies:
         writer.lines += body_lines(body, writer.body[id(body)], looks)

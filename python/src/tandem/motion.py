@@ -19,7 +19,7 @@ MOST_FRAMES = 36000
 #: Lines have at least so many points.
 LEAST_POINTS = 1000
 #: The rate of a series of a sensor or an element, by their names.
-RATES = {"position": "velocity", "velocity": "acceleration", "angle": "rate", "way": "speed", "distance": "rate", "length": "rate"}
+RATES = {"position": "velocity", "velocity": "acceleration", "angle": "rate", "displacement": "speed", "distance": "rate", "length": "rate"}
 
 
 def frame_times(first: float, last: float, per_second: float = 60.0, most: int = MOST_FRAMES) -> np.ndarray:

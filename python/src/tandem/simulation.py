@@ -289,7 +289,7 @@ class Simulation:
 
     def find_steady_motion(self, motions: Sequence[str] = ("any",), q: Any = None, qd: Any = None) -> tuple[np.ndarray, np.ndarray]:
         """q and qd of the steady motion that is nearest to them, or to the state of the run: along the symmetries that are named, all of
-        them with "any"; "world.turn_z=0.03" holds a rate. The run does not move."""
+        them with "any"; "world.rotation_z=0.03" holds a rate. The run does not move."""
         state = self.state
         return self.problem.find_steady_motion(state.q if q is None else q, state.qd if qd is None else qd, motions, self.t)
 

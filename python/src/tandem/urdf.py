@@ -188,7 +188,7 @@ def read_joint(element) -> Joint:
     where = f"joint {name}"
     kind = element.get("type", "")
     if kind not in {*TYPES, "fixed", "floating"}:
-        raise InputError(f'{where} has the type "{kind}"; take one of {", ".join(sorted({*TYPES, "fixed", "floating"}))}')
+        raise InputError(f'{where} has the type "{kind}"; use one of {", ".join(sorted({*TYPES, "fixed", "floating"}))}')
     ends = [element.find(end) for end in ("parent", "child")]
     if any(end is None or not end.get("link") for end in ends):
         raise InputError(f"{where} has no parent or no child")
@@ -222,12 +222,12 @@ def read(path) -> Robot:
         if element.tag == "link":
             link = read_link(element)
             if link.name in links:
-                raise InputError(f"there are two links {link.name}; give one another name")
+                raise InputError(f"two links have the name {link.name}; rename one")
             links[link.name] = link
         elif element.tag == "joint":
             joint = read_joint(element)
             if joint.name in joints:
-                raise InputError(f"there are two joints {joint.name}; give one another name")
+                raise InputError(f"two joints have the name {joint.name}; rename one")
             joints[joint.name] = joint
     if not links:
         raise InputError(f"{path} has no links")
@@ -242,14 +242,14 @@ def find_root(links, joints) -> str:
             if link not in links:
                 raise InputError(f"joint {joint.name}: there is no link {link}; correct the name")
         if joint.child in parents:
-            raise InputError(f"link {joint.child} is the child of {parents[joint.child]} and of {joint.name}: URDF has trees alone; "
+            raise InputError(f"link {joint.child} is the child of {parents[joint.child]} and of {joint.name}: URDF permits trees only; "
                             "close the loop by a joint of the mechanism")
         parents[joint.child] = joint.name
         if joint.mimic and joint.mimic[0] not in joints:
-            raise InputError(f'joint {joint.name} mimics "{joint.mimic[0]}", which there is not; correct the name')
+            raise InputError(f'joint {joint.name} mimics "{joint.mimic[0]}", which does not exist; correct the name')
     roots = [name for name in links if name not in parents]
     if len(roots) != 1:
-        raise InputError(f"there are {len(roots)} links without a parent: {', '.join(roots[:5]) or 'the joints go round'}; one is the root")
+        raise InputError(f"there are {len(roots)} links without a parent: {', '.join(roots[:5]) or 'the joints form a cycle'}; exactly one must be the root")
     return roots[0]
 
 
@@ -260,9 +260,9 @@ def assemble(robot: Robot, floating=False, at=None, rates=None, base=None):
     at, rates = dict(at or {}), dict(rates or {})
     for name in (*at, *rates):
         if name not in robot.joints or robot.joints[name].type not in SCALAR:
-            raise InputError(f"there is no joint {name} that turns or slides; correct the name")
+            raise InputError(f"no joint {name} rotates or slides; correct the name")
         if robot.joints[name].mimic:
-            raise InputError(f"joint {name} follows {robot.joints[name].mimic[0]}: leave it out, and give that one")
+            raise InputError(f"joint {name} follows {robot.joints[name].mimic[0]}: remove it, and give that one")
     for joint in robot.joints.values():
         follow(robot, joint, at, rates)
     children = {}
@@ -289,7 +289,7 @@ def assemble(robot: Robot, floating=False, at=None, rates=None, base=None):
                 body_of[joint.child] = (child, Pose())
             waiting.append(joint.child)
     if done < len(robot.links):
-        raise InputError("there are joints that go round, beside the tree; cut one")
+        raise InputError("joints form a cycle outside the tree; cut one")
     return bodies, body_of, frames, at
 
 
@@ -298,7 +298,7 @@ def follow(robot: Robot, joint: Joint, at: dict, rates: dict) -> None:
     chain = {}
     while joint.mimic and joint.type in SCALAR and joint.name not in at:
         if joint.name in chain:
-            raise InputError(f"joint {joint.name} mimics itself: {' of '.join(list(chain)[:5])} go round; cut one")
+            raise InputError(f"joint {joint.name} mimics itself: {' of '.join(list(chain)[:5])} form a cycle; cut one")
         chain[joint.name] = joint
         joint = robot.joints[joint.mimic[0]]
     for joint in reversed(chain.values()):
@@ -394,7 +394,7 @@ def to_toml(robot: Robot, floating=False, at=None, rates=None, base=None, gravit
     pose of the root of a robot that floats."""
     bodies, body_of, frames, at = assemble(robot, floating, at, rates, base)
     if not bodies:
-        raise InputError("nothing moves: there is no joint but fixed ones; take --floating for a free body")
+        raise InputError("nothing moves: all joints are fixed; use --floating for a free body")
     names = Names()
     body_name = {id(body): names.take(body.name) for body in bodies}
     joint_name = {name: names.take(name, "" if name not in robot.links else "_j") for name in frames}
@@ -425,7 +425,7 @@ def left_out(robot: Robot, moving) -> list:
     """Comments on what the scene does not have."""
     notes = []
     if any(robot.joints[name].friction for name in moving):
-        notes.append("# Friction of joints is left out.")
+        notes.append("# Friction of joints is ignored.")
     return notes
 
 
@@ -479,7 +479,7 @@ def coupling_lines(robot: Robot, moving, joint_name, names, at) -> list:
 
 
 def limit_lines(joint: Joint, name: str, x: float, events: Names) -> list:
-    what = "way" if joint.type == "prismatic" else "angle"
+    what = "displacement" if joint.type == "prismatic" else "angle"
     lines = []
     for end, value, direction in (("lower", joint.lower, "falling"), ("upper", joint.upper, "rising")):
         lines += ["[[event]]", f'name = "{events.take(name, "_" + end)}"', f'watch = "/joints/{name}/{what}"',
@@ -514,7 +514,7 @@ def add_arguments(parser) -> None:
 
 def run(given) -> None:
     if given.format != "urdf":
-        raise InputError("files of MuJoCo are read by mjcf.py")
+        raise InputError("use mjcf.py for MuJoCo files")
     target = Path(given.output or Path(given.file).with_suffix(".toml").name)
     if target.exists() and not given.force:
         raise InputError(f"{target} exists; name another by --output, or overwrite it by --force")

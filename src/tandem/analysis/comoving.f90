@@ -59,9 +59,10 @@ contains
         rest = qd - self%velocity(q)
         if (maxval(abs(rest)) <= unexplained*maxval(abs(qd))) return
         i = maxloc(abs(rest), dim=1)
-        call set_error(error, status_no_equilibrium, 'the model "'//model%name//'" moves otherwise than as a whole with bodies '// &
-            'that spin: the velocity of '//model%coordinate_label(i)//' would be '//to_text(qd(i) - rest(i))//', and is '// &
-            to_text(qd(i)), 'eigenvalues near a shift are those of an equilibrium or of a steady motion, for which ask by --steady')
+        call set_error(error, status_no_equilibrium, 'the motion of the model "'//model%name// &
+            '" is not a rigid motion with spinning bodies: the velocity of '//model%coordinate_label(i)//' would be '// &
+            to_text(qd(i) - rest(i))//', and is '// &
+            to_text(qd(i)), 'eigenvalues near a shift require an equilibrium or a steady motion (--steady)')
     end subroutine find
 
     !> Set motions and their rates.

@@ -72,18 +72,18 @@ contains
         y(n + 1:, 2 + it%nv:) = it%w
         call integrate(point, it%t, period, y, self%steps, stat)
         if (stat == status_work_limit) then
-            call set_error(error, stat, 'the model "'//model%name//'" could not be followed for '//to_text(period)//' s in '// &
-                to_text(most_steps)//' steps of the extrapolation', 'give a shorter period; of a steady motion any time will do')
+            call set_error(error, stat, 'the model "'//model%name//'" could not be integrated over '//to_text(period)//' s in '// &
+                to_text(most_steps)//' steps of the extrapolation', 'use a shorter period; for a steady motion any time is valid')
             return
         end if
-        call point%describe(stat, 'could not be followed for the period', error)
+        call point%describe(stat, 'could not be integrated over the period', error)
         if (allocated(error)) return
         call go_back(it, period, y)
         self%gap = max(maxval(abs(y(:n, 1) - it%q)/point%scale)/(1 + maxval(abs(it%q)/point%scale)), &
             maxval(abs(y(n + 1:, 1) - it%qd)/point%scale)/(1 + maxval(abs(it%qd)/point%scale)))
         if (self%gap > closed) then
-            call set_error(error, status_invalid_option, 'the motion has not come round after '//to_text(period)//' s: it is '// &
-                to_text(self%gap)//' of its size away', 'give the period of a periodic motion, or any time of a steady one')
+            call set_error(error, status_invalid_option, 'the motion is not periodic with '//to_text(period)//' s: the gap is '// &
+                to_text(self%gap)//' of its size', 'use the period of a periodic motion, or any time for a steady one')
             return
         end if
         monodromy(:it%nv, :) = matmul(it%dual_v, y(:n, 2:))

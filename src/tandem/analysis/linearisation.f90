@@ -92,7 +92,7 @@ contains
         if (model%n > most_coordinates) then
             call set_error(error, status_work_limit, 'the model "'//model%name//'" has '//to_text(model%n)//' coordinates, too '// &
                 'many for matrices that are full ('//to_text(most_coordinates)//' at most)', &
-                'ask for the eigenvalues near a shift (nearest_type, tandem linearise --near)')
+                'compute eigenvalues near a shift (nearest_type, tandem linearise --near)')
             return
         end if
         call model%set_time_scale(t, q, qd)

@@ -80,8 +80,8 @@ module tandem_analysis_nearest
     real(wp), parameter :: balance_bound = 1.0e-9_wp
     !> Limit of residuals of the iteration: rounding leaves some 1e-14.
     real(wp), parameter :: tolerance = 1.0e-12_wp
-    character(len=*), parameter :: advice = 'eigenvalues near a shift are those of an equilibrium, for which ask by '// &
-        '--equilibrium, or of a steady motion, for which ask by --steady'
+    character(len=*), parameter :: advice = 'eigenvalues near a shift require an equilibrium (--equilibrium) '// &
+        'or a steady motion (--steady)'
 
 contains
 
@@ -104,7 +104,7 @@ contains
         call check_model(model, error)
         if (allocated(error)) return
         if (k < 1 .or. k > most_nearest) then
-            call set_error(error, status_invalid_option, to_text(k)//' eigenvalues were asked for', 'ask for 1 to '// &
+            call set_error(error, status_invalid_option, to_text(k)//' eigenvalues were requested', 'request 1 to '// &
                 to_text(most_nearest))
         else if (.not. (ieee_is_finite(real(shift, wp)) .and. ieee_is_finite(aimag(shift)))) then
             call set_error(error, status_invalid_option, 'the shift is not a finite number')
@@ -140,12 +140,12 @@ contains
         call inverse%factor_ties(stat)
         if (stat == 0) call krylov%find(inverse, k, tolerance, stat)
         if (stat /= 0) then
-            call set_error(error, status_work_limit, 'the eigenvalues near the shift did not converge', 'take another shift')
+            call set_error(error, status_work_limit, 'the eigenvalues near the shift did not converge', 'use another shift')
             return
         end if
         call self%take(inverse, krylov, stat)
         if (stat /= 0) call set_error(error, status_work_limit, 'the errors of the eigenvalues near the shift could not be '// &
-            'bounded', 'take another shift')
+            'bounded', 'use another shift')
     end subroutine find
 
     !> Treat the point as an equilibrium or as a steady motion. Bodies that turn equally about an axis through all positions turn
@@ -218,10 +218,10 @@ contains
                     point%model%name//'" moves it, so that it is not at rest', advice)
             else if (point%violation() > balance_bound) then
                 call set_error(error, status_inconsistent_start, 'the model "'//point%model%name//'" violates its '// &
-                    'position constraints by '//to_text(point%violation())//' of their scale', 'give coordinates that satisfy them')
+                    'position constraints by '//to_text(point%violation())//' of their scale', 'use coordinates that satisfy them')
             else if (residual > balance_bound) then
                 call set_error(error, status_no_equilibrium, 'the model "'//point%model%name//'" is not at rest: '// &
-                    'its forces are out of balance by '//to_text(residual)//' of their size', advice)
+                    'its forces are unbalanced by '//to_text(residual)//' of their size', advice)
             end if
         end associate
     end subroutine rest_at
@@ -257,7 +257,7 @@ contains
                     'than '//to_text(most_factor_entries)//' entries: its bodies have too many neighbours')
             else
                 call set_error(error, status_invalid_option, 'the matrix of the model "'//point%model%name//'" is singular at '// &
-                    'the shift and beside it', 'take another shift')
+                    'the shift and beside it', 'use another shift')
             end if
         end associate
     end subroutine factor

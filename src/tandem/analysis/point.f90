@@ -441,8 +441,8 @@ contains
             call set_error(error, stat, 'the model "'//self%model%name//'" '//where//': friction on reactions slides there, or '// &
                 'redundant constraints leave them undetermined', 'give the friction a normal force')
         else if (stat == status_not_finite) then
-            call set_error(error, stat, 'the model "'//self%model%name//'" '//where, 'start elsewhere: a term is no number '// &
-                'there, as the direction of a rod without length is not')
+            call set_error(error, stat, 'the model "'//self%model%name//'" '//where, 'start elsewhere: a term is not a number '// &
+                'there, such as the direction of a rod of length zero')
         else
             call set_error(error, stat, 'the model "'//self%model%name//'" '//where)
         end if

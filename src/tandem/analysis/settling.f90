@@ -152,8 +152,8 @@ contains
         call self%symmetry%find(point, t, q, qd, stat, names)
         if (present(names)) call self%symmetry%check_names(model, names, error)
         if (.not. allocated(error) .and. stat == status_ok .and. .not. allocated(self%symmetry%rates_of_time)) call set_error( &
-            error, status_no_equilibrium, 'the model "'//model%name//'" depends on the time in a way that no symmetry makes '// &
-            'up for', 'let its functions of time stand still')
+            error, status_no_equilibrium, 'the model "'//model%name//'" depends on time, and no symmetry '// &
+            'compensates for this', 'make its functions of time constant')
         if (.not. allocated(error) .and. stat == status_ok .and. present(held) .and. present(held_at)) call self%hold( &
             model, held, held_at, error)
         if (allocated(error)) return
@@ -208,13 +208,13 @@ contains
                 if (self%symmetry%motions(i)%name == names(k)) j = i
             end do
             if (j == 0) then
-                call set_error(error, status_invalid_option, 'there is no rate of "'//trim(names(k))//'" to be held')
+                call set_error(error, status_invalid_option, 'there is no rate of "'//trim(names(k))//'" to be prescribed')
                 return
             end if
             if (.not. any(abs(self%symmetry%rates(j, :)) > 0.0_wp) .and. &
                 abs(self%symmetry%rates_of_time(j) - values(k)) > 1.0e-9_wp*max(1.0_wp/model%time_scale, abs(values(k)))) then
-                call set_error(error, status_no_equilibrium, 'the rate of "'//trim(names(k))//'" cannot be held: it is part '// &
-                    'of no symmetry of the model "'//model%name//'"')
+                call set_error(error, status_no_equilibrium, 'the rate of "'//trim(names(k))// &
+                    '" cannot be prescribed: it is part '//'of no symmetry of the model "'//model%name//'"')
                 return
             end if
             self%held = [self%held, j]
@@ -600,11 +600,11 @@ contains
         character(len=:), allocatable :: reason
 
         if (stat /= status_no_equilibrium) then
-            call point%describe(stat, 'cannot be evaluated on the way to its '//what, error)
+            call point%describe(stat, 'cannot be evaluated in the search for its '//what, error)
             return
         end if
         reason = ''
-        if (is_spent(point)) reason = ', all that is done for so many coordinates'
+        if (is_spent(point)) reason = ', the limit for so many coordinates'
         if (any(abs(point%nu) > 0.0_wp)) reason = moved_reason
         call set_error(error, stat, 'no '//what//' of the model "'//point%model%name//'" was found in '// &
             to_text(self%iterations)//' iterations and '//to_text(self%relaxations)//' steps along the forces'//reason)

@@ -163,7 +163,7 @@ contains
         subroutine refuse(message)
             character(len=*), intent(in) :: message
 
-            call set_error(error, status_invalid_model, message, 'full matrices do without (tandem linearise without --near)')
+            call set_error(error, status_invalid_model, message, 'use full matrices (tandem linearise without --near)')
         end subroutine refuse
     end procedure check_structure
 end submodule tandem_analysis_sparse_differences

@@ -109,12 +109,12 @@ contains
         type(error_type), allocatable, intent(out) :: error
 
         if (.not. allocated(model%pattern)) then
-            call set_error(error, status_invalid_model, 'the model "'//model%name//'" does not say which rows '// &
-                'touch which bodies, as large systems need it', 'full matrices do without (tandem linearise without --near)')
+            call set_error(error, status_invalid_model, 'the model "'//model%name//'" does not state which rows '// &
+                'involve which bodies, as required for large systems', 'use full matrices (tandem linearise without --near)')
             return
         end if
         if (model%n_frictions > 0) then
-            call set_error(error, status_invalid_model, 'in the model "'//model%name//'" something rubs on reactions', &
+            call set_error(error, status_invalid_model, 'in the model "'//model%name//'" friction depends on reactions', &
                 'linearise it without a shift')
             return
         end if
@@ -134,7 +134,7 @@ contains
         call self%set_structure()
         if (self%n_groups > most_groups) call set_error(error, status_invalid_model, 'a body of the model "'//model%name// &
             '" has too many neighbours for differences by groups of bodies', &
-            'full matrices do without (tandem linearise without --near)')
+            'use full matrices (tandem linearise without --near)')
     end subroutine initialize
 
     !> Neighbours, groups, order, and the positions of the entries of the columns.

@@ -19,7 +19,7 @@ module tandem_analysis_sparse_settling
     public :: moved_reason, relax_sparsely, settle_sparsely
 
     !> Reason why a mechanism has no equilibrium, appended to a message.
-    character(len=*), parameter :: moved_reason = '; its constraints move it, so that it cannot rest'
+    character(len=*), parameter :: moved_reason = '; its constraints impose a motion, so that no equilibrium exists'
 
     !> Largest number of iterations of Newton, and of implicit steps.
     integer, parameter :: most_iterations = 60, most_relaxations = 400
@@ -64,7 +64,7 @@ contains
         end if
         associate (moves => any(abs(point%evaluator%terms%nu) > 0.0_wp))
             if (stat /= status_ok .and. stat /= status_no_equilibrium) then
-                call set_error(error, stat, 'the model "'//model%name//'" cannot be evaluated on the way to its equilibrium')
+                call set_error(error, stat, 'the model "'//model%name//'" cannot be evaluated in the search for its equilibrium')
             else if (stat == status_no_equilibrium .or. moves) then
                 call set_error(error, status_no_equilibrium, 'no equilibrium of the model "'//model%name//'" was found in '// &
                     to_text(iterations)//' iterations and '//to_text(relaxations)//' steps along the forces'// &

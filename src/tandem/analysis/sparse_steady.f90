@@ -89,10 +89,10 @@ contains
         end do
         if (stat == status_no_equilibrium) then
             call set_error(error, stat, 'no steady motion of the model "'//model%name//'" was found in '//to_text(iterations)// &
-                ' iterations', 'start nearer to one, name the motions along which it goes on, or hold other rates')
+                ' iterations', 'start nearer to one, name the motions along which it continues, or prescribe other rates')
         else if (stat /= status_ok) then
-            call set_error(error, stat, 'the model "'//model%name//'" cannot be evaluated on the way to its steady motion', &
-                'start nearer to it, or look with verify_model or tandem check which procedure is wrong there')
+            call set_error(error, stat, 'the model "'//model%name//'" cannot be evaluated in the search for its steady motion', &
+                'start nearer to it, or check the procedures there with verify_model or tandem check')
         else
             if (problem%point%frame%moves) then
                 call check_rows(problem%point, error)
@@ -182,7 +182,7 @@ contains
         numbers = pack([(i, i=1, size(motions))], is_fitted)
         if (size(numbers) > most_rates) then
             call set_error(error, status_invalid_option, to_text(size(numbers))//' motions are named, more than '// &
-                to_text(most_rates), 'name groups of less, or "any" for those that the velocities at the start are made of')
+                to_text(most_rates), 'name smaller groups, or "any" for those present in the velocities at the start')
             return
         end if
         rest = qd

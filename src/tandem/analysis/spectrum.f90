@@ -103,7 +103,7 @@ contains
             call find_eigenvalues(b(ns + nz + 1:, ns + nz + 1:), values, vectors, condition, stat, left, rounding)
         end if
         if (stat /= 0) then
-            call set_error(error, status_not_finite, 'the eigenvalues did not converge', 'check the numbers of the model')
+            call set_error(error, status_not_finite, 'the eigenvalues did not converge', 'check the parameters of the model')
             return
         end if
         self%values(ns + nz + 1:) = values

@@ -17,7 +17,7 @@ module tandem_analysis_steadiness
     real(wp), parameter :: bound = 1.0e-8_wp
     !> Distance of the neighbouring state, in coordinate scales.
     real(wp), parameter :: beside = 2.0_wp**(-6)
-    character(len=*), parameter :: advice = 'name the motions of a steady motion, or start in one'
+    character(len=*), parameter :: advice = 'name the motions along which it is steady, or start in a steady motion'
 
 contains
 
@@ -32,7 +32,7 @@ contains
             call velocity_rows(point, point%rest, rows, sizes)
             if (any(abs(rows) > bound*sizes)) then
                 call set_error(error, status_inconsistent_start, 'the velocities of the model "'//point%model%name// &
-                    '" violate its constraints', 'let the start be assembled')
+                    '" violate its constraints', 'assemble the start')
                 return
             end if
             call pattern%multiply(terms%jacobian, point%frame%turned(point%rest), .false., rows)
@@ -41,7 +41,7 @@ contains
             rows = abs(rows + terms%gamma)/max(sizes, 1.0e-6_wp*maxval([0.0_wp, sizes]), tiny(1.0_wp))
             i = maxloc(rows, dim=1)
             if (any(rows > bound)) call set_error(error, status_no_equilibrium, 'the constraint "'//point%model%row_name(i)// &
-                '" leads the model "'//point%model%name//'" away from a steady motion', advice)
+                '" moves the model "'//point%model%name//'" away from a steady motion', advice)
         end associate
     end subroutine check_rows
 
@@ -92,18 +92,18 @@ contains
             call velocity_rows(point, vectors(:, 1), rows, sizes)
             i = maxloc(abs(rows)/max(sizes, tiny(1.0_wp)), dim=1)
             if (any(abs(rows) > bound*sizes)) call set_error(error, status_no_equilibrium, 'the constraint "'// &
-                point%model%row_name(i)//'" of the model "'//point%model%name//'" changes as it goes on, so that it is in no '// &
-                'steady motion', 'start in one, and let functions of time have constant rates')
+                point%model%row_name(i)//'" of the model "'//point%model%name//'" changes along the motion, which is not '// &
+                'steady', 'start in a steady motion, and use functions of time with constant rates')
             call point%find_dependent_rows(acceleration, stat)
         end if
         if (stat /= status_ok) then
-            call set_error(error, stat, 'the model "'//point%model%name//'" cannot be evaluated beside its steady motion')
+            call set_error(error, stat, 'the model "'//point%model%name//'" cannot be evaluated near its steady motion')
         else if (allocated(error)) then
             continue
         else if (any(abs(acceleration - vectors(:, 2)) > bound*point%scale*maxval(abs(acceleration/point%scale))) .or. &
             point%violation() > bound) then
             call set_error(error, status_no_equilibrium, 'the equations of the model "'//point%model%name// &
-                '" change as it goes on, so that it does not move steadily', advice)
+                '" change along the motion, which is not steady', advice)
         end if
         point%is_out = is_out
         point%lambda = lambda

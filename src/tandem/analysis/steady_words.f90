@@ -43,7 +43,7 @@ contains
             held(k) = names(i)
             call read_number(words(i)(last + 1:), held_at(k), is_read)
             if (is_read) cycle
-            call set_error(error, status_invalid_option, 'the rate in "'//trim(words(i))//'" is no number', &
+            call set_error(error, status_invalid_option, 'the rate in "'//trim(words(i))//'" is not a number', &
                 'write NAME=RATE with a rate in 1/s, or in m/s')
             return
         end do

@@ -153,7 +153,7 @@ contains
         if (c_associated(value)) then
             call problem%set(text_of(name), word=text_of(value))
         else
-            call problem%refuse('the word for "'//text_of(name)//'" is NULL', 'give one of its values')
+            call problem%refuse('the word for "'//text_of(name)//'" is NULL', 'pass one of its values')
         end if
         c_set_text = problem%stat
     end function c_set_text
@@ -171,7 +171,7 @@ contains
         if (.not. found(handle, problem, c_set_vector)) return
         if (count < 0 .or. (count > 0 .and. .not. c_associated(values))) then
             call problem%refuse('the list "'//text_of(name)//'" is NULL or has a negative number of entries', &
-                'give the numbers and how many they are')
+                'pass the numbers and their count')
         else
             ! An empty list needs an address too: gfortran treats an argument with a null address as absent.
             list => nothing(:0)
@@ -316,7 +316,7 @@ contains
         if (present(q) .and. present(qd)) then
             call problem%check(t, q, qd)
         else
-            call problem%refuse('q or qd is NULL', 'give a state near which to compare')
+            call problem%refuse('q or qd is NULL', 'pass the state at which to compare')
         end if
         c_check = problem%stat
     end function c_check
@@ -333,7 +333,7 @@ contains
         if (present(q) .and. present(qd)) then
             call problem%assemble(t, q, qd)
         else
-            call problem%refuse('q or qd is NULL', 'give a state near the start')
+            call problem%refuse('q or qd is NULL', 'pass a state near the start')
         end if
         c_assemble = problem%stat
     end function c_assemble
@@ -350,7 +350,7 @@ contains
         if (present(q) .and. present(qd)) then
             call problem%start(t, q, qd)
         else
-            call problem%refuse('q or qd is NULL', 'give the start')
+            call problem%refuse('q or qd is NULL', 'pass the start')
         end if
         c_start = problem%stat
     end function c_start
@@ -393,7 +393,7 @@ contains
         if (present(rows)) rows = 0
         if (.not. found(handle, problem, c_advance)) return
         if (capacity < 0 .or. (capacity > 0 .and. .not. present(times))) then
-            call problem%refuse('times is NULL, or their number negative', 'give an array and how many rows there is room for')
+            call problem%refuse('times is NULL, or their number is negative', 'pass an array and its number of rows')
         else
             call problem%advance(t_end, max_steps, at_steps /= 0, capacity, filled, times, q, qd, qdd)
             if (present(rows)) rows = filled
@@ -437,7 +437,7 @@ contains
         if (present(lambda)) then
             call problem%get_multipliers(t, lambda)
         else
-            call problem%refuse('lambda is NULL', 'give an array')
+            call problem%refuse('lambda is NULL', 'pass an array')
         end if
         c_get_multipliers = problem%stat
     end function c_get_multipliers
@@ -502,7 +502,7 @@ contains
             end do
             text(length + 1) = c_null_char
         else
-            call problem%refuse('text is NULL, or there is no room in it', 'give an array and how many characters it has')
+            call problem%refuse('text is NULL, or its capacity is not positive', 'pass an array and its capacity')
         end if
         c_get_warning = problem%stat
     end function c_get_warning
@@ -524,10 +524,10 @@ contains
         if (allocated(row)) then
             if (present(count)) count = size(row)
             if (.not. present(words)) then
-                if (.not. present(count)) call problem%refuse('words and count are both NULL', 'give one of them')
+                if (.not. present(count)) call problem%refuse('words and count are both NULL', 'pass one of them')
             else if (capacity < size(row)) then
-                call problem%refuse('the state takes '//to_text(size(row))//' words, and there is room for '//to_text(capacity), &
-                    'make room for as many as tandem_save_state counts without words')
+                call problem%refuse('the state takes '//to_text(size(row))//' words, and the capacity is '//to_text(capacity), &
+                    'call tandem_save_state without words for the required capacity')
             else
                 words(:size(row)) = row
             end if
@@ -546,7 +546,7 @@ contains
         if (present(words) .and. count >= 0) then
             call problem%restore_state(words(:count))
         else
-            call problem%refuse('words is NULL, or their number negative', 'give what tandem_save_state gave')
+            call problem%refuse('words is NULL, or their number is negative', 'pass the words saved by tandem_save_state')
         end if
         c_restore_state = problem%stat
     end function c_restore_state

@@ -50,7 +50,7 @@ contains
         if (present(q)) then
             call problem%find_equilibrium(t, q)
         else
-            call problem%refuse('q is NULL', 'give a place near the equilibrium')
+            call problem%refuse('q is NULL', 'pass coordinates near the equilibrium')
         end if
         c_find_equilibrium = problem%stat
     end function c_find_equilibrium
@@ -69,7 +69,7 @@ contains
         call find(handle, problem)
         if (.not. associated(problem)) return
         if (.not. (present(q) .and. present(qd))) then
-            call problem%refuse('q or qd is NULL', 'give a state near the steady motion')
+            call problem%refuse('q or qd is NULL', 'pass a state near the steady motion')
         else if (c_associated(motions)) then
             call problem%find_steady_motion(t, q, qd, text_of(motions))
         else

@@ -93,7 +93,7 @@ contains
         if (present(q) .and. present(qd)) then
             call get_drawing(problem, q, qd)
         else
-            call problem%refuse('q or qd is NULL', 'give arrays of n numbers')
+            call problem%refuse('q or qd is NULL', 'pass arrays of n numbers')
         end if
         c_get_drawing = problem%stat
     end function c_get_drawing
@@ -119,7 +119,7 @@ contains
             end do
             text(length + 1) = c_null_char
         else
-            call problem%refuse('text is NULL, or there is no room in it', 'give an array and how many characters it has')
+            call problem%refuse('text is NULL, or its capacity is not positive', 'pass an array and its capacity')
         end if
         c_get_name = problem%stat
     end function c_get_name

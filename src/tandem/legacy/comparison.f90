@@ -36,7 +36,7 @@ contains
         integer :: segment
 
         if (.not. (ieee_is_finite(t) .and. all(ieee_is_finite(q)) .and. all(ieee_is_finite(qd)))) then
-            call set_error(error, status_invalid_option, 'the time, q or qd is not finite', 'give finite numbers')
+            call set_error(error, status_invalid_option, 'the time, q or qd is not finite', 'use finite numbers')
             return
         end if
         segment = model%segment
@@ -60,27 +60,27 @@ contains
         associate (finding => findings(first))
             if (finding%stat /= 0) then
                 call set_error(error, finding%stat, 'the '//trim(finding%name)//' near t = '//to_text(t), &
-                    'give a state from which q may move by a tenth of coordinate_scale, qd by all of it, and t by 0.3')
+                    'use a state where q may change by a tenth of coordinate_scale, qd by coordinate_scale, and t by 0.3')
                 return
             end if
             if (.not. ieee_is_finite(finding%value)) then
                 call set_error(error, status_invalid_model, trim(finding%name)//' gives '//to_text(finding%value)//': '// &
-                    trim(place(model, finding))//' near the state', 'let it give finite numbers there, or the status 1')
+                    trim(place(model, finding))//' near the state', 'it must return finite numbers there, or the status 1')
                 return
             else if (.not. ieee_is_finite(finding%expected)) then
                 ! Not an error of the compared procedure: a value from which differences are taken is not a number.
                 call set_error(error, status_invalid_model, trim(finding%name)//' cannot be compared: '// &
                     trim(source(model, finding))//' '//to_text(finding%expected)//' for '//trim(place(model, finding)), &
-                    'see whether terms overflow in these units')
+                    'check whether terms overflow in these units')
                 return
             end if
             others = ''
             if (count(.not. findings%passed) > 1) others = '; '//to_text(count(.not. findings%passed) - 1)// &
-                ' more are off, perhaps for that reason'
+                ' more are wrong, perhaps for that reason'
             call set_error(error, status_invalid_model, trim(subject(model, finding))//' by '// &
                 to_text(finding%error)//' of its largest entry: '//trim(place(model, finding))//' is '// &
                 to_text(finding%value)//', '//trim(source(model, finding))//' '//to_text(finding%expected)//trim(others), &
-                'correct it, or what it is compared with')
+                'correct it, or the procedure that it is compared with')
         end associate
     end subroutine tell_first
 

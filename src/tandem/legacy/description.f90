@@ -28,8 +28,8 @@ module tandem_legacy_description
 
     !> Message without a problem to store one.
     character(len=*), parameter :: message_of_no_problem = &
-        'invalid_option: the handle is not that of a problem; make one with tandem_new or TDNEW'
-    character(len=*), parameter :: message_of_success = 'ok: all went well'
+        'invalid_option: invalid handle; create a problem with tandem_new or TDNEW'
+    character(len=*), parameter :: message_of_success = 'ok: success'
     !> Upper bound of the length of messages; longer ones are cut.
     integer, parameter :: message_length = 2047
     !> Largest number of rows of matrices whose size is a default integer.
@@ -119,7 +119,7 @@ contains
         class(description_type), intent(inout) :: self
 
         is_by_procedures = .not. self%is_mechanism
-        if (self%is_mechanism) call self%refuse('the equations of a mechanism are the library''s', 'describe it by its keys')
+        if (self%is_mechanism) call self%refuse('the library supplies the equations of a mechanism', 'describe it by keys')
     end function is_by_procedures
 
     !> Release all memory; false if called from a user procedure.
@@ -143,10 +143,11 @@ contains
         integer :: stat
 
         if (model%n < 1) then
-            call set_error(error, status_invalid_model, 'n = '//to_text(model%n)//' coordinates', 'a model has at least one')
+            call set_error(error, status_invalid_model, 'n = '//to_text(model%n)//' coordinates', &
+                'a model has at least one coordinate')
         else if (model%n > largest_n) then
             call set_error(error, status_invalid_model, 'n = '//to_text(model%n)//' coordinates', &
-                'there can be '//to_text(largest_n)//' at most')
+                'the maximum is '//to_text(largest_n))
         else if (min(model%n_holonomic, model%n_nonholonomic) < 0) then
             call set_error(error, status_invalid_model, to_text(model%n_holonomic)//' holonomic and '// &
                 to_text(model%n_nonholonomic)//' nonholonomic constraints', 'numbers of constraints are not negative')
@@ -194,8 +195,8 @@ contains
         class(description_type), intent(inout) :: self
 
         is_free = .not. self%busy
-        if (self%busy) call self%refuse('a procedure of the model uses the problem that calls it', &
-            'call the interface from outside of the model''s procedures')
+        if (self%busy) call self%refuse('a procedure of the model uses the calling problem', &
+            'do not call the interface within procedures of the model')
     end function is_free
 
     !> Change the model: its run ends and must be started again.
@@ -245,8 +246,8 @@ contains
         if (.not. self%is_free()) return
         if (.not. self%is_by_procedures()) return
         if (c_associated(address) .and. (provides <= 0 .or. iand(provides, not(all_terms)) /= 0)) then
-            call self%refuse('what evaluate provides, '//to_text(provides)//', is not a sum of the terms'' constants', &
-                'add the constants of the terms that it gives')
+            call self%refuse('provides = '//to_text(provides)//' is not a sum of constants of terms', &
+                'add the constants of the terms that evaluate returns')
         else
             call self%callbacks%set_fused(address, provides)
             call self%change_model()
@@ -304,7 +305,7 @@ contains
         case ('nu_jumps'); call take_flags(values, self%model%nu_jumps)
         case ('mass_blocks')
             if (.not. all(values >= 1.0_wp .and. values <= real(largest_n, wp) .and. abs(values - aint(values)) <= 0.0_wp)) then
-                call self%refuse('an entry of mass_blocks is no size', 'give whole numbers from 1 on')
+                call self%refuse('an entry of mass_blocks is not a valid size', 'use positive integers')
                 return
             end if
             if (allocated(self%model%mass_blocks)) deallocate (self%model%mass_blocks)

@@ -33,7 +33,7 @@ contains
         else if (problem%is_free()) then
             if (.not. is_open(problem)) return
             call problem%refuse('the value '//text//' of '//trim(key)//' cannot be read', &
-                'give a number, "a text", true, false, or a list of these in brackets')
+                'use a number, "a string", true, false, or a list of these in brackets')
         end if
     end subroutine set_key
 
@@ -63,9 +63,9 @@ contains
         is_open = problem%is_mechanism .and. .not. associated(problem%model)
         if (is_open) return
         if (problem%is_mechanism) then
-            call problem%refuse('the mechanism is complete', 'make another problem for another mechanism')
+            call problem%refuse('the mechanism is complete', 'create another problem for another mechanism')
         else
-            call problem%refuse('the problem is no mechanism', 'make it by tandem_new_mechanism or TDMECH')
+            call problem%refuse('the problem is not a mechanism', 'create it by tandem_new_mechanism or TDMECH')
         end if
     end function is_open
 
@@ -127,9 +127,9 @@ contains
             n = model%n
             if (what == 'row') n = model%n_constraints()
             if (all(what /= [character(len=10) :: 'coordinate', 'unit', 'row'])) then
-                call problem%refuse('there are no names of "'//what//'"', 'ask for coordinate, unit or row')
+                call problem%refuse('there are no names of "'//what//'"', 'use coordinate, unit or row')
             else if (i < 1 .or. i > n) then
-                call problem%refuse('there is no such '//trim(what), 'count from the first one on')
+                call problem%refuse('there is no such '//trim(what), 'numbers start at the first one')
             else
                 select case (what)
                 case ('coordinate'); text = model%coordinate_label(i)

@@ -43,7 +43,7 @@ contains
 
         statistics = simulation%statistics()
         if (statistics%steps > 0) then
-            call set_error(error, status_invalid_option, 'the run has left its start already', 'start it anew')
+            call set_error(error, status_invalid_option, 'the run has already left its start', 'restart it')
         else if (.not. (t_end > simulation%state%t .and. ieee_is_finite(t_end))) then
             call set_error(error, status_invalid_option, 'the end must be finite and after the start', 'choose a later end')
         else
@@ -111,7 +111,7 @@ contains
         integer :: segment
 
         if (.not. self%has_begun) then
-            call set_error(error, status_invalid_option, 'the run was not watched from its start on', &
+            call set_error(error, status_invalid_option, 'the run was not observed from its start', &
                 'call tandem_watch_error or TDWERR there')
             return
         end if

@@ -85,7 +85,7 @@ contains
             n = model%n
             if (event%quantity == 'lambda') n = model%n_constraints()
             if (index < 1 .or. index > n) then
-                call refuse('the event "'//trim(name)//'" watches an entry of '//trim(event%quantity)//' that there is not', &
+                call refuse('the event "'//trim(name)//'" watches an entry of '//trim(event%quantity)//' that does not exist', &
                     'it has '//to_text(n)//' entries')
             else if (.not. ieee_is_finite(value)) then
                 call refuse('the value of the event "'//trim(name)//'" is not finite', 'give a finite number')

@@ -206,7 +206,7 @@ subroutine tdsetv(h, name, k, values, ierr)
 
     if (.not. found(h, problem, ierr)) return
     if (k < 0) then
-        call problem%refuse('the list "'//trim(name)//'" has a negative number of entries', 'give how many they are')
+        call problem%refuse('the list "'//trim(name)//'" has a negative number of entries', 'pass their number')
     else
         call problem%set_vector(name, values(:k))
     end if
@@ -552,8 +552,8 @@ subroutine tdsave(h, nsave, isave, n, ierr)
             if (nsave >= needed) then
                 isave(:needed) = transfer(words, isave(1), needed)
             else if (nsave /= 0) then
-                call problem%refuse('the state takes '//to_text(needed)//' integers, and there is room for '//to_text(nsave), &
-                    'make room for as many as TDSAVE counts with NSAVE = 0')
+                call problem%refuse('the state takes '//to_text(needed)//' integers, and the capacity is '//to_text(nsave), &
+                    'call TDSAVE with NSAVE = 0 for the required capacity')
             end if
         end if
         ierr = problem%stat
@@ -574,7 +574,7 @@ subroutine tdrest(h, n, isave, ierr)
 
     if (.not. found(h, problem, ierr)) return
     if (n < 0 .or. modulo(n, 2) /= 0) then
-        call problem%refuse('the state has a negative or an odd number of integers', 'give what TDSAVE gave')
+        call problem%refuse('the state has a negative or an odd number of integers', 'pass the integers saved by TDSAVE')
     else
         call problem%restore_state(transfer(isave(:n), word))
     end if

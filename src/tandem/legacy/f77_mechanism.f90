@@ -93,7 +93,7 @@ subroutine tdkvec(h, key, n, x, ierr)
     stat = 0
     if (n >= 0) allocate (list%atoms(n), stat=stat)
     if (n < 0 .or. stat /= 0) then
-        call problem%refuse('the list of '//trim(key)//' has a length that cannot be', 'give how many numbers it has')
+        call problem%refuse('the list of '//trim(key)//' has an invalid length', 'pass the number of its entries')
     else
         list%is_list = .true.
         do i = 1, n

@@ -39,7 +39,7 @@ contains
         is_running = self%is_free()
         if (.not. is_running) return
         is_running = self%started
-        if (.not. self%started) call self%refuse('no run was started since the model was made or changed', &
+        if (.not. self%started) call self%refuse('no run was started since the model was created or changed', &
             'call tandem_start or TDSTRT first')
     end function is_running
 

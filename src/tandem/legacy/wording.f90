@@ -10,17 +10,17 @@ module tandem_legacy_wording
     !> A phrase, and its replacements for C and for Fortran 77.
     type :: phrase_type
         character(len=72) :: modern
-        character(len=64) :: c, f77
+        character(len=72) :: c, f77
     end type phrase_type
 
-    character(len=*), parameter :: or_unset = ' or set not all of its value'
+    character(len=*), parameter :: or_unset = ' or did not set its complete value'
     type(phrase_type), parameter :: phrases(21) = [ &
-        phrase_type('let the start be assembled, in a scene by [initial] assemble = true', &
+        phrase_type('assemble the start, in a scene by [initial] assemble = true', &
             'let joints be open in tandem_define and call tandem_assemble', 'let joints be open in TDDEFN and call TDASSM'), &
         phrase_type(' (nearest_type, tandem linearise --near)', ' (tandem linearise --near, of a scene)', &
             ' (tandem linearise --near, of a scene)'), &
         phrase_type(' (tandem linearise without --near)', ' of up to 1000 coordinates', ' of up to 1000 coordinates'), &
-        phrase_type('let the start be assembled', 'move them by tandem_assemble', 'move them by TDASSM'), &
+        phrase_type('assemble the start', 'move them by tandem_assemble', 'move them by TDASSM'), &
         phrase_type('q0 and qd0', 'q and qd', 'Q and QD'), &
         phrase_type('associate it, or let evaluate provide it', 'give it by tandem_set_position_function or tandem_set_evaluate', &
             'give it by TDPOS, TDMOT or TDEVAL'), &
@@ -28,21 +28,21 @@ module tandem_legacy_wording
         phrase_type('verify_model', 'tandem_check', 'TDCHCK'), &
         phrase_type('tandem check', 'tandem_check', 'TDCHCK'), &
         phrase_type('tandem_start or TDSTRT', 'tandem_start', 'TDSTRT'), &
-        phrase_type('go on with tandem resume, or run it again', 'integrate again', 'integrate again'), &
-        phrase_type('give what save_state of this version gave', 'give what tandem_save_state of this version gave', &
-            'give what TDSAVE of this version gave'), &
-        phrase_type('set the simulation up as the one that was saved', 'set the problem up as the one that was saved', &
-            'set the problem up as the one that was saved'), &
+        phrase_type('continue with tandem resume, or run again', 'integrate again', 'integrate again'), &
+        phrase_type('use a state saved by save_state of this version', 'use a state saved by tandem_save_state of this version', &
+            'use a state saved by TDSAVE of this version'), &
+        phrase_type('set up the simulation as when it was saved', 'set up the problem as when it was saved', &
+            'set up the problem as when it was saved'), &
         phrase_type('the same model, options, start and events', 'the same model, options and events', &
             'the same model, options and events'), &
-        phrase_type('give this object to integrate as the observer of the whole run', &
-            'integrate to the end that tandem_watch_error was given', 'integrate to the end that TDWERR was given'), &
+        phrase_type('pass this object to integrate as the observer of the complete run', &
+            'integrate to the end passed to tandem_watch_error', 'integrate to the end passed to TDWERR'), &
         phrase_type('tandem_watch_error or TDWERR', 'tandem_watch_error', 'TDWERR'), &
         phrase_type('tandem_new_mechanism or TDMECH', 'tandem_new_mechanism', 'TDMECH'), &
         phrase_type('tandem_define or TDDEFN', 'tandem_define', 'TDDEFN'), &
         ! Unset values are detected only for procedures from another language.
-        phrase_type('a model procedure asked to stop', 'a model procedure asked to stop'//or_unset, &
-            'a model procedure asked to stop'//or_unset), &
+        phrase_type('a model procedure requested a stop', 'a model procedure requested a stop'//or_unset, &
+            'a model procedure requested a stop'//or_unset), &
         ! The same for an undefined status, such as that of an exception in Python.
         phrase_type('could not be evaluated at a point', 'could not be evaluated'//or_unset//' at a point', &
             'could not be evaluated'//or_unset//' at a point'), &

@@ -22,7 +22,7 @@ contains
         else if (index(text, 'force.') == 1 .and. index(text, '=') > 0) then
             call set_number(self, text, is_trial, problem)
         else
-            problem = '"'//trim(text)//'" is no change: write "lock NAME", "free NAME" or "force.NAME.KEY = NUMBER"'
+            problem = '"'//trim(text)//'" is not a valid change: write "lock NAME", "free NAME" or "force.NAME.KEY = NUMBER"'
         end if
     end procedure change
 
@@ -35,7 +35,7 @@ contains
         character(len=*), intent(out) :: problem
         integer :: i, k, stat
 
-        problem = 'there is no coupling '//name//' that can be locked and freed: give one the key locked'
+        problem = 'there is no coupling '//name//' that can be locked and freed: add the key locked to one'
         k = 0
         do i = 1, size(self%couplings)
             if (self%row_name(self%couplings(i)%row) == name .and. self%couplings(i)%can_be_freed) k = i
@@ -71,14 +71,14 @@ contains
         number = 0.0_wp
         if (.not. allocated(error)) number = expression%value([real(wp) ::])
         if (dot <= len(head) .or. allocated(error) .or. .not. ieee_is_finite(number)) then
-            problem = '"'//trim(text)//'" sets no number: write "force.NAME.KEY = NUMBER"'
+            problem = '"'//trim(text)//'" does not set a number: write "force.NAME.KEY = NUMBER"'
             if (allocated(error)) problem = trim(problem)//'; '//error%message(index(error%message, ': ') + 2:)
             return
         end if
         name = text(len(head) + 1:dot - 1)
         key = text(dot + 1:equal - 1)
         call self%find_element(trim(name), type_of, i)
-        problem = trim(name)//' is no spring and no torsion'
+        problem = trim(name)//' is neither a spring nor a torsion'
         select case (type_of)
         case (of_spring)
             associate (spring => self%springs(i))
@@ -100,7 +100,7 @@ contains
 
             problem = ''
             if (all(key /= [character(len=9) :: 'stiffness', 'damping', rest_name])) then
-                problem = trim(name)//' has no number '//trim(key)//' that events may set: take stiffness, damping or '//rest_name
+                problem = trim(name)//' has no number '//trim(key)//' that events may set: use stiffness, damping or '//rest_name
             else if (is_trial) then
                 return
             else if (key == 'stiffness') then

@@ -43,18 +43,20 @@ contains
         select case (kind)
         case ('distance')
             call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
-            call reader%get_number('length', length, positive, 'm', 'that is held; that of the drawing where it is not given')
+            call reader%get_number('length', length, positive, 'm', &
+                'prescribed length; default: length in the reference configuration')
             call reader%get_function('motion', motion, 'm', 'the length as a function of time')
             if (allocated(length) .and. allocated(motion)) then
-              call reader%fail('motion', 'is given beside the length', 'leave out one of the two')
+              call reader%fail('motion', 'is given together with length', 'remove one of them')
             end if
         case ('coupling')
-            call reader%get_texts('joints', 0, texts, 'sum of factors times their coordinates is 0, or the motion', required=.true.)
+            call reader%get_texts('joints', 0, texts, 'joints whose coordinates, times factors, add up to 0 or to the motion', &
+                required=.true.)
             if (allocated(texts)) call reader%get_numbers('factors', [size(texts)], factors, anything, '', &
                 'one for each joint', required=.true.)
             call reader%get_function('motion', motion, '', 'of time')
             if (reader%gives('locked')) locked = .true.
-            if (allocated(locked)) call reader%get('locked', locked, 'whether it begins locked; events lock and free it')
+            if (allocated(locked)) call reader%get('locked', locked, 'true: initially locked; events lock and free it')
         case default
             call list_variables(mechanism, variables)
             call reader%get_texts('velocities', 0, texts, 'such as "disk.vx"; sum of coefficients times them is the value', &
@@ -62,7 +64,7 @@ contains
             if (allocated(texts)) call reader%get_expressions('coefficients', [(i, i=size(texts), size(texts))], &
                 variables, coefficients, '', &
                 'one for each velocity; expressions of t and the state', required=.true.)
-            call reader%get_expressions('value', [1], variables, rhs, '', '0 where it is not given')
+            call reader%get_expressions('value', [1], variables, rhs, '', 'right-hand side; default 0')
         end select
         call reader%close_table()
         if (reader%failed()) return
@@ -102,14 +104,14 @@ contains
         n_place = merge(2, 3, mechanism%planar)
         call reader%get_word('type', kind, [character(len=10) :: 'knife_edge', 'disk', 'sphere', 'ellipsoid', &
             'massless'], required=.true.)
-        call reader%get('at', text, 'its point, or its centre: a body or a point of it', required=.true.)
+        call reader%get('at', text, 'contact point or centre: a body or a point of it', required=.true.)
         if (reader%failed()) return
         call take_point(reader, 'at', text, mechanism, n_points, point)
         if (kind == 'knife_edge') then
             call reader%get_numbers('across', [n_place], across, anything, '', &
-                'the direction in which it does not slip, in the drawing', required=.true.)
-            call reader%get_function('steer', steer, 'rad', 'the angle by which it is steered, a function of time')
-            if (.not. mechanism%planar) call reader%get_numbers('about', [3], about, anything, '', 'what it is steered about')
+                'direction without slip, in the reference configuration', required=.true.)
+            call reader%get_function('steer', steer, 'rad', 'steering angle, a function of time')
+            if (.not. mechanism%planar) call reader%get_numbers('about', [3], about, anything, '', 'steering axis')
         else
             if (kind == 'ellipsoid') then
                 call reader%get_numbers('semi_axes', [3], axes, positive, 'm', 'along the axes of the body', required=.true.)
@@ -117,7 +119,8 @@ contains
                 call reader%get_number('radius', radius, positive, 'm', '', required=.true.)
             end if
             if (kind == 'disk' .or. kind == 'massless') then
-                call reader%get_numbers('axis', [3], axis, anything, '', 'that it turns about, in the drawing', required=.true.)
+                call reader%get_numbers('axis', [3], axis, anything, '', 'axis of rotation in the reference configuration', &
+                    required=.true.)
                 crown = 0.0_wp
                 call reader%get_number('crown', crown, not_negative, 'm', 'radius of the rim''s section, a torus; 0: a sharp rim')
             end if
@@ -125,16 +128,16 @@ contains
             call reader%get_numbers('normal', [3], normal, anything, '', 'of the plane, on the side of the wheel')
             height = 0.0_wp
             call reader%get_number('height', height, anything, 'm', 'of the plane along its normal')
-            call reader%get_function('rise', rise, 'm', 'how far the plane has moved along its normal, a function of time')
+            call reader%get_function('rise', rise, 'm', 'displacement of the plane along its normal, a function of time')
             if (kind == 'massless') then
-                call reader%get_numbers('along', [3], along, anything, '', 'the strut that it slides on, in the drawing')
-                call reader%get_function('steer', steer, 'rad', 'the angle by which it is steered, a function of time')
-                call reader%get_numbers('about', [3], about, anything, '', 'what it is steered about; the strut by default')
+                call reader%get_numbers('along', [3], along, anything, '', 'direction of the strut in the reference configuration')
+                call reader%get_function('steer', steer, 'rad', 'steering angle, a function of time')
+                call reader%get_numbers('about', [3], about, anything, '', 'steering axis; default: the strut')
             else
-                call reader%get_function('turn', turn, 'rad', 'by how much it has turned about that')
-                call reader%get_numbers('pivot', [3], pivot, anything, 'm', 'a point that it turns about; the origin by default')
-                call reader%get_function('slide', slide, 'm', 'how far it has moved along a direction in it')
-                call reader%get_numbers('along', [3], along, anything, '', 'that direction')
+                call reader%get_function('rotation', turn, 'rad', 'rotation of the plane about its normal')
+                call reader%get_numbers('pivot', [3], pivot, anything, 'm', 'centre of this rotation; default: the origin')
+                call reader%get_function('slide', slide, 'm', 'displacement of the plane along a direction in it')
+                call reader%get_numbers('along', [3], along, anything, '', 'direction of this displacement')
             end if
         end if
         call reader%close_table()
@@ -195,27 +198,33 @@ contains
             call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
             call reader%get_number('stiffness', stiffness, anything, 'N/m', '')
             call reader%get_number('damping', damping, anything, 'N s/m', '')
-            call reader%get_number('length', length, not_negative, 'm', 'without force; that of the drawing where it is not given')
-            call reader%get_function('pull', motion, 'N', 'a force of traction beside it')
-            call reader%get_law('law', 'length', law, 'N', 'a force of traction beside it, of t, length and rate')
+            call reader%get_number('length', length, not_negative, 'm', &
+                'length without force; default: length in the reference configuration')
+            call reader%get_function('tension', motion, 'N', 'additional tension')
+            call reader%get_law('law', 'length', law, 'N', 'additional tension, a function of t, length and rate')
         case ('torsion')
-            call reader%get('joint', text, 'that turns or slides; "joint.angle" or "joint.way" where it does both', &
+            call reader%get('joint', text, 'that rotates or slides; "joint.angle" or "joint.displacement" if it does both', &
                 required=.true.)
             call reader%get_number('stiffness', stiffness, anything, 'N m/rad', '')
             call reader%get_number('damping', damping, anything, 'N m s/rad', '')
             angle = 0.0_wp
-            call reader%get_number('angle', angle, anything, 'rad', 'from the drawing, without torque')
-            call reader%get_function('torque', motion, 'N m', 'a torque beside it, positive where it accelerates the angle')
-            call reader%get_law('law', 'angle', law, 'N m', 'a torque beside it, of t, angle and rate, with the same sign')
+            call reader%get_number('angle', angle, anything, 'rad', 'angle without torque, from the reference configuration')
+            call reader%get_function('torque', motion, 'N m', 'additional torque, positive if it accelerates the angle')
+            call reader%get_law('law', 'angle', law, 'N m', &
+                'additional torque, a function of t, angle and rate, with the same sign')
         case ('bushing')
             call take_points(reader, 'between', mechanism, n_points, points, 'two bodies, or points of them', .true.)
             n = merge(3, 6, mechanism%planar)
             call reader%get_numbers('stiffness', [n, n*n], matrix, anything, 'N/m, N m/rad', &
                 'along and about the axes of its frame, or the matrix, by its rows', row_length=n)
-            call reader%get_numbers('damping', [n, n*n], rates, anything, 'N s/m, N m s/rad', 'the same for rates', row_length=n)
-            call reader%get_numbers('at', [merge(2, 3, mechanism%planar)], at, anything, 'm', 'where it is in the drawing')
-            call reader%get_numbers('axis', [merge(2, 3, mechanism%planar)], axis, anything, '', 'z of its frame, in the plane x')
-            if (.not. mechanism%planar) call reader%get_numbers('across', [3], across, anything, '', 'what x is nearest to')
+            call reader%get_numbers('damping', [n, n*n], rates, anything, 'N s/m, N m s/rad', 'damping, in the same form', &
+                row_length=n)
+            call reader%get_numbers('at', [merge(2, 3, mechanism%planar)], at, anything, 'm', &
+                'position in the reference configuration')
+            call reader%get_numbers('axis', [merge(2, 3, mechanism%planar)], axis, anything, '', &
+                'z axis of its frame; in the plane the x axis')
+            if (.not. mechanism%planar) call reader%get_numbers('across', [3], across, anything, '', &
+                'direction nearest to the x axis')
         case default
             call reader%get('on', text, 'a body, or a point of it', required=.true.)
             if (reader%failed()) return
@@ -225,15 +234,16 @@ contains
             if (reader%has_text('force') .or. reader%has_text('torque')) call list_variables(mechanism, variables)
             call reader%get_expressions('force', [merge(2, 3, mechanism%planar)], variables, by_force, 'N', &
                 'numbers, or expressions of t and the state, such as "rod.x" or "rod.vx"')
-            call reader%get_expressions('torque', [merge(1, 3, mechanism%planar)], variables, by_torque, 'N m', 'the same')
+            call reader%get_expressions('torque', [merge(1, 3, mechanism%planar)], variables, by_torque, 'N m', &
+                'torque, in the same form')
             call take_constants(by_force, force)
             call take_constants(by_torque, torque)
             if (.not. (reader%gives('force') .or. reader%gives('torque'))) then
-              call reader%fail('', 'neither a force nor a torque', 'give force = [...], torque = [...], or both')
+              call reader%fail('', 'has neither force nor torque', 'give force = [...], torque = [...], or both')
             end if
             in_body = .false.
-            call reader%get('in_body', in_body, 'whether they turn with the body')
-            call reader%get_function('factor', motion, '', 'a function of time that they are multiplied with')
+            call reader%get('in_body', in_body, 'true: they rotate with the body')
+            call reader%get_function('factor', motion, '', 'factor, a function of time')
         end select
         call reader%close_table()
         if (reader%failed()) return
@@ -259,22 +269,23 @@ contains
         real(wp), allocatable :: normal, static, dynamic, speed, viscous, radius, arm
         type(error_type), allocatable :: error
 
-        call reader%get('joint', joint, 'that turns or slides; "joint.angle" or "joint.way" where it does both', &
+        call reader%get('joint', joint, 'that rotates or slides; "joint.angle" or "joint.displacement" if it does both', &
             required=.true.)
         call reader%get_number('normal', normal, not_negative, 'N, N m', &
-            'a given normal force; of what turns times the radius. Without it the reaction of the joint presses')
-        call reader%get_number('radius', radius, positive, 'm', 'on the reaction: where what turns rubs')
-        call reader%get_number('arm', arm, positive, 'm', 'on the reaction: torques press by so much less; without it not at all')
-        call reader%get_number('dynamic', dynamic, not_negative, '', 'the coefficient of sliding', required=.true.)
-        call reader%get_number('static', static, not_negative, '', 'the largest coefficient, at the transition speed')
-        call reader%get_number('speed', speed, positive, 'm/s, rad/s', 'the transition speed', required=.true.)
+            'prescribed normal force; for a rotation times the radius. Default: the reaction of the joint')
+        call reader%get_number('radius', radius, positive, 'm', 'radius of the sliding surface, with the reaction')
+        call reader%get_number('arm', arm, positive, 'm', &
+            'lever arm of torques, with the reaction; default: torques do not contribute')
+        call reader%get_number('dynamic', dynamic, not_negative, '', 'coefficient of sliding friction', required=.true.)
+        call reader%get_number('static', static, not_negative, '', 'largest coefficient, at the transition speed')
+        call reader%get_number('speed', speed, positive, 'm/s, rad/s', 'transition speed', required=.true.)
         viscous = 0.0_wp
-        call reader%get_number('viscous', viscous, not_negative, 'N s/m, N m s', 'a damping beside it')
+        call reader%get_number('viscous', viscous, not_negative, 'N s/m, N m s', 'additional viscous damping')
         call reader%close_table()
         if (reader%failed()) return
         if (.not. allocated(static)) static = dynamic
         if (static < dynamic) then
-            call reader%fail('static', 'is smaller than the coefficient of sliding', 'give one that is not, or none')
+            call reader%fail('static', 'is smaller than the coefficient of sliding friction', 'increase it or remove it')
             return
         end if
         call mechanism%add_friction(name, joint, error, dynamic, speed, static, viscous, normal, radius, arm)

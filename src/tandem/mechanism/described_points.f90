@@ -65,7 +65,7 @@ contains
         end if
         if (reader%failed()) return
         if (n /= n_place .or. from < to) then
-            call reader%fail(key, '"'//trim(text)//'" is no point', 'write body, body.point or body:[x, y'// &
+            call reader%fail(key, '"'//trim(text)//'" is not a valid point', 'write body, body.point or body:[x, y'// &
                 trim(merge(']   ', ', z]', mechanism%planar)))
             return
         end if

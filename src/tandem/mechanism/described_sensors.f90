@@ -39,19 +39,19 @@ contains
             call take_point(reader, 'point', text, mechanism, n_points, point)
             if (.not. reader%failed()) call mechanism%add_point_sensor(name, trim(point), error)
         else if (reader%gives('joint')) then
-            call reader%get('joint', text, 'its way or angle, turns counted, and how fast')
+            call reader%get('joint', text, 'its displacement or angle (full rotations counted) and its rate')
             zero = 0.0_wp
-            call reader%get_number('zero', zero, anything, 'rad or m', 'what it shows in the drawing')
+            call reader%get_number('zero', zero, anything, 'rad or m', 'value in the reference configuration')
             if (.not. reader%failed()) call mechanism%add_joint_sensor(name, text, error, zero)
         else if (reader%gives('distance')) then
-            call take_points(reader, 'distance', mechanism, n_points, points, 'two points: their distance and its rate', .false.)
+            call take_points(reader, 'distance', mechanism, n_points, points, 'two points: distance and rate', .false.)
             if (.not. reader%failed()) call mechanism%add_distance_sensor(name, trim(points(1)), trim(points(2)), error)
         else if (reader%gives('energy')) then
             wanted = .true.
             call reader%get('energy', wanted, 'kinetic, potential and total energy of the mechanism')
             if (wanted .and. .not. reader%failed()) call mechanism%add_energy_sensor(name, error)
         else if (reader%gives('body')) then
-            call reader%get('body', text, 'where it is, how it is turned, its velocities and energies')
+            call reader%get('body', text, 'position, orientation, velocities and energies')
             if (.not. reader%failed()) call mechanism%add_body_sensor(name, text, error)
         else if (reader%gives('reaction')) then
             call reader%get('reaction', text, 'a joint, a wheel or a constraint: force, torque, power of its motion')
@@ -61,7 +61,7 @@ contains
             if (.not. reader%failed()) call mechanism%add_force_sensor(name, text, error)
         else if (reader%gives('balance')) then
             wanted = .true.
-            call reader%get('balance', wanted, 'energies, the work of motions and forces, and what is left')
+            call reader%get('balance', wanted, 'energies, work of motions and forces, and the residual')
             if (wanted .and. .not. reader%failed()) call mechanism%add_balance_sensor(name, error)
         end if
         call reader%blame(error)
@@ -76,8 +76,8 @@ contains
         type(mechanism_type), intent(inout) :: mechanism
         character(len=*), parameter :: kinds(5) = [character(len=11) :: 'bodies', 'joints', 'wheels', 'constraints', 'forces']
         character(len=*), parameter :: help(5) = [character(len=72) :: &
-            'their names, or "all": place, orientation, velocities, energies', &
-            'coordinates, reactions, power of motions', 'places and forces of contact', &
+            'names, or "all": position, orientation, velocities, energies', &
+            'coordinates, reactions, power of motions', 'positions and forces of contact', &
             'forces and multipliers', 'forces, lengths, energies, power']
         character(len=:), allocatable :: text
         character(len=text_length), allocatable :: names(:)
@@ -106,7 +106,7 @@ contains
             if (reader%failed()) return
         end do
         balance = .false.
-        call reader%get('balance', balance, 'energies, the work of motions and forces, and what is left')
+        call reader%get('balance', balance, 'energies, work of motions and forces, and the residual')
         if (balance .and. .not. reader%failed()) call mechanism%add_balance_sensor('balance', error, '')
         call reader%blame(error)
         call reader%close_table()

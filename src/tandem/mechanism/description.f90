@@ -165,9 +165,9 @@ contains
         character(len=64) :: help
 
         help = ''
-        if (key == 'count') help = 'of copies'
-        if (key == 'index') help = 'the name of their number, as {i} in names, i in expressions'
-        if (key == 'first') help = 'the number of the first one'
+        if (key == 'count') help = 'number of copies'
+        if (key == 'index') help = 'name of the index, used as {i} in names and as i in expressions'
+        if (key == 'first') help = 'index of the first copy'
     end function repeat_help
 
     !> Resolve the parameters, and return the other entries.
@@ -193,14 +193,15 @@ contains
                 name = entry%key(len(head) + 1:)
                 reader%place = entry%place
                 if (entry%value%is_list .or. all(entry%value%atoms(1)%kind /= [is_number, is_text])) then
-                    call refuse_parameter(entry%key, 'is no number', 'give a number, or an expression of the others as text')
+                    call refuse_parameter(entry%key, 'is not a number', &
+                        'give a number, or an expression of other parameters in quotes')
                     return
                 else if (len(name) > key_length) then
                     call refuse_parameter(entry%key, 'has a name that is too long', 'shorten it')
                     return
                 else if (index(name, '.') > 0) then
                     ! Next to a parameter named like the part before the dot, the complete scene would not be valid TOML.
-                    call refuse_parameter(entry%key, 'has a dot in its name', 'take letters, digits and _')
+                    call refuse_parameter(entry%key, 'has a dot in its name', 'use letters, digits and _')
                     return
                 end if
                 n = n + 1
@@ -257,12 +258,13 @@ contains
                 'choose another name')
             return
         end if
-        call reader%get_numbers('at', [max(2, reader%count_of('at'))], at, anything, '', 'where the values are, ascending', &
+        call reader%get_numbers('at', [max(2, reader%count_of('at'))], at, anything, '', 'arguments, ascending', &
             required=.true.)
-        call reader%get_numbers('values', [max(2, reader%count_of('at'))], values, anything, '', 'as many', required=.true.)
+        call reader%get_numbers('values', [max(2, reader%count_of('at'))], values, anything, '', 'values, one per argument', &
+            required=.true.)
         kind = 'cubic'
-        call reader%get_word('type', kind, table_kinds, 'what is between the points')
-        call reader%get_word('ends', ends, table_ends, 'what is beyond them')
+        call reader%get_word('type', kind, table_kinds, 'interpolation between the points')
+        call reader%get_word('ends', ends, table_ends, 'extension beyond them')
         call reader%close_table()
         if (reader%failed()) return
         call table%initialize(at, values, kind, error, ends)
@@ -303,12 +305,12 @@ contains
         n_place = merge(2, 3, mechanism%planar)
         name = reader%name
         call reader%keys_below('shape', shapes)
-        if (size(shapes) > 1) call reader%fail('shape.'//trim(shapes(2)), 'is one shape more', 'give one')
+        if (size(shapes) > 1) call reader%fail('shape.'//trim(shapes(2)), 'is a second shape', 'give one shape')
         if (size(shapes) == 1) then
             shape = trim(shapes(1))
             i = place_among(shape_names, shape)
             if (i == 0) then
-                call reader%fail('shape.'//shape, 'is no shape', 'take bar, box, cylinder or sphere')
+                call reader%fail('shape.'//shape, 'is not a shape', 'use bar, box, cylinder or sphere')
             else
                 call reader%get_numbers('shape.'//shape, [shape_sizes(i)], sizes, positive, 'm', &
                     'bar: length, width; box: three edges; cylinder: radius, length along z; sphere: radius')
@@ -316,7 +318,7 @@ contains
         end if
         call reader%get_number('mass', mass, not_negative, 'kg', '', required=.not. reader%gives('density'))
         call reader%get_number('density', density, positive, merge('kg/m^2', 'kg/m^3', mechanism%planar), &
-            'with a shape, in the place of mass and inertia')
+            'with a shape, instead of mass and inertia')
         if (mechanism%planar) then
             call reader%get_numbers('inertia', [1], inertia, not_negative, 'kg m^2', 'about the centre of mass; none: a point mass')
         else
@@ -327,31 +329,32 @@ contains
         if (allocated(density) .and. .not. allocated(sizes)) then
             call reader%fail('density', 'is given without a shape', 'add one, such as shape = { box = [1, 0.1, 0.1] }')
         else if (allocated(density) .and. allocated(mass)) then
-            call reader%fail('density', 'is given beside the mass', 'leave out one of the two')
+            call reader%fail('density', 'is given together with mass', 'remove one of them')
         else if (allocated(sizes) .and. .not. allocated(inertia)) then
             call set_mass_of_shape(shape, sizes, mechanism%planar, density, mass, inertia)
             if (.not. allocated(inertia)) call reader%fail('shape.'//shape, 'has no inertia in '// &
                 trim(merge('the plane', 'space    ', mechanism%planar)), 'give the inertia, or another shape')
         end if
-        call reader%get_numbers('position', [n_place], position, anything, 'm', 'of the centre of mass in the drawing', &
-            required=.true.)
+        call reader%get_numbers('position', [n_place], position, anything, 'm', &
+            'of the centre of mass in the reference configuration', required=.true.)
         velocity = [(0.0_wp, i=1, n_place)]
         call reader%get_numbers('velocity', [n_place], velocity, anything, 'm/s', 'of the centre of mass at the start')
         ! A point mass has no rotation.
         if (allocated(inertia)) then
             if (mechanism%planar) then
                 angle = 0.0_wp
-                call reader%get_number('angle', angle, anything, 'rad', 'in the drawing')
+                call reader%get_number('angle', angle, anything, 'rad', 'in the reference configuration')
             else
-                call reader%get_numbers('rotation', [3], rotation, anything, 'rad', 'in the drawing: the axis times the angle')
-                call reader%get_numbers('euler_parameters', [4], p, anything, '', 'in the place of the rotation')
+                call reader%get_numbers('rotation', [3], rotation, anything, 'rad', &
+                    'in the reference configuration: axis times angle')
+                call reader%get_numbers('euler_parameters', [4], p, anything, '', 'instead of the rotation')
                 if (allocated(rotation) .and. allocated(p)) then
-                  call reader%fail('rotation', 'is given beside Euler parameters', 'leave out one of the two')
+                  call reader%fail('rotation', 'is given together with Euler parameters', 'remove one of them')
                 end if
                 if (allocated(rotation)) p = turned_by(rotation)
             end if
             if (reader%gives('omega_body') .and. .not. mechanism%planar) then
-                if (reader%gives('omega')) call reader%fail('omega_body', 'is given beside omega', 'leave out one of the two')
+                if (reader%gives('omega')) call reader%fail('omega_body', 'is given together with omega', 'remove one of them')
                 call reader%get_numbers('omega_body', [3], spin, anything, 'rad/s', &
                     'angular velocity at the start, in the axes of the body')
                 if (.not. allocated(p)) p = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
@@ -362,7 +365,7 @@ contains
                     'angular velocity at the start, in the axes of the world; or omega_body')
             end if
         end if
-        call reader%pass('looks', 'for looking only: shapes and meshes, with their places from the centre of mass')
+        call reader%pass('looks', 'for display only: shapes and meshes, with positions relative to the centre of mass')
         if (reader%failed()) return
         call mechanism%add_body(name, mass, position, error, inertia, angle, p, velocity, omega)
         call reader%blame(error)
@@ -416,34 +419,34 @@ contains
         end do
         if (reader%failed()) return
         if (reader%is_text_at('at')) then
-            call reader%get('at', at_point, 'm, where it is in the drawing; or a point of one of the bodies')
+            call reader%get('at', at_point, 'm, position in the reference configuration; or a point of one of the bodies')
             ! A body without a point name denotes its centre of mass.
             named = at_point
             if (scan(named, '.:') == 0) named = named//trim(merge(':[0, 0]   ', ':[0, 0, 0]', mechanism%planar))
             call take_point(reader, 'at', named, mechanism, n_points, point)
             i = place_among([character(len=key_length) :: body_of(sides(1)), body_of(sides(2))], body_of(point))
             if (i == 0) then
-                call reader%fail('at', '"'//at_point//'" is no point of one of its bodies', &
-                    'name one of them, or give the place in the drawing')
+                call reader%fail('at', '"'//at_point//'" is not a point of one of its bodies', &
+                    'name one of them, or give the position in the reference configuration')
             else if (scan(sides(i), '.:') == 0) then
                 sides(i) = point
             else if (texts(i) /= at_point) then
-                call reader%fail('at', '"'//at_point//'" is not the point of that body in bodies, "'//trim(texts(i))//'"', &
-                    'leave out one of them')
+                call reader%fail('at', '"'//at_point//'" differs from the point of that body in bodies, "'//trim(texts(i))//'"', &
+                    'remove one of them')
             end if
         else
             call reader%get_numbers('at', [n_place], at, anything, 'm', &
-                'where it is in the drawing; or a point of one of the bodies')
+                'position in the reference configuration; or a point of one of the bodies')
         end if
         call reader%get_numbers('axis', [n_place], axis, anything, '', &
-            'of turning or sliding, along the line, normal to the plane; '// &
-            'in the drawing')
+            'axis of rotation or sliding, direction of the line, normal of the plane; '// &
+            'in the reference configuration')
         if (.not. mechanism%planar) call reader%get_numbers('across', [n_place], across, anything, '', &
-            'of a universal joint the axis on the second body')
-        call reader%get_function('motion', motion, 'rad or m', 'drives it: what its coordinate is, from the drawing')
-        call reader%get_number('pitch', pitch, anything, 'm', 'of a screw: its way in a turn')
+            'axis of a universal joint on the second body')
+        call reader%get_function('motion', motion, 'rad or m', 'prescribed coordinate, from the reference configuration')
+        call reader%get_number('pitch', pitch, anything, 'm', 'of a screw: displacement per revolution')
         call reader%get_numbers('hold', [merge(3, 6, mechanism%planar)], freedoms, anything, '', &
-            'of a primitive: for each way and turn 0 free, 1 held at position level, 2 at velocity level')
+            'of a primitive: for each direction 0 free, 1 constrained at position level, 2 at velocity level')
         call read_drive(reader, mechanism%planar, drive)
         call reader%close_table()
         if (reader%failed()) return
@@ -459,7 +462,7 @@ contains
         logical, intent(in) :: planar
         !> Not allocated if the key is absent.
         integer, allocatable, intent(out) :: drive
-        character(len=*), parameter :: key = 'drive', help = 'of a primitive, what the motion drives'
+        character(len=*), parameter :: key = 'drive', help = 'of a primitive: direction that the motion drives'
         character(len=5), parameter :: in_space(6) = [character(len=5) :: 'x', 'y', 'z', 'rx', 'ry', 'rz']
         character(len=5), parameter :: in_the_plane(3) = [character(len=5) :: 'x', 'y', 'angle']
         character(len=5), allocatable :: names(:)
@@ -476,10 +479,10 @@ contains
             if (.not. reader%failed()) drive = place_among(names, name)
             return
         end if
-        call reader%get_number(key, place, positive, '', help//':'//listed(names)//' or its place in hold')
+        call reader%get_number(key, place, positive, '', help//':'//listed(names)//' or its index in hold')
         if (.not. allocated(place) .or. reader%failed()) return
         drive = nint(min(place, size(names) + 1.0_wp))
-        if (abs(place - drive) > 0.0_wp) call reader%fail(key, 'is no place in hold', 'take one of'//listed(names))
+        if (abs(place - drive) > 0.0_wp) call reader%fail(key, 'is not an index in hold', 'use one of'//listed(names))
     end subroutine read_drive
 
     !> The body of a point.

@@ -95,8 +95,8 @@ module tandem_mechanism_drawing
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
             character(len=*), intent(in) :: name
-            !> Joints, at most 4, `joint.angle` or `joint.way` for a joint with both coordinates; their factors (the unit of the row
-            !> is the unit of the first factor times that of its coordinate).
+            !> Joints, at most 4, `joint.angle` or `joint.displacement` for a joint with both coordinates; their factors (the unit of
+            !> the row is the unit of the first factor times that of its coordinate).
             character(len=*), intent(in) :: joints(:)
             real(wp), intent(in) :: factors(:)
             type(error_type), allocatable, intent(out) :: error
@@ -150,8 +150,8 @@ module tandem_mechanism_drawing
         module subroutine add_torsion(self, name, joint, error, stiffness, damping, angle, motion, law)
             implicit none (type, external)
             class(drawing_type), intent(inout) :: self
-            !> Name of the spring; name of the joint, which has an axis of rotation or of sliding, or `joint.angle` or `joint.way`
-            !> for a joint with both.
+            !> Name of the spring; name of the joint, which has an axis of rotation or of sliding, or `joint.angle` or
+            !> `joint.displacement` for a joint with both.
             character(len=*), intent(in) :: name, joint
             type(error_type), allocatable, intent(out) :: error
             !> N m, N m s (default 0), and the torque-free angle from the reference configuration (rad, default 0); else N/m, N s/m,

@@ -32,7 +32,7 @@ contains
         if (present(angle)) body%angle = angle
         if (present(euler_parameters)) then
             if (self%planar .or. .not. norm2(euler_parameters) > 0.0_wp) then
-                call refuse(label//': Euler parameters that are zero, or in the plane', 'give an angle in the plane, and unit '// &
+                call refuse(label//': Euler parameters are zero, or given in the plane', 'give an angle in the plane, and unit '// &
                     'Euler parameters in space', error)
                 return
             end if
@@ -63,15 +63,15 @@ contains
         point%name = name
         point%body = self%find_body(body)
         if (point%body < 0) then
-            call refuse('point '//trim(name)//': there is no body '//trim(body), 'add the body before its points', error)
+            call refuse('point '//trim(name)//': there is no body '//trim(body), 'define the body before its points', error)
             return
         else if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. index(trim(name), '.') > 0) then
-            call refuse('a point of '//trim(body)//' has the name "'//trim(name)//'"', 'take 1 to '//to_text(name_length)// &
+            call refuse('a point of '//trim(body)//' has the name "'//trim(name)//'"', 'use 1 to '//to_text(name_length)// &
                 ' characters without a dot', error)
             return
         end if
         if (self%point_index%get(trim(body)//'.'//name) > 0) then
-            call refuse('point '//trim(body)//'.'//trim(name)//' is there already', 'take another name', error)
+            call refuse('point '//trim(body)//'.'//trim(name)//' exists already', 'use another name', error)
             return
         end if
         call take_vector(self%planar, 'point '//trim(body)//'.'//trim(name), 'place', place, point%place, error)
@@ -86,11 +86,11 @@ contains
         if (.not. allocated(self%types)) call self%clear()
         if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. index(trim(name), '.') > 0 .or. &
             index(trim(name), ' ') > 0) then
-            call refuse(label//': "'//trim(name)//'" is no name', 'take 1 to '//to_text(name_length)// &
+            call refuse(label//': "'//trim(name)//'" is not a valid name', 'use 1 to '//to_text(name_length)// &
                 ' characters without dots and blanks', error)
         else if (name == 'ground' .or. self%name_index%get(name) > 0) then
             call refuse(label//': there is another "'//trim(name)//'" already, '//trim(kind_of(self, name)), &
-                'take another name: bodies, joints, constraints, wheels and forces share them', error)
+                'use another name: bodies, joints, constraints, wheels and forces share them', error)
         end if
     end procedure check_name
 
@@ -103,7 +103,7 @@ contains
         if (.not. is_point) dot = len(text) + 1
         body = self%find_body(text(:dot - 1))
         if (body < 0) then
-            call refuse(label//': there is no body '//trim(text(:dot - 1)), 'add it before, or correct the name', error)
+            call refuse(label//': there is no body '//trim(text(:dot - 1)), 'define it first, or correct the name', error)
             return
         end if
         if (.not. is_point) return
@@ -113,7 +113,7 @@ contains
             return
         end if
         call refuse(label//': the body '//text(:dot - 1)//' has no point '//trim(text(dot + 1:)), &
-            'add it before, or correct the name', error)
+            'define it first, or correct the name', error)
     end procedure take_point
 
     module procedure take_pair
@@ -123,7 +123,7 @@ contains
         call self%take_point(label, one, first, s1, points(1), error)
         if (.not. allocated(error)) call self%take_point(label, other, second, s2, points(2), error)
         if (allocated(error)) return
-        if (first == second) call refuse(label//' is between a body and itself', 'name two different bodies', error)
+        if (first == second) call refuse(label//' connects a body to itself', 'name two different bodies', error)
     end procedure take_pair
     !> Set the inertia of a body from one, three or six values.
     subroutine take_inertia(planar, label, inertia, body, error)
@@ -165,10 +165,10 @@ contains
                 call refuse(label//' has a negative moment of inertia', 'give values >= 0 in kg m^2', error)
             else if (2*maxval(inertia(:3)) > sum(inertia(:3))*(1 + 1.0e-9_wp)) then
                 call refuse(label//' has a moment of inertia that is larger than the sum of the two others', &
-                    'no body has that: check the three values', error)
+                    'this is impossible for a body: check the three values', error)
             else if (.not. is_semidefinite(body%inertia)) then
                 call refuse(label//' has an inertia that is negative about one of its principal axes', &
-                    'check the products of inertia: no one may exceed the root of the product of its two moments', error)
+                    'check the products of inertia: none may exceed the square root of the product of its two moments', error)
             end if
         end if
     end subroutine take_inertia

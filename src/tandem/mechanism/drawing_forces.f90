@@ -27,7 +27,7 @@ contains
         if (allocated(error)) return
         spring%length = self%drawn_length(spring%span)
         if (.not. spring%length > 0.0_wp) then
-            call refuse(label//' has no length in the drawing, and no direction', 'move one of its ends', error)
+            call refuse(label//' has length zero in the reference configuration, hence no direction', 'move one of its ends', error)
             return
         end if
         if (present(stiffness)) spring%stiffness = stiffness
@@ -82,39 +82,39 @@ contains
         if (present(static)) law%static = static
         if (.not. (dynamic >= 0.0_wp .and. law%static >= dynamic .and. speed > 0.0_wp .and. &
             all(ieee_is_finite([law%static, speed])))) then
-            call refuse(label//' has coefficients or a speed that cannot be', &
-                'give 0 <= dynamic <= static and a transition speed above 0', error)
+            call refuse(label//' has invalid coefficients or an invalid speed', &
+                'use 0 <= dynamic <= static and a transition speed > 0', error)
             return
         end if
         turns = self%coordinates(k)%kind == is_angle
         if (present(normal)) then
             if (present(radius) .or. present(arm)) then
-                call refuse(label//' has a given normal force, and a radius or an arm', &
-                    'these are for friction on the reaction: leave them or the normal force out', error)
+                call refuse(label//' has both a normal force and a radius or an arm', &
+                    'radius and arm belong to friction on the reaction: remove them or the normal force', error)
                 return
             end if
             law%normal = normal
         else
             if (turns .neqv. present(radius)) then
-                call refuse(label//' '//trim(merge('turns and has no radius ', 'slides and has a radius ', turns)), &
-                    'give the radius at which what turns rubs, and none to what slides', error)
+                call refuse(label//' '//trim(merge('rotates and has no radius', 'slides and has a radius  ', turns)), &
+                    'a rotation requires the radius of the sliding surface, a translation has none', error)
                 return
             end if
             if (present(radius)) law%normal = radius
             if (present(arm)) then
                 if (.not. (arm > 0.0_wp .and. ieee_is_finite(arm))) then
-                    call refuse(label//' has an arm that is not positive', 'give one in metres, or none', error)
+                    call refuse(label//' has an arm that is not positive', 'give a positive arm in metres, or none', error)
                     return
                 end if
             end if
             if (self%coordinates(k)%second >= 0) call find_press(self, joint, press, arm)
             if (press%n == 0) then
-                call refuse(label//': the joint holds nothing that presses', 'give a normal force', error)
+                call refuse(label//': the reaction of the joint has no normal component', 'give a normal force', error)
                 return
             end if
         end if
         if (.not. (law%normal >= 0.0_wp .and. ieee_is_finite(law%normal))) then
-            call refuse(label//' has a normal force or a radius that cannot be', 'give one that is not negative', error)
+            call refuse(label//' has an invalid normal force or radius', 'use a value >= 0', error)
             return
         end if
         call self%add_torsion(name, joint, error, damping=viscous, law=law)
@@ -258,7 +258,8 @@ contains
                 return
             end if
             if (.not. self%bodies(load%body)%turns) then
-                call refuse(label//' turns the point mass '//trim(self%bodies(load%body)%name), 'give the body an inertia', error)
+                call refuse(label//' applies a torque to the point mass '//trim(self%bodies(load%body)%name), &
+                    'give the body an inertia', error)
                 return
             end if
             if (self%planar) then
@@ -274,8 +275,8 @@ contains
         end if
         if (present(torque_by) .and. .not. allocated(error)) then
             if (size(torque_by) /= merge(1, 3, self%planar) .or. .not. self%bodies(load%body)%turns) then
-                call refuse(label//': torque has '//to_text(size(torque_by))//' expressions, or turns a point mass', &
-                    'give one in the plane, three in space, on a body with an inertia', error)
+                call refuse(label//': torque has '//to_text(size(torque_by))//' expressions, or applies a torque to a point mass', &
+                    'give one in the plane, three in space, and name a body with inertia', error)
             end if
         end if
         if (allocated(error)) return

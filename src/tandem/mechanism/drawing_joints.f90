@@ -27,13 +27,13 @@ contains
         joint%kind_name = joint%kind%name
         driven = merge(joint%kind%driven, 0, present(motion))
         if (joint%kind%name == '') then
-            call refuse(label//' has the type '//trim(kind), 'take one of '//trim(kind_names(self%planar)), error)
+            call refuse(label//' has the unknown type '//trim(kind), 'use one of '//trim(kind_names(self%planar)), error)
         else if ((joint%kind%name == 'screw') .neqv. present(pitch)) then
-            call refuse(label//' has a pitch, or needs one', 'give one to a screw, and to nothing else', error)
+            call refuse(label//' has a pitch, or lacks one', 'give a pitch to screws only', error)
         else if (joint%kind%name == 'primitive') then
             call take_freedoms(self, label, joint, driven, present(motion), error, hold, drive)
         else if (present(hold) .or. present(drive)) then
-            call refuse(label//' says what is held, which its type does', 'take the type primitive, or leave that out', error)
+            call refuse(label//' has hold, which its type defines', 'use the type primitive, or remove hold', error)
         else if (present(motion) .and. joint%kind%driven == 0) then
             call refuse(label//' cannot be driven', 'drive a revolute or a prismatic joint', error)
         end if
@@ -75,8 +75,8 @@ contains
         m = 0
         if (present(hold)) m = size(hold)
         if (m /= n) then
-            call refuse(label//': hold has '//to_text(m)//' entries', 'give '//to_text(n)//': 0 for what is free, '// &
-                '1 for what is held at position level, 2 at velocity level', error)
+            call refuse(label//': hold has '//to_text(m)//' entries', 'give '//to_text(n)//': 0 for free, '// &
+                '1 for constrained at position level, 2 at velocity level', error)
             return
         else if (any(hold < 0 .or. hold > 2) .or. all(hold == 0)) then
             call refuse(label//': hold has an entry that is not 0, 1, 2, or holds nothing', 'correct it', error)
@@ -93,14 +93,14 @@ contains
             driven = 0
         end if
         if (driven == 0) then
-            call refuse(label//' has a motion that drives nothing', 'let drive be the place of a freedom that is held', error)
+            call refuse(label//' has a motion that drives no direction', 'set drive to a direction constrained in hold', error)
             return
         end if
         ! The row of the motion constrains the driven freedom.
         joint%kind%held(driven) = .false.
         if (n == 3 .or. driven < 4 .or. joint%glides(driven)) return
-        if (count(joint%kind%held(4:6)) == 1) call refuse(label//' drives a turn beside one that is held', &
-            'hold both of the other turns, or none', error)
+        if (count(joint%kind%held(4:6)) == 1) call refuse(label//' drives a rotation, and one other rotation is constrained', &
+            'constrain both other rotations, or neither', error)
     end subroutine take_freedoms
 
     module procedure place_joint
@@ -122,7 +122,7 @@ contains
         else if (points(2) .and. .not. points(1)) then
             joint%s1 = matmul(r2 + matmul(a2, joint%s2) - r1, a1)
         else if (.not. points(1)) then
-            call refuse(label//' has no place', 'say at = ..., or name a point of one of the bodies', error)
+            call refuse(label//' has no position', 'add at = ..., or name a point of one of the bodies', error)
             return
         end if
         call take_axes(self, label, joint%kind, axis, across, frame, error)
@@ -136,8 +136,8 @@ contains
             if (.not. joint%kind%held(k)) gap(k) = 0.0_wp
         end do
         if (norm2(gap) > tolerance*(1 + norm2(r1) + norm2(r2)) .and. .not. may_be_open) then
-            call refuse(label//': its two sides are '//to_text(norm2(gap))//' m apart in the drawing', &
-                'move a body or a point, or let the start be assembled, in a scene by [initial] assemble = true', error)
+            call refuse(label//': its two sides are '//to_text(norm2(gap))//' m apart in the reference configuration', &
+                'move a body or a point, or assemble the start, in a scene by [initial] assemble = true', error)
         end if
     end procedure place_joint
 
@@ -249,11 +249,11 @@ contains
         if (present(across) .and. .not. allocated(error)) call self%take_direction(label, 'across', across, b, error)
         if (allocated(error)) return
         if (kind%has_axis .and. .not. present(axis)) then
-            call refuse(label//' has no axis', 'say axis = ...', error)
+            call refuse(label//' has no axis', 'add axis = ...', error)
             return
         end if
         if (present(across) .and. norm2(cross(a, b)) < 1.0e-6_wp) then
-            call refuse(label//': across is parallel to the axis', 'take another direction', error)
+            call refuse(label//': across is parallel to the axis', 'use another direction', error)
             return
         end if
         if (self%planar) then
@@ -261,11 +261,11 @@ contains
         else if (kind%name == 'universal') then
             if (.not. present(across)) then
                 call refuse(label//' has one axis, and a universal joint has two: across is missing', &
-                    'give axis on the first body and across on the second, at 90 degrees in the drawing', error)
+                    'give axis on the first body and across on the second, at 90 degrees in the reference configuration', error)
                 return
             else if (abs(dot_product(a, b)) > tolerance) then
                 call refuse(label//' has axes that are not perpendicular: their cosine is '//to_text(dot_product(a, b)), &
-                    'give axis on the first body and across on the second, at 90 degrees in the drawing', error)
+                    'give axis on the first body and across on the second, at 90 degrees in the reference configuration', error)
                 return
             end if
             frame = reshape([a, b, cross(a, b)], [3, 3])
@@ -351,7 +351,7 @@ contains
         subroutine add_direction(a, b, about)
             integer, intent(in) :: a, b, about
 
-            call self%held%add(trim(joint%name)//' turn '//letter(about), 'N m')
+            call self%held%add(trim(joint%name)//' rotation '//letter(about), 'N m')
             call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%held%n, a=joint%axes1(:, a), &
                 b=joint%axes2(:, b)))
         end subroutine add_direction
@@ -400,10 +400,10 @@ contains
         if (allocated(error)) return
         if (size(joints) < 1 .or. size(joints) > max_coupled .or. size(factors) /= size(joints)) then
             call refuse(label//' has '//to_text(size(joints))//' joints and '//to_text(size(factors))//' factors', &
-                'give 1 to '//to_text(max_coupled)//' of both', error)
+                'give 1 to '//to_text(max_coupled)//' of each', error)
             return
         else if (.not. all(abs(factors) > 0.0_wp .and. ieee_is_finite(factors))) then
-            call refuse(label//' has a factor that is zero or not finite', 'correct it, or leave out the joint', error)
+            call refuse(label//' has a factor that is zero or not finite', 'correct it, or remove the joint', error)
             return
         end if
         do i = 1, size(joints)
@@ -494,7 +494,7 @@ contains
         if (allocated(error)) return
         if (size(velocities) /= size(coefficients) .or. size(velocities) == 0) then
             call refuse(label//' has '//to_text(size(velocities))//' velocities and '//to_text(size(coefficients))// &
-                ' coefficients', 'give as many of the one as of the other', error)
+                ' coefficients', 'give equal numbers of both', error)
             return
         end if
         allocate (variables, source=self%list_variables())
@@ -506,7 +506,7 @@ contains
             if (k == 0 .and. present(rhs)) k = rhs%first_not_in(may_be_used)
         end associate
         if (k > 0) then
-            call refuse(label//' depends on '//trim(variables(k)%name), 'name t, places, angles and Euler parameters alone', error)
+            call refuse(label//' depends on '//trim(variables(k)%name), 'use t, positions, angles and Euler parameters only', error)
             return
         end if
         allocate (row%velocities(size(velocities)))
@@ -517,8 +517,8 @@ contains
                 k = k - 1
             end do
             if (k == 0) then
-                call refuse(label//': '//trim(velocities(i))//' is no velocity', &
-                    'name one as body.vx, and of what turns body.omega in the plane, body.wx in space', error)
+                call refuse(label//': '//trim(velocities(i))//' is not a velocity', &
+                    'write body.vx; angular velocities are body.omega in the plane, body.wx in space', error)
                 return
             end if
             row%velocities(i) = variables(k)
@@ -559,7 +559,7 @@ contains
         end if
         if (.not. span%length > 0.0_wp) then
             call refuse(label//' has the length '//to_text(span%length), &
-                'give one > 0; for points that coincide take a spherical or revolute joint', error)
+                'give a length > 0; for coincident points use a spherical or revolute joint', error)
             return
         end if
         span%weight = span%length

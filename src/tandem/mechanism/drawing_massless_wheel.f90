@@ -25,14 +25,14 @@ contains
         call self%check_name(name, label, error)
         if (allocated(error)) return
         if (self%planar) then
-            call refuse(label//' is in the plane', 'take a knife edge there', error)
+            call refuse(label//' is in the plane', 'use a knife edge there', error)
             return
         end if
         if (present(crown)) wheel%crown = crown
         wheel%radius = radius - wheel%crown
         if (wheel%crown < 0.0_wp .or. .not. wheel%radius > 0.0_wp) then
             call refuse(label//' has a radius that is not positive, or a crown that is not between 0 and it', &
-                'let it roll with a radius > 0 in m, and a smaller crown >= 0', error)
+                'give a radius > 0 in m, and a smaller crown >= 0', error)
             return
         end if
         call self%take_point(label, centre, wheel%body, wheel%centre, is_point, error)
@@ -44,12 +44,12 @@ contains
         if (.not. allocated(error) .and. present(about)) call self%take_direction(label, 'about', about, pivot, error)
         if (allocated(error)) return
         if (merge(.not. (present(along) .or. present(about)), present(about), present(steer))) then
-            call refuse(label//' is steered without saying about what, or the other way round', 'give steer, and about or along', &
+            call refuse(label//' has only one of steer and its axis', 'give steer, and about or along', &
                 error)
         else if (present(along) .and. .not. abs(dot_product(wheel%along, wheel%normal)) > small) then
-            call refuse(label//' slides along its plane', 'let along lead to the plane: a strut carries the body', error)
+            call refuse(label//' slides along its plane', 'along must not be parallel to the plane', error)
         else if (.not. 1 - dot_product(wheel%axle, wheel%normal)**2 > small) then
-            call refuse(label//' lies flat on its plane', 'tilt it: a flat wheel has no contact point', error)
+            call refuse(label//' lies flat on its plane', 'tilt it: a flat wheel has no unique contact point', error)
         end if
         if (allocated(error)) return
         if (present(height)) wheel%height = height
@@ -114,7 +114,8 @@ contains
             call rise%evaluate(self%times(1), level)
             gap = gap - level(0)
         end if
-        if (abs(gap) > tolerance*(1 + norm2(place))) call refuse(label//' is '//to_text(gap)//' m above its plane in the drawing', &
-            'move it, or let the start be assembled, in a scene by [initial] assemble = true', error)
+        if (abs(gap) > tolerance*(1 + norm2(place))) call refuse(label//' is '//to_text(gap)// &
+            ' m above its plane in the reference configuration', &
+            'move it, or assemble the start, in a scene by [initial] assemble = true', error)
     end subroutine check_gap
 end submodule tandem_mechanism_drawing_massless_wheel

@@ -26,7 +26,7 @@ contains
         if (allocated(error)) return
         pivot = [0.0_wp, 0.0_wp, 1.0_wp]
         if (.not. self%planar .and. (present(steer) .neqv. present(about))) then
-            call refuse(label//' is steered without saying about what, or the other way round', 'give steer and about', error)
+            call refuse(label//' has only one of steer and its axis', 'give steer and about', error)
         else if (present(about)) then
             call self%take_direction(label, 'about', about, pivot, error)
             if (.not. allocated(error) .and. (self%planar .or. abs(dot_product(pivot, edge%across)) > tolerance)) then
@@ -58,7 +58,7 @@ contains
         call self%take_direction(label, 'axis', axis, roller%axis, error)
         if (.not. allocated(error) .and. (roller%crown < 0.0_wp .or. .not. roller%radius > 0.0_wp)) then
             call refuse(label//' has a radius that is not positive, or a crown that is not between 0 and it', &
-                'let it roll with a radius > 0 in m, and a smaller crown >= 0', error)
+                'give a radius > 0 in m, and a smaller crown >= 0', error)
         end if
         if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, turn, &
             pivot, slide, along)
@@ -70,7 +70,7 @@ contains
 
         label = 'rolling sphere '//trim(name)
         roller%radius = radius
-        if (.not. radius > 0.0_wp) call refuse(label//' has a radius that is not positive', 'let it roll with a radius > 0 in m', &
+        if (.not. radius > 0.0_wp) call refuse(label//' has a radius that is not positive', 'give a radius > 0 in m', &
             error)
         if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, turn, &
             pivot, slide, along)
@@ -106,7 +106,7 @@ contains
         call self%check_name(name, label, error)
         if (allocated(error)) return
         if (self%planar) then
-            call refuse(label//' is in the plane', 'let it roll in space', error)
+            call refuse(label//' is in the plane', 'use it in space', error)
             return
         end if
         call self%take_point(label, centre, roller%body, roller%centre, is_point, error)
@@ -117,10 +117,10 @@ contains
         if (.not. allocated(error) .and. present(along)) call self%take_direction(label, 'along', along, roller%along, error)
         if (allocated(error)) return
         if (present(slide) .neqv. present(along)) then
-            call refuse(label//' has a plane that slides without saying along what, or the other way round', 'give both', error)
+            call refuse(label//' has only one of slide and along', 'give both', error)
             return
         else if (abs(dot_product(roller%along, roller%normal)) > tolerance) then
-            call refuse(label//' has a plane that slides out of itself', 'let along be perpendicular to the normal', error)
+            call refuse(label//' has a plane that slides out of itself', 'make along perpendicular to the normal', error)
             return
         end if
         if (present(height)) roller%height = height
@@ -129,7 +129,7 @@ contains
             roller%tangent = f(:, 1:2)
         end if
         if (.not. 1 - dot_product(roller%axis, roller%normal)**2 > 1.0e-6_wp) then
-            call refuse(label//' lies flat on its plane', 'tilt it: a flat disk has no contact point', error)
+            call refuse(label//' lies flat on its plane', 'tilt it: a flat disk has no unique contact point', error)
             return
         end if
         call self%frame_of(roller%body, r, a)
@@ -145,8 +145,8 @@ contains
         may_be_open = .false.
         if (present(open)) may_be_open = open
         if (abs(gap) > tolerance*(1 + norm2(r) + norm2(y)) .and. .not. may_be_open) then
-            call refuse(label//' is '//to_text(gap)//' m above its plane in the drawing', &
-                'move the body, or let the start be assembled, in a scene by [initial] assemble = true', error)
+            call refuse(label//' is '//to_text(gap)//' m above its plane in the reference configuration', &
+                'move the body, or assemble the start, in a scene by [initial] assemble = true', error)
             return
         end if
         if (present(rise)) call self%take_motion(name, rise, 1, roller%rise)

@@ -45,8 +45,8 @@ contains
             sensor%turns = its%turn > 0
             if (.not. (sensor%slides .or. sensor%turns)) then
                 call refuse('sensor '//trim(name)//': the joint '//trim(joint)//' is '//trim(its%kind_name)// &
-                    ', which has no coordinate of its own', &
-                    'take a revolute, prismatic, cylindrical or point_on_line joint, or a sensor of a point', error)
+                    ', which has no single coordinate', &
+                    'use a revolute, prismatic, cylindrical or point_on_line joint, or a sensor of a point', error)
                 return
             end if
             sensor%planar = self%planar
@@ -68,7 +68,7 @@ contains
 
         if (self%massless_wheels(number)%way == 0) then
             call refuse('sensor '//trim(sensor%name)//': the wheel '//trim(wheel)//' does not slide', &
-                'take a sensor of a point', error)
+                'use a sensor of a point', error)
             return
         end if
         sensor%slides = .true.
@@ -136,7 +136,7 @@ contains
         k = self%name_index%get(element)
         if (k > 0) sensor%of = self%types(k)
         if (.not. any(sensor%of == types)) then
-            call refuse('sensor '//trim(name)//': '//trim(element)//' is no joint, wheel or constraint'// &
+            call refuse('sensor '//trim(name)//': '//trim(element)//' is not a joint, wheel or constraint'// &
                 question(trim(element), names_of(self, types)), 'correct the name', error)
             return
         end if
@@ -212,7 +212,7 @@ contains
         k = self%name_index%get(element)
         if (k > 0) sensor%of = self%types(k)
         if (.not. any(sensor%of == types)) then
-            call refuse('sensor '//trim(name)//': '//trim(element)//' is no force'// &
+            call refuse('sensor '//trim(name)//': '//trim(element)//' is not a force'// &
                 question(trim(element), names_of(self, types)), 'correct the name', error)
             return
         end if
@@ -250,7 +250,7 @@ contains
         if (.not. allocated(self%types)) call self%clear()
         types = types_of(kind)
         if (size(types) == 0) then
-            call refuse('results of '//kind, 'ask for bodies, joints, wheels, constraints or forces', error)
+            call refuse('results of '//kind, 'use bodies, joints, wheels, constraints or forces', error)
             return
         end if
         allocate (list(size(names)))
@@ -264,7 +264,7 @@ contains
                 if (.not. any(self%types(k) == types)) k = 0
             end if
             if (k == 0) then
-                call refuse('results of '//kind//': there is no '//trim(list(i))//' among them'// &
+                call refuse('results of '//kind//': there is no '//trim(list(i))// &
                     question(trim(list(i)), names_of(self, types)), 'correct the name', error)
                 return
             end if
@@ -375,10 +375,10 @@ contains
         if (.not. allocated(self%types)) call self%clear()
         sensor%name = name
         if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. scan(trim(name), './ ') > 0) then
-            call refuse('sensor '//trim(name)//': "'//trim(name)//'" is no name', 'take 1 to '//to_text(name_length)// &
+            call refuse('sensor '//trim(name)//': "'//trim(name)//'" is not a valid name', 'use 1 to '//to_text(name_length)// &
                 ' characters without dots, slashes and blanks', error)
         else if (self%sensor_index%get(key_of(sensor)) > 0) then
-            call refuse('sensor '//trim(name)//' is there already', 'take another name', error)
+            call refuse('sensor '//trim(name)//' exists already', 'use another name', error)
         end if
     end subroutine check_sensor
 end submodule tandem_mechanism_drawing_sensors

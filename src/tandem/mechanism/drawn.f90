@@ -424,7 +424,7 @@ contains
             character(len=*), intent(in) :: name
             integer, intent(in) :: way
 
-            call add(name//'way', is_joint, way, 1)
+            call add(name//'displacement', is_joint, way, 1)
             call add(name//'speed', is_joint_rate, way, 1)
         end subroutine add_way
 
@@ -437,7 +437,7 @@ contains
         end subroutine add
     end function list_variables
 
-    !> Index of the coordinate of a joint or of a sliding wheel, from `joint`, `joint.angle` or `joint.way`.
+    !> Index of the coordinate of a joint or of a sliding wheel, from `joint`, `joint.angle` or `joint.displacement`.
     subroutine find_coordinate(self, label, text, number, error)
         class(drawn_type), intent(in) :: self
         character(len=*), intent(in) :: label, text
@@ -456,22 +456,22 @@ contains
             turn = 0
             way = self%massless_wheels(k)%way
         else
-            call refuse(label//': there is no joint '//text(:dot - 1), 'add the joint before', error)
+            call refuse(label//': there is no joint '//text(:dot - 1), 'define the joint first', error)
             return
         end if
         if (text(dot:) == '.angle') then
             number = turn
-        else if (text(dot:) == '.way') then
+        else if (text(dot:) == '.displacement') then
             number = way
         else if (dot > len_trim(text) .and. turn > 0 .and. way > 0) then
-            call refuse(label//': the joint '//trim(text)//' turns and slides', &
-                'name its angle or its way: '//trim(text)//'.angle or '//trim(text)//'.way', error)
+            call refuse(label//': the joint '//trim(text)//' rotates and slides', &
+                'name its angle or its displacement: '//trim(text)//'.angle or '//trim(text)//'.displacement', error)
             return
         else if (dot > len_trim(text)) then
             number = max(turn, way)
         end if
         if (number == 0) call refuse(label//': '//merge('the joint', 'the wheel', type_of == of_joint)//' '//text(:dot - 1)// &
-            ' has no axis to turn about or to slide along', 'take a joint that has one, and its .angle or .way', error)
+            ' has no coordinate', 'name a joint that rotates or slides, and its .angle or .displacement', error)
     end subroutine find_coordinate
 
     !> Position and rotation of a body in the reference configuration.

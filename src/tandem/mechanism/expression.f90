@@ -125,13 +125,13 @@ contains
         type(error_type), allocatable, intent(out) :: error
 
         if (.not. is_name(name)) then
-            call set_error(error, status_invalid_model, '"'//name//'" is no name for expressions', &
-                'begin it with a letter and go on with letters, digits and underscores')
+            call set_error(error, status_invalid_model, '"'//name//'" is not a valid name in expressions', &
+                'use a letter, followed by letters, digits and underscores')
         else if (len(name) > name_length) then
             call set_error(error, status_invalid_model, 'the name "'//name(:name_length)//'..." is too long', &
-                'take at most '//to_text(name_length)//' characters')
+                'use at most '//to_text(name_length)//' characters')
         else if (name == 'pi' .or. find_function(name) > 0) then
-            call set_error(error, status_invalid_model, '"'//name//'" has a meaning of its own in expressions', &
+            call set_error(error, status_invalid_model, '"'//name//'" is reserved in expressions', &
                 'choose another name')
         end if
     end subroutine check_name

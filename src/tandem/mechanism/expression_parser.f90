@@ -85,7 +85,7 @@ contains
         call parser%parse_sum(last)
         if (.not. allocated(parser%problem) .and. parser%at <= len(text)) then
             if (scan(text(parser%at:parser%at), '<>=!&|?:') > 0) then
-                call parser%fail(parser%at, 'there are no comparisons; write them by step, ramp, min or max')
+                call parser%fail(parser%at, 'comparisons are not available; use step, ramp, min or max')
             else
                 call parser%fail(parser%at, 'expected an operator or the end, found '//trim(parser%found_behind()))
             end if
@@ -107,7 +107,7 @@ contains
 
         text = self%found()
         if (self%at > len(self%text)) return
-        if (scan(self%text(self%at:self%at), letters//digits//'_(.') > 0) text = trim(text)//'; write * for a product'
+        if (scan(self%text(self%at:self%at), letters//digits//'_(.') > 0) text = trim(text)//'; a product needs *'
     end function found_behind
 
     !> True for a name: a letter, then letters, digits and underscores; parts of this form are joined by dots.
@@ -257,7 +257,7 @@ contains
         if (allocated(self%problem)) return
         self%depth = self%depth + 1
         if (self%depth > max_depth) then
-            call self%fail(self%at, 'expressions are nested at most '//to_text(max_depth)//' deep')
+            call self%fail(self%at, 'expressions may be nested at most '//to_text(max_depth)//' deep')
             return
         end if
         column = self%at
@@ -335,7 +335,7 @@ contains
             call skip_digits
         end if
         if (self%text(first:self%at - 1) == '.') then
-            call self%fail(first, 'expected digits beside the point')
+            call self%fail(first, 'expected digits next to the decimal point')
             return
         end if
         if (next('eE')) then
@@ -403,7 +403,7 @@ contains
             end if
             return
         end if
-        if (self%is_next('(')) call self%fail(column, '"'//name//'" is no function; write * for a product')
+        if (self%is_next('(')) call self%fail(column, '"'//name//'" is not a function; a product needs *')
         if (i <= self%n_variables) then
             if (any(self%names(self%n_variables + 1:) == name)) call self%fail(column, '"'//name// &
                 '" is the name of a variable here and of a parameter; rename the parameter')
@@ -427,7 +427,7 @@ contains
         integer :: n, i
 
         if (.not. self%takes('(')) then
-            call self%fail(self%at, 'expected "(" behind the function '//trim(row%name)//', found '//trim(self%found()))
+            call self%fail(self%at, 'expected "(" after the function '//trim(row%name)//', found '//trim(self%found()))
             return
         end if
         n = 0
@@ -526,7 +526,7 @@ contains
         if (self%list%is_full) then
             call self%fail(column, too_long)
         else if (left%node == 0 .and. .not. ieee_is_finite(left%value)) then
-            call self%fail(column, 'the constants here give no finite number')
+            call self%fail(column, 'the constants here do not yield a finite number')
         end if
     end subroutine make
 end module tandem_mechanism_expression_parser

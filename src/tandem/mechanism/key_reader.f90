@@ -51,7 +51,7 @@ module tandem_mechanism_key_reader
         character(len=:), allocatable :: name
         !> All entries, the caller's.
         type(entries_type), pointer :: entries => null()
-        !> True for the tables of a scene: keys are named without their table, and texts are not expressions.
+        !> True for tables of a scene: keys are named without their table, and texts are not expressions.
         logical, private :: is_scene = .false.
         type(element_type), allocatable, private :: elements(:)
         integer, private :: n_elements = 0, current = 0

@@ -27,18 +27,18 @@ contains
                 key = key(min(len(kind) + 2, len(key) + 1):)
                 name = up_to_dot(key)
                 if (len(name) == 0 .or. len(name) == len(key)) then
-                    call self%fail_at(i, entries%list(i)%key//' is no value but has keys below it', &
+                    call self%fail_at(i, entries%list(i)%key//' is a table, not a value', &
                         'write '//kind//'.NAME.KEY = ...')
                     return
                 end if
                 call check_length(self, i, name)
                 if (self%failed()) return
             else if (.not. any(singles == kind)) then
-                call self%fail_at(i, 'there is nothing called "'//kind//'" in a mechanism'//question(kind, [kinds, singles]), &
-                    'take one of'//listed([kinds, singles]))
+                call self%fail_at(i, 'a mechanism has no table "'//kind//'"'//question(kind, [kinds, singles]), &
+                    'use one of'//listed([kinds, singles]))
                 return
             else if (len(kind) == len(key)) then
-                call self%fail_at(i, kind//' is no value but has keys below it', 'write '//kind//'.KEY = ...')
+                call self%fail_at(i, kind//' is a table, not a value', 'write '//kind//'.KEY = ...')
                 return
             end if
             if (k > 0) then
@@ -47,7 +47,7 @@ contains
             if (k == 0) call find_element(self, kind, name, k)
             do j = 1, self%elements(k)%n
                 if (entries%list(self%elements(k)%entries(j))%key /= entries%list(i)%key) cycle
-                call self%fail_at(i, entries%list(i)%key//' is there twice', 'take other names in what is repeated')
+                call self%fail_at(i, entries%list(i)%key//' is given twice', 'use other names in the repetition')
                 return
             end do
             call add_to(self%elements(k), i)
@@ -268,7 +268,7 @@ contains
             call self%complain(0, '', 'the key '//key//' is missing in '//self%heading_of())
             self%fault%heading = ''
         else
-            call self%fail('', 'the key '//key//' is missing', 'give it')
+            call self%fail('', 'the key '//key//' is missing', 'add it')
         end if
     end procedure index_of
 

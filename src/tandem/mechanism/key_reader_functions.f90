@@ -21,8 +21,8 @@ contains
         if (k == 0) return
         associate (given => self%entries%list(k)%value)
             if (given%is_list .or. given%atoms(1)%kind == is_truth) then
-                call self%fail(key, 'is no function of time', &
-                    'give a number, an expression of t as text, or the name of a function')
+                call self%fail(key, 'is not a function of time', &
+                    'give a number, an expression of t in quotes, or the name of a function')
                 return
             end if
             if (given%atoms(1)%kind == is_number) then
@@ -112,7 +112,7 @@ contains
                     call parse_expression(expressions(i), given%atoms(i)%text, variables, self%error, names, values, &
                         self%entries%list(k)%key)
                 case default
-                    call self%fail(key, 'is true or false', 'give a number, or an expression as text')
+                    call self%fail(key, 'is true or false', 'give a number, or an expression in quotes')
                 end select
                 if (.not. self%failed()) cycle
                 self%place = self%entries%list(k)%place
@@ -138,7 +138,7 @@ contains
                 return
             end if
             number = expression%value([real(wp) ::])
-            if (.not. ieee_is_finite(number)) call self%fail_at(entry, given%key//' gives no finite number', 'correct it')
+            if (.not. ieee_is_finite(number)) call self%fail_at(entry, given%key//' does not yield a finite number', 'correct it')
         end associate
     end procedure evaluate
 

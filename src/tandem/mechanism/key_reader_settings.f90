@@ -80,7 +80,7 @@ contains
             if (problem /= '') exit
             if (with_values .and. index(word, '=') > 0) word = word(:index(word, '=') - 1)
             if (.not. any(word == choices)) then
-                problem = '"'//trim(word)//'" is none of'//listed(choices)
+                problem = '"'//trim(word)//'" is not one of'//listed(choices)
                 if (nearest_name(trim(word), choices) /= '') then
                     problem = problem//'; did you mean "'//nearest_name(trim(word), choices)//'"?'
                 end if
@@ -101,7 +101,7 @@ contains
     !> Fault of the number in NAME=NUMBER; empty if there is no number.
     pure function value_problem(text) result(problem)
         character(len=*), intent(in) :: text
-        character(len=len(text) + 40) :: problem
+        character(len=len(text) + 48) :: problem
         real(wp) :: number
         logical :: is_read
         integer :: at
@@ -110,7 +110,7 @@ contains
         at = index(text, '=')
         if (at == 0) return
         call read_number(text(at + 1:), number, is_read)
-        if (.not. is_read) problem = 'has "'//trim(text)//'", whose value is no finite number'
+        if (.not. is_read) problem = 'has "'//trim(text)//'", whose value is not a finite number'
     end function value_problem
 
     module procedure get_for_each
@@ -148,9 +148,9 @@ contains
             do i = 1, size(given%atoms)
                 if (problem /= '') exit
                 if (given%atoms(i)%kind == is_other) then
-                    problem = 'has an element '//to_text(i)//' that must be a number, a text, true or false'
+                    problem = 'has an element '//to_text(i)//' that must be a number, a string, true or false'
                 else if (allocated(given%atoms(i)%problem)) then
-                    problem = 'has an element '//to_text(i)//' that '//given%atoms(i)%problem
+                    problem = 'element '//to_text(i)//' '//given%atoms(i)%problem
                 end if
             end do
             if (problem == '') allocate (values, source=given)

@@ -45,7 +45,7 @@ contains
                     if (self%failed()) return
                 else if (atom%kind /= is_number) then
                     problem = 'must be a number, not '//trim(kind_of(atom))
-                    if (.not. self%is_scene) problem = 'must be a number, or an expression as text, not '//trim(kind_of(atom))
+                    if (.not. self%is_scene) problem = 'must be a number, or an expression in quotes, not '//trim(kind_of(atom))
                 else if (allocated(atom%problem)) then
                     problem = atom%problem
                 else
@@ -124,7 +124,7 @@ contains
             associate (given => self%entries%list(k)%value)
                 problem = ''
                 if (given%is_list) then
-                    problem = 'must be a text in quotes, not an array'
+                    problem = 'must be a string in quotes, not an array'
                 else
                     problem = trim(text_problem(given%atoms(1)))
                 end if
@@ -162,7 +162,7 @@ contains
             associate (given => self%entries%list(k)%value)
                 problem = ''
                 if (.not. given%is_list) then
-                    problem = 'must be an array of texts in quotes, not '//trim(kind_of(given%atoms(1)))
+                    problem = 'must be an array of strings in quotes, not '//trim(kind_of(given%atoms(1)))
                 else if (length > 0 .and. size(given%atoms) /= length) then
                     problem = 'has '//to_text(size(given%atoms))//trim(merge(' element ', ' elements', size(given%atoms) == 1))// &
                         '; it must have '//to_text(length)
@@ -204,7 +204,7 @@ contains
         if (k == 0) return
         associate (given => self%entries%list(k)%value)
             if (.not. given%is_list .or. .not. all(given%atoms%kind == is_text)) then
-                call self%complain(k, key, 'must be an array of texts in quotes')
+                call self%complain(k, key, 'must be an array of strings in quotes')
             else
                 call self%remember(key, k, given, help=help)
             end if

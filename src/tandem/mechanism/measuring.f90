@@ -363,7 +363,7 @@ contains
             associate (quantity => self%quantities(before + i))
                 do k = 1, max(1, quantity%width)
                     n = n + 1
-                    if (abs(shown(n)) <= small .or. index(quantity%path, '/place') + index(quantity%path, '/impulse') > 0) cycle
+                    if (abs(shown(n)) <= small .or. index(quantity%path, '/position') + index(quantity%path, '/impulse') > 0) cycle
                     if (quantity%width == 0) then
                         quantity%undetermined = 'all of it'
                     else if (index(quantity%undetermined, axis(k)) == 0) then

@@ -344,7 +344,8 @@ contains
             call set_error(error, status_invalid_model, 'the mechanism has no body', 'add one')
             return
         else if (self%is_defined) then
-            call set_error(error, status_invalid_model, 'the mechanism was defined before', 'define it once, after all was added')
+            call set_error(error, status_invalid_model, 'the mechanism is already defined', &
+                'call define once, after adding all elements')
             return
         end if
         call self%begin_breakpoints(error)

@@ -154,7 +154,7 @@ contains
             label = 'm'
             if (is_unit) return
             k = findloc(self%massless_wheels%slide, from, dim=1)
-            label = element_name(self, self%massless_wheels(k)%height_row)//'.way'
+            label = element_name(self, self%massless_wheels(k)%height_row)//'.displacement'
         else if (k <= merge(2, 3, self%planar)) then
             label = 'm'
             if (.not. is_unit) label = trim(self%bodies(from)%name)//'.'//places(k)

@@ -24,7 +24,7 @@ contains
         call check_name(name, error)
         if (allocated(error)) return
         if (any(reserved_names == name)) call set_error(error, status_invalid_model, '"'//name// &
-            '" has a meaning of its own in expressions, as the variable of a function or of a law', 'choose another name')
+            '" is reserved in expressions, as the variable of a function or a law', 'choose another name')
     end subroutine check_parameter_name
 
     !> Evaluate all parameters.
@@ -68,7 +68,7 @@ contains
                 values(i) = expressions(i)%value(values)
                 if (.not. ieee_is_finite(values(i))) then
                     call set_error(error, status_invalid_model, prefix//trim(names(i))//': "'//trim(texts(i))// &
-                        '" gives no finite number', &
+                        '" does not yield a finite number', &
                         'correct the expression or the parameters in it')
                     return
                 end if
@@ -78,8 +78,8 @@ contains
         end do
         if (all(is_known)) return
         call find_circle(names, expressions, is_known, names_in_circle)
-        call set_error(error, status_invalid_model, 'parameters depend on each other in a circle: '//names_in_circle, &
-            'give one of them by a number')
+        call set_error(error, status_invalid_model, 'parameters depend on each other cyclically: '//names_in_circle, &
+            'give one of them as a number')
     end subroutine resolve_parameters
 
     !> A circle among the unknown parameters, as names joined by arrows; long ones are cut.

@@ -114,8 +114,8 @@ contains
                 n_narrow = n_narrow + 1
                 if (n_narrow > most_narrow) then
                     call set_error(error, status_invalid_model, 'the kinks of an expression at t = '//to_text(left)// &
-                        ' are too close to each other to be told apart', &
-                        'make the expression smoother there, or end the run before')
+                        ' are too close to each other to be distinguished', &
+                        'make the expression smoother there, or end the run earlier')
                     return
                 end if
             else

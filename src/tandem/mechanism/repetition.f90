@@ -113,13 +113,13 @@ contains
 
         if (depth > deepest) then
             place = place_below(entries, head)
-            call set_error(error, status_invalid_model, head(:len(head) - 1)//' is deep within other repetitions', &
-                'let at most '//to_text(deepest)//' stand in each other')
+            call set_error(error, status_invalid_model, head(:len(head) - 1)//' is nested too deeply', &
+                'nest at most '//to_text(deepest)//' repetitions')
             return
         end if
         k = entries%find(head(:len(head) - 1))
         if (k > 0) then
-            call set_error(error, status_invalid_model, entries%list(k)%key//' is no value but has keys below it', &
+            call set_error(error, status_invalid_model, entries%list(k)%key//' is a table, not a value', &
                 'write '//entries%list(k)%key//'.count = ... and the elements below it')
             place = entries%list(k)%place
             return
@@ -130,7 +130,7 @@ contains
             associate (given => entries%list(k))
                 place = given%place
                 if (given%value%is_list .or. given%value%atoms(1)%kind /= is_text) then
-                    call set_error(error, status_invalid_model, given%key//' is no text', 'give a name, such as "i"')
+                    call set_error(error, status_invalid_model, given%key//' is not a string', 'give a name, such as "i"')
                     return
                 end if
                 index_name = given%value%atoms(1)%text
@@ -154,7 +154,7 @@ contains
                 call set_error(error, status_invalid_model, head//'count is '//to_text(count), &
                     'give a number from 0 to '//to_text(most))
             else
-                call set_error(error, status_invalid_model, head(:len(head) - 1)//' comes to more than '//to_text(most)// &
+                call set_error(error, status_invalid_model, head(:len(head) - 1)//' results in more than '//to_text(most)// &
                     ' copies', 'give smaller numbers')
             end if
             k = entries%find(head//'count')
@@ -246,8 +246,8 @@ contains
             associate (given => entries%list(at))
                 place = given%place
                 if (given%value%is_list .or. all(given%value%atoms(1)%kind /= [is_number, is_text])) then
-                    call set_error(error, status_invalid_model, given%key//' is no number', 'give an integer, or an '// &
-                        'expression as text')
+                    call set_error(error, status_invalid_model, given%key//' is not a number', 'give an integer, or an '// &
+                        'expression in quotes')
                 else if (given%value%atoms(1)%kind == is_number) then
                     call round(given%value%atoms(1)%number, given%key, number, error)
                 else
@@ -258,7 +258,7 @@ contains
         else if (default < 0) then
             place = 0
             if (entries%n > 0) place = place_below(entries, head)
-            call set_error(error, status_invalid_model, head(:len(head) - 1)//': the key count is missing', 'give it')
+            call set_error(error, status_invalid_model, head(:len(head) - 1)//': the key count is missing', 'add it')
         else
             call repeats%set(head//key, number_value(real(default, wp)))
         end if
@@ -325,7 +325,7 @@ contains
             from = from + at - 1
             to = index(text(from:), '}') + from - 1
             if (to < from) then
-                call set_error(error, status_invalid_model, key//': "'//text//'" has a brace that does not end', 'write {'// &
+                call set_error(error, status_invalid_model, key//': "'//text//'" has an unclosed brace', 'write {'// &
                     trim(known(size(known)))//'}')
                 return
             end if

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Rigid motions of a mechanism: of the world as a whole (`world.x`, `world.turn_z`), and of each body about its own centre of mass
-!> (`BODY.spin_y`, about the body's axis y). Those that leave the equations invariant give steady motions.
+!> Rigid motions of a mechanism: of the world as a whole (`world.x`, `world.rotation_z`), and of each body about its own centre of
+!> mass (`BODY.spin_y`, about the body's axis y). Those that leave the equations invariant give steady motions.
 module tandem_mechanism_rigid_motions
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: body_type
@@ -68,9 +68,9 @@ contains
         integer :: i, a, b
 
         if (planar) then
-            call motion%initialize('world.turn', .true.)
+            call motion%initialize('world.rotation', .true.)
         else
-            call motion%initialize('world.turn_'//axis_name(k), .true.)
+            call motion%initialize('world.rotation_'//axis_name(k), .true.)
         end if
         a = modulo(k, 3)
         b = modulo(k + 1, 3)

@@ -34,8 +34,8 @@ contains
         call search(self, number, most + size(self%searched), error)
         if (allocated(error)) return
         if (size(self%breakpoints) < number .and. self%state%breakpoints_until < self%times(2)) call set_error(error, &
-            status_invalid_model, 'kinks of functions of time are sought from t = '//to_text(self%state%breakpoints_until)// &
-            ' on without an end', 'make the argument of abs, sign, step, ramp, min, max or smooth_step slower, or simpler '// &
+            status_invalid_model, 'the search for kinks of functions of time from t = '//to_text(self%state%breakpoints_until)// &
+            ' on does not end', 'make the argument of abs, sign, step, ramp, min, max or smooth_step slower, or simpler '// &
             'where it is zero for a while')
     end procedure know_breakpoints
 
@@ -93,8 +93,8 @@ contains
         associate (motion => self%motions(i))
             jumps = orders == motion%jump_order
             if (any(orders < motion%jump_order)) call set_error(error, status_invalid_model, 'the motion of '// &
-                trim(motion%name)//' jumps at t = '//to_text(places(findloc(orders < motion%jump_order, .true., dim=1))), &
-                'let it be continuous: a smooth_step does what a step does')
+                trim(motion%name)//' is discontinuous at t = '//to_text(places(findloc(orders < motion%jump_order, .true., &
+                dim=1))), 'make it continuous, as by smooth_step instead of step')
         end associate
     end subroutine search_function
 

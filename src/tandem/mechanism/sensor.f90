@@ -74,21 +74,21 @@ contains
         allocate (list(0))
         select case (sensor%kind)
         case (sensed_point)
-            call add(sensor, list, 3, 'position', 'm', 'place of the point: x, y, z')
+            call add(sensor, list, 3, 'position', 'm', 'position of the point: x, y, z')
             call add(sensor, list, 3, 'velocity', 'm/s', 'its velocity')
             call add(sensor, list, 3, 'acceleration', 'm/s^2', 'its acceleration')
         case (sensed_joint)
             if (sensor%slides) then
-                call add(sensor, list, 0, 'way', 'm', 'how far the second side has slid')
-                call add(sensor, list, 0, 'speed', 'm/s', 'how fast it slides')
+                call add(sensor, list, 0, 'displacement', 'm', 'displacement of the second side')
+                call add(sensor, list, 0, 'speed', 'm/s', 'rate of the displacement')
             end if
             if (sensor%turns) then
-                call add(sensor, list, 0, 'angle', 'rad', 'by how much the second side is turned, turns counted')
-                call add(sensor, list, 0, 'rate', 'rad/s', 'how fast it turns')
+                call add(sensor, list, 0, 'angle', 'rad', 'rotation of the second side, full rotations counted')
+                call add(sensor, list, 0, 'rate', 'rad/s', 'rate of the angle')
             end if
         case (sensed_distance)
             call add(sensor, list, 0, 'distance', 'm', 'distance of the points')
-            call add(sensor, list, 0, 'rate', 'm/s', 'how fast it grows')
+            call add(sensor, list, 0, 'rate', 'm/s', 'rate of the distance')
         case (sensed_energy, sensed_balance)
             call add(sensor, list, 0, 'kinetic', 'J', 'kinetic energy')
             call add(sensor, list, 0, 'potential', 'J', 'potential energy of gravity and springs')
@@ -96,8 +96,8 @@ contains
                 call add(sensor, list, 0, 'total', 'J', 'their sum')
             else
                 call add(sensor, list, 0, 'work_of_motions', 'J', 'work that imposed motions have done since the start')
-                call add(sensor, list, 0, 'work_of_forces', 'J', 'work of loads, dampers, and what else has no potential')
-                call add(sensor, list, 0, 'residual', 'J', 'energies less these, since the start: 0 but for errors')
+                call add(sensor, list, 0, 'work_of_forces', 'J', 'work of loads, dampers and other forces without potential')
+                call add(sensor, list, 0, 'residual', 'J', 'change of energy minus this work since the start: 0 except for errors')
             end if
         case (sensed_body)
             call list_body(sensor, list)
@@ -126,7 +126,7 @@ contains
         type(sensor_type), intent(in) :: sensor
         type(quantity_type), allocatable, intent(inout) :: list(:)
 
-        call add(sensor, list, 3, 'position', 'm', 'place of the centre of mass: x, y, z')
+        call add(sensor, list, 3, 'position', 'm', 'position of the centre of mass: x, y, z')
         if (sensor%turns .and. sensor%planar) then
             call add(sensor, list, 0, 'orientation', 'rad', 'angle of its axes')
         else if (sensor%turns) then
@@ -146,22 +146,22 @@ contains
 
         select case (sensor%of)
         case (of_joint)
-            call add(sensor, list, 3, 'force', 'N', 'that the first body exerts on the second at the joint, in the world''s axes')
-            call add(sensor, list, 3, 'torque', 'N m', 'that it exerts about the joint''s point, in the world''s axes')
+            call add(sensor, list, 3, 'force', 'N', 'force of the first body on the second at the joint, in world axes')
+            call add(sensor, list, 3, 'torque', 'N m', 'torque about the point of the joint, in world axes')
             call add(sensor, list, 3, 'force_body', 'N', 'the force in the axes of the second body')
             call add(sensor, list, 3, 'torque_body', 'N m', 'the torque in the axes of the second body')
         case (of_wheel, of_edge, of_massless_wheel)
-            call add(sensor, list, 3, 'place', 'm', 'where it touches: x, y, z')
-            call add(sensor, list, 3, 'force', 'N', 'on the body there, in the world''s axes')
-            call add(sensor, list, 3, 'force_body', 'N', 'the same in the body''s axes')
+            call add(sensor, list, 3, 'position', 'm', 'contact point: x, y, z')
+            call add(sensor, list, 3, 'force', 'N', 'force on the body there, in world axes')
+            call add(sensor, list, 3, 'force_body', 'N', 'force on the body there, in body axes')
         case (of_distance)
-            call add(sensor, list, 0, 'traction', 'N', 'force that pulls the points together')
-            call add(sensor, list, 3, 'force', 'N', 'on the second point, in the world''s axes')
+            call add(sensor, list, 0, 'tension', 'N', 'tension between the points')
+            call add(sensor, list, 3, 'force', 'N', 'force on the second point, in world axes')
         case default
             call add(sensor, list, 0, trim(merge('torque', 'force ', sensor%unit == 'N m')), trim(sensor%unit), &
-                'along the sum of the row, positive where it accelerates that')
+                'along the sum of the row, positive if it accelerates the sum')
             if (sensor%can_be_freed) call add(sensor, list, 0, 'impulse', trim(sensor%unit)//' s', &
-                'of the row where an event made velocities jump last')
+                'of the row at the last event with a velocity jump')
         end select
         if (sensor%is_driven) call add(sensor, list, 0, 'power', 'W', 'power that its motion gives to the mechanism')
     end subroutine list_reaction
@@ -173,26 +173,26 @@ contains
 
         select case (sensor%of)
         case (of_spring)
-            call add(sensor, list, 0, 'traction', 'N', 'force that pulls the points together')
-            call add(sensor, list, 3, 'force', 'N', 'on the second point, in the world''s axes')
+            call add(sensor, list, 0, 'tension', 'N', 'tension between the points')
+            call add(sensor, list, 3, 'force', 'N', 'force on the second point, in world axes')
             call add(sensor, list, 0, 'length', 'm', 'distance of the points')
-            call add(sensor, list, 0, 'rate', 'm/s', 'how fast it grows')
+            call add(sensor, list, 0, 'rate', 'm/s', 'rate of the distance')
         case (of_torsion)
             if (sensor%slides) then
-                call add(sensor, list, 0, 'force', 'N', 'along the coordinate, positive where it accelerates that')
-                call add(sensor, list, 0, 'way', 'm', 'coordinate of the joint')
+                call add(sensor, list, 0, 'force', 'N', 'along the coordinate, positive if it accelerates the coordinate')
+                call add(sensor, list, 0, 'displacement', 'm', 'coordinate of the joint')
                 call add(sensor, list, 0, 'speed', 'm/s', 'its rate')
             else
-                call add(sensor, list, 0, 'torque', 'N m', 'about the axis, positive where it accelerates the angle')
+                call add(sensor, list, 0, 'torque', 'N m', 'about the axis, positive if it accelerates the angle')
                 call add(sensor, list, 0, 'angle', 'rad', 'coordinate of the joint')
                 call add(sensor, list, 0, 'rate', 'rad/s', 'its rate')
             end if
         case default
-            call add(sensor, list, 3, 'force', 'N', 'on the second body, or that of the load, in the world''s axes')
-            call add(sensor, list, 3, 'torque', 'N m', 'about the point where the force is, in the world''s axes')
+            call add(sensor, list, 3, 'force', 'N', 'force on the second body, or on the loaded body, in world axes')
+            call add(sensor, list, 3, 'torque', 'N m', 'torque about the point of application, in world axes')
         end select
         if (sensor%of /= of_load) call add(sensor, list, 0, 'energy', 'J', 'potential energy')
-        call add(sensor, list, 0, 'power', 'W', 'that its dampers, laws, functions of time give to the mechanism')
+        call add(sensor, list, 0, 'power', 'W', 'power of its dampers, laws and functions of time')
     end subroutine list_force
 
     !> Evaluate a sensor. Turns are counted from the last evaluation: bodies rotate by at most half a turn more than their rates

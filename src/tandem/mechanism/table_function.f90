@@ -65,7 +65,7 @@ contains
         if (self%is_cubic .and. self%is_repeated) then
             if (abs(y(n) - y(1)) > rounding*maxval(abs(y))) then
                 call set_error(error, status_invalid_model, 'a repeated cubic table ends with '//to_text(y(n))// &
-                    ' and begins with '//to_text(y(1)), 'let it end with the value with which it begins')
+                    ' and begins with '//to_text(y(1)), 'make its first and last value equal')
                 return
             end if
             values(n) = y(1)
@@ -106,17 +106,17 @@ contains
             call set_error(error, status_invalid_model, 'there are no ends "'//trim(beyond)//'" of a table', &
                 'choose hold, extend or repeat')
         else if (size(x) /= size(y)) then
-            call set_error(error, status_invalid_model, 'a table has '//to_text(size(x))//' places and '//to_text(size(y))// &
-                ' values', 'give as many of the one as of the other')
+            call set_error(error, status_invalid_model, 'a table has '//to_text(size(x))//' arguments and '//to_text(size(y))// &
+                ' values', 'give equal numbers of both')
         else if (size(x) < 2) then
             call set_error(error, status_invalid_model, 'a table has '//to_text(size(x))//' points', 'give two or more')
         else if (.not. (all(ieee_is_finite(x)) .and. all(ieee_is_finite(y)))) then
-            call set_error(error, status_invalid_model, 'a table has a point that is no finite number', 'correct it')
+            call set_error(error, status_invalid_model, 'a table has a point that is not finite', 'correct it')
         else
             do i = 2, size(x)
                 if (x(i) > x(i - 1)) cycle
-                call set_error(error, status_invalid_model, 'place '//to_text(i)//' of a table, '//to_text(x(i))// &
-                    ', does not lie behind the one before, '//to_text(x(i - 1)), 'let the places grow')
+                call set_error(error, status_invalid_model, 'argument '//to_text(i)//' of a table, '//to_text(x(i))// &
+                    ', is not greater than the previous one, '//to_text(x(i - 1)), 'make arguments ascend')
                 return
             end do
         end if

@@ -25,7 +25,7 @@ contains
             if (atom%is_whole) text = 'an integer'
             if (abs(atom%number - anint(atom%number)) > 0.0_wp) text = 'a number with a fraction'
         case (is_text)
-            text = 'a text'
+            text = 'a string'
         case (is_truth)
             text = 'true or false'
         case default
@@ -40,7 +40,7 @@ contains
 
         problem = ''
         if (atom%kind /= is_text) then
-            problem = 'must be a text in quotes, not '//kind_of(atom)
+            problem = 'must be a string in quotes, not '//kind_of(atom)
         else if (allocated(atom%problem)) then
             problem = atom%problem
         end if
@@ -55,6 +55,6 @@ contains
         problem = ''
         if (.not. present(check)) return
         if (check == positive .and. .not. value > 0.0_wp) problem = 'must be positive, not '//to_text(value)
-        if (check == not_negative .and. .not. value >= 0.0_wp) problem = 'must not be negative, but it is '//to_text(value)
+        if (check == not_negative .and. .not. value >= 0.0_wp) problem = 'must not be negative, but is '//to_text(value)
     end function violated
 end module tandem_mechanism_value_rules

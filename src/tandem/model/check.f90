@@ -34,7 +34,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
 
         if (model%n < 1) then
-            call refuse('n = '//to_text(model%n)//' coordinates', 'a model has at least one', error)
+            call refuse('n = '//to_text(model%n)//' coordinates', 'a model has at least one coordinate', error)
         else if (model%n_holonomic < 0 .or. model%n_nonholonomic < 0) then
             call refuse('n_holonomic = '//to_text(model%n_holonomic)//' and n_nonholonomic = '// &
                 to_text(model%n_nonholonomic), 'numbers of constraints are not negative', error)
@@ -65,9 +65,9 @@ contains
             has = [associated(model%holonomic), associated(model%holonomic_jacobian), associated(model%nonholonomic_jacobian), &
                 associated(model%mass_matrix)]
             if (associated(model%holonomic_rate) .and. model%n_holonomic == 0) then
-                call refuse('holonomic_rate is associated, but n_holonomic = 0', 'take one of them back', error)
+                call refuse('holonomic_rate is associated, but n_holonomic = 0', 'remove one of them', error)
             else if (associated(model%nonholonomic_rhs) .and. model%n_nonholonomic == 0) then
-                call refuse('nonholonomic_rhs is associated, but n_nonholonomic = 0', 'take one of them back', error)
+                call refuse('nonholonomic_rhs is associated, but n_nonholonomic = 0', 'remove one of them', error)
             end if
         end select
         call require(model%n_holonomic > 0, need_phi, has(1), 'holonomic')
@@ -94,10 +94,10 @@ contains
         if (model%n_frictions < 0) then
             call refuse('n_frictions = '//to_text(model%n_frictions), 'numbers of frictions are not negative', error)
         else if (model%n_frictions > 0 .and. (model%gives(of_force_q) .or. model%gives(of_force_qd))) then
-            call refuse('force_q and force_qd know nothing of friction on reactions', &
-                'let evaluate_derivatives give the sums, or nothing', error)
+            call refuse('force_q and force_qd do not contain friction on reactions', &
+                'evaluate_derivatives must return the sums, or nothing', error)
         else if (model%n_frictions > 0 .and. iand(model%has_terms(), need_force) == 0) then
-            call refuse('friction on reactions needs forces to be added to', 'associate applied_force', error)
+            call refuse('friction on reactions requires applied forces', 'associate applied_force', error)
         end if
     end subroutine check_friction
 
@@ -140,7 +140,7 @@ contains
             integer, intent(in) :: found, expected
 
             if (allocated(error) .or. found == expected) return
-            call refuse(name//' has '//to_text(found)//' entries instead of '//to_text(expected), 'give one each', error)
+            call refuse(name//' has '//to_text(found)//' entries instead of '//to_text(expected), 'give one for each', error)
         end subroutine check_length
     end subroutine check_lists
 
@@ -153,12 +153,12 @@ contains
             n = 0
             if (allocated(model%breakpoints)) n = size(model%breakpoints)
             if (size(model%nu_jumps) /= n) call refuse('nu_jumps has '//to_text(size(model%nu_jumps))// &
-                ' entries instead of '//to_text(n), 'give one a breakpoint', error)
+                ' entries instead of '//to_text(n), 'give one per breakpoint', error)
         end if
         if (allocated(error) .or. .not. allocated(model%breakpoints)) return
         n = size(model%breakpoints)
         if (.not. all(ieee_is_finite(model%breakpoints)) .or. any(model%breakpoints(2:) <= model%breakpoints(:n - 1))) then
-            call refuse('the breakpoints do not ascend', 'sort them, each once', error)
+            call refuse('the breakpoints do not ascend', 'sort them and remove duplicates', error)
         end if
     end subroutine check_breakpoints
 
@@ -170,8 +170,8 @@ contains
 
         if (.not. allocated(model%pattern)) return
         fault = model%pattern%find_fault(model%n, model%n_constraints())
-        if (fault /= '') call refuse('the pattern of C and M cannot be that of the model: '//trim(fault), &
-            'correct what build of the pattern is given', error)
+        if (fault /= '') call refuse('the pattern of C and M does not match the model: '//trim(fault), &
+            'correct the arguments of build of the pattern', error)
     end subroutine check_pattern
 
     subroutine refuse(problem, advice, error)

@@ -277,7 +277,7 @@ contains
         !> Problem and remedy; blank after success.
         character(len=*), intent(out) :: problem
 
-        problem = 'the model has nothing that events may change'
+        problem = 'the model has no parameters that events may change'
     end subroutine change
 
     !> Friction on reactions: the force B(t, q, qd) p(lambda) in addition to S + Q_A, with `n_frictions` columns. B (n, n_frictions)

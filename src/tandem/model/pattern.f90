@@ -202,10 +202,10 @@ contains
 
         if (any(self%row_start(2:) < self%row_start(:self%n_rows)) .or. self%row_start(1) /= 1 .or. &
             self%row_start(self%n_rows + 1) /= size(self%row_body) + 1) then
-            fault = 'row_start does not say where the bodies of each row stand in row_body'
+            fault = 'row_start does not give the position of the bodies of each row in row_body'
             return
         else if (any(self%row_body < 1 .or. self%row_body > self%n_bodies)) then
-            fault = 'row_body names a body that there is not'
+            fault = 'row_body names a body that does not exist'
             return
         else if (any(self%column < 1 .or. self%column > self%width)) then
             fault = 'a column of C is not within its width'

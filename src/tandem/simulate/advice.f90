@@ -21,7 +21,7 @@ module tandem_simulate_advice
     integer, parameter :: advice_length = 280
 
     character(len=*), parameter :: jam = &
-        'the constraints allow no motion there (a dead point, a stop, or a motion that drives too far)'
+        'the constraints permit motion there (dead point, stop, or imposed motion out of range)'
     character(len=*), parameter :: procedures = ' (tandem check, verify_model)'
 
 contains
@@ -79,10 +79,10 @@ contains
             advice = 'start beside this configuration'
             if (names_row) advice = trim(advice)//', or remove one of these rows'
         else
-            advice = 'end the run before this configuration, behind which the motion is not determined'
+            advice = 'end the run before this configuration, beyond which the motion is not determined'
             if (names_row) advice = trim(advice)//', or remove one of these rows if it is redundant'
             if (any(circumstance == [in_first_step, in_step])) advice = trim(advice)// &
-                '; take a smaller step if the motion does not come near it'
+                '; take a smaller step if the motion does not approach it'
         end if
     end function on_rank_loss
 
@@ -97,14 +97,14 @@ contains
         case (before_steps)
             advice = 'correct the start'
         case (at_smallest_step)
-            advice = 'see whether '//jam
-            if (.not. model%is_ready_made) advice = trim(advice)//', or a procedure of the model is wrong'//procedures
+            advice = 'check whether '//jam
+            if (.not. model%is_ready_made) advice = trim(advice)//', or whether a procedure of the model is wrong'//procedures
         case default
             advice = 'take a smaller step'
             if (options%chart /= 'every_step') advice = trim(advice)//', or renew the chart more often (chart = "every_step")'
             if (.not. method%implicit) advice = trim(advice)//', or choose an implicit stepper ('//implicit_advice// &
                 ') if the model is stiff'
-            if (circumstance == in_first_step) advice = trim(advice)//'; if no step helps, see whether '//jam
+            if (circumstance == in_first_step) advice = trim(advice)//'; if no step size helps, check whether '//jam
         end select
     end function on_lost_position
 
@@ -115,16 +115,16 @@ contains
         type(properties_type), intent(in) :: method
         character(len=advice_length) :: advice
         character(len=*), parameter :: mine = 'check the procedures of the model there', &
-            ready_made = 'look for numbers, functions or laws without a value there'
+            ready_made = 'look for numbers, functions or laws that are undefined there'
 
         advice = mine
         if (model%is_ready_made) advice = ready_made
         if (all(circumstance /= [in_first_step, in_step])) return
         if (method%implicit .or. options%is_adaptive()) then
-            advice = 'take a smaller step; if it persists, '//trim(advice)
+            advice = 'take a smaller step; if the failure persists, '//trim(advice)
         else
             advice = 'take a smaller step, or choose an implicit stepper ('//implicit_advice// &
-                ') if the model is stiff; if it persists, '//trim(advice)
+                ') if the model is stiff; if the failure persists, '//trim(advice)
         end if
     end function on_lost_value
 end module tandem_simulate_advice

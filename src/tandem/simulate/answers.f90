@@ -18,7 +18,7 @@ contains
         if (stat == status_ok) return
         if (stat == status_invalid_option) then
             call set_error(error, stat, 't = '//to_text(t)//' is not within the last step', &
-                'ask for times that the last step has passed')
+                'use times within the last step')
         else
             call self%fail(stat, 'between steps at t = '//to_text(t), error)
         end if

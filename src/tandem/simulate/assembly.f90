@@ -100,7 +100,7 @@ contains
         request%is_nearest = position%is_nearest
         if (stat == status_inconsistent_start) then
             call set_error(error, stat, 'no consistent position near the start: constraint "'// &
-                model%row_name(position%failed_row)//'" stays off by '// &
+                model%row_name(position%failed_row)//'" remains violated by '// &
                 trim(off_by(position%failed_amount, position%failed_value))//' after '//to_text(position%trials)//' iterations'// &
                 trim(while_fixed(model, fixed_q)), trim(advice_for(fixed_q, 'coordinates', 'position')))
         else if (stat /= status_ok) then
@@ -117,7 +117,7 @@ contains
         call velocity%find(evaluator, t, new_q, new_qd, request%counts, stat)
         if (stat == status_inconsistent_start) then
             call set_error(error, stat, 'no velocity satisfies all constraints: "'//model%row_name(velocity%failed_row)// &
-                '" stays off by '//trim(off_by(velocity%failed_amount, velocity%failed_value))// &
+                '" remains violated by '//trim(off_by(velocity%failed_amount, velocity%failed_value))// &
                 trim(while_fixed(model, fixed_qd)), trim(advice_for(fixed_qd, 'velocities', 'velocity')))
         else if (stat /= status_ok) then
             call fail(evaluator, stat, 'while the velocity was assembled', error)
@@ -197,15 +197,15 @@ contains
             call refuse('q0 and qd0 have '//to_text(size(q))//' and '//to_text(size(qd))//' entries, the model has n = '// &
                 to_text(model%n), 'give n entries each')
         else if (.not. (ieee_is_finite(t) .and. all(ieee_is_finite(q)) .and. all(ieee_is_finite(qd)))) then
-            call refuse('the start time, q0 or qd0 is not finite', 'give finite numbers')
+            call refuse('the start time, q0 or qd0 is not finite', 'use finite numbers')
         else if (.not. any(velocity_metrics == request%velocity_metric)) then
             call refuse('velocity_metric = "'//trim(request%velocity_metric)//'" is unknown', 'use mass or weights')
         else if (.not. (request%largest_move_q >= 0.0_wp .and. request%largest_move_qd >= 0.0_wp)) then
             call refuse('largest_move_q or largest_move_qd is negative', 'give a limit, or 0 for none')
         else if (.not. (request%tolerance > 0.0_wp .and. ieee_is_finite(request%tolerance))) then
-            call refuse('tolerance = '//to_text(request%tolerance)//' must be positive', 'give one of about 1e-12')
+            call refuse('tolerance = '//to_text(request%tolerance)//' must be positive', 'use about 1e-12')
         else if (request%iteration_limit < 1) then
-            call refuse('iteration_limit = '//to_text(request%iteration_limit)//' must be positive', 'give some hundred')
+            call refuse('iteration_limit = '//to_text(request%iteration_limit)//' must be positive', 'use several hundred')
         end if
         call check_weights('weight_q', request%weight_q)
         call check_weights('weight_qd', request%weight_qd)
@@ -224,7 +224,7 @@ contains
             if (allocated(error)) return
             if (any(.not. (values > tiny(1.0_wp) .and. values < huge(1.0_wp)))) then
                 call refuse('an entry of '//name//' is not positive and finite', &
-                    'fix what must not move, and give what may a small weight')
+                    'fix coordinates that must not move, and use small weights for those that may')
             end if
         end subroutine check_weights
 
@@ -281,7 +281,7 @@ contains
         call set_error(error, status_inconsistent_start, 'the '//what//'coordinate "'//model%coordinate_label(j)// &
             '" would move by '//to_text(move(j))//trim(unit)//' (allowed: '//to_text(limit)// &
             ') to satisfy the constraints, most of it for "'//model%row_name(i)//'"', &
-            'give a start nearer to the constraints, or allow a larger move')
+            'start nearer to the constraints, or allow a larger change')
     end subroutine check_move
 
     !> The row that moved the coordinates most, 0 if none did.
@@ -333,8 +333,8 @@ contains
         character(len=*), intent(in) :: things, start
         character(len=160) :: text
 
-        text = 'give a '//start//' nearer to one that satisfies it, or correct the constraint'
-        if (any(is_fixed)) text = 'the fixed '//things//' may leave no solution: free some of them; or '//trim(text)
+        text = 'give a '//start//' nearer to a solution, or correct the constraint'
+        if (any(is_fixed)) text = 'the fixed '//things//' may exclude a solution: free some of them; or '//trim(text)
     end function advice_for
 
     !> An error of the model's procedures.

@@ -23,7 +23,7 @@ contains
         call self%look_back()
         if (self%watch%has_to_act) then
             call set_error(error, status_invalid_checkpoint, 'an event at t = '//to_text(self%state%t)// &
-                ' has not acted yet', 'save the state after the step')
+                ' is pending', 'save the state after the step')
             return
         end if
         call self%tally%book_time()
@@ -44,20 +44,20 @@ contains
         call self%look_back()
         call pack%begin_reading(kind_of_row, words, problem)
         if (problem /= '') then
-            call refuse('give what save_state of this version gave, or start the run anew')
+            call refuse('use a state saved by save_state of this version, or restart the run')
             return
         end if
         call pack_identity(self, pack, problem)
         if (problem /= '') then
-            call refuse('set the simulation up as the one that was saved: the same model, options, start and events')
+            call refuse('set up the simulation as when it was saved: the same model, options, start and events')
             return
         end if
         call pack_run(self, pack)
         call pack%end_reading()
         if (.not. pack%has_failed) return
         self%is_ready = .false.
-        problem = 'it holds other items than are read here'
-        call refuse('let pack_state of your model and events list the same items whenever it is called')
+        problem = 'its items differ from those read here'
+        call refuse('make pack_state of your model and events list the same items in every call')
 
     contains
 
@@ -95,7 +95,7 @@ contains
         if (problem /= '') return
         call options%pack_state(pack)
         if (self%options%first_difference(options) /= '') then
-            problem = 'it was made with another '//trim(self%options%first_difference(options))
+            problem = 'it was saved with a different '//trim(self%options%first_difference(options))
             return
         end if
         ! The stored mass matrix and pivots were chosen with these scales.
@@ -159,11 +159,11 @@ contains
         until = min(until, model%state%breakpoints_until)
         n = count(ours < until)
         if (n /= count(theirs < until)) then
-            problem = 'it was made with other breakpoints'
+            problem = 'it was saved with different breakpoints'
         else if (any(abs(ours(:n) - theirs(:n)) > rounding*abs(ours(:n)))) then
-            problem = 'it was made with other breakpoints'
+            problem = 'it was saved with different breakpoints'
         else if (any(abs(our_jumps(:n) - their_jumps(:n)) > 0.0_wp)) then
-            problem = 'it was made with other jumps of nu'
+            problem = 'it was saved with different jumps of nu'
         end if
     end subroutine compare_breakpoints
 
@@ -205,7 +205,7 @@ contains
         if (problem /= '') return
         differ = pack%has_failed .or. size(theirs) /= size(numbers)
         if (.not. differ) differ = any(theirs > numbers .or. theirs < numbers)
-        if (differ) problem = 'it was made with other '//what
+        if (differ) problem = 'it was saved with different '//what
     end subroutine compare_numbers
 
     !> Compare a name, which must agree.

@@ -44,19 +44,19 @@ contains
         advice = ': take smaller steps'
         if (options%is_adaptive()) advice = ': tighten rtol'
         suspect = ''
-        jump = 'see whether a velocity is imposed that jumps there; else '
+        jump = 'check whether an imposed velocity jumps there; otherwise '
         if (.not. statistics%has_ready_made_model) then
-            suspect = ', or see whether a procedure of the model is wrong (tandem check, verify_model)'
-            jump = 'where the velocity constraints jump, give the model a breakpoint with nu_jumps; else '
+            suspect = ', or check whether a procedure of the model is wrong (tandem check, verify_model)'
+            jump = 'where the velocity constraints jump, give the model a breakpoint with nu_jumps; otherwise '
         end if
         ! First the possible cause of all others.
         is_contradicted = statistics%contradiction /= ''
         if (is_contradicted) call add_warning(doubts, trim(statistics%contradiction))
-        if (statistics%local_error_sum > large) call add_warning(doubts, 'the steps alone leave errors of '// &
+        if (statistics%local_error_sum > large) call add_warning(doubts, 'the local errors of the steps add up to '// &
             two_digits(statistics%local_error_sum)//' of the state'//advice)
         if (present(failure)) then
             if (is_reason(failure, global_error)) call add_warning(doubts, &
-                'a second, more accurate run has failed, so this one may be right by chance only'//advice)
+                'a second, more accurate run has failed, so this one may be unreliable'//advice)
         end if
         limit = warning_limit(options)
         ! Driven velocities have errors within the tolerance, which are no jump, however loose it is.
@@ -71,7 +71,7 @@ contains
         if (max(statistics%dense_error_q, statistics%dense_error_qd) > allowed_between(options, statistics, global_error)) then
             cause = advice
             if (options%is_adaptive()) cause = cause//' or set max_step'
-            call add_warning(doubts, 'between steps, where the output looks, positions are off by up to '// &
+            call add_warning(doubts, 'between steps, at output times, positions are wrong by up to '// &
                 two_digits(statistics%dense_error_q)//' and velocities by up to '//two_digits(statistics%dense_error_qd)// &
                 ' of the state'//cause)
         end if
@@ -83,9 +83,9 @@ contains
             ! The local errors are root mean squares, so the largest of 2 n errors is less than sqrt(2 n) times each.
             if (statistics%local_error_steps > 0 .and. &
                 largest > sqrt(2.0_wp*global_error%n)*statistics%local_error_sum) then
-                cause = ', since the motion amplifies what steps leave'//advice//suspect
+                cause = ', since the motion amplifies the errors of steps'//advice//suspect
             else if (statistics%local_error_steps > 0) then
-                cause = ', to which the errors of its steps add up'//advice
+                cause = ', the accumulated errors of its steps'//advice
             end if
             if (is_contradicted) cause = contradicted
             if (options%is_adaptive() .and. largest > times*tolerance) then

@@ -364,10 +364,10 @@ contains
             if (stat == 0 .and. ieee_is_finite(value)) return
             if (stat == 0) then
                 call set_error(error, status_not_finite, 'the function of the event "'//trim(event%name)// &
-                    '" gives a NaN or an infinity at t = '//to_text(state%t), 'see why it cannot be evaluated there')
+                    '" gives a NaN or an infinity at t = '//to_text(state%t), 'check why it cannot be evaluated there')
             else
                 call set_error(error, status_callback_failed, 'the function of the event "'//trim(event%name)// &
-                    '" returned the status '//to_text(stat)//' at t = '//to_text(state%t), 'see why it cannot be evaluated there')
+                    '" returned the status '//to_text(stat)//' at t = '//to_text(state%t), 'check why it cannot be evaluated there')
             end if
         end associate
     end subroutine evaluate

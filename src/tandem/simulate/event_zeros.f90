@@ -197,8 +197,8 @@ contains
                 if (g%sign(i) == 0 .or. abs(g%value(i)) <= 1.0e-9_wp*watched%reach) cycle
                 watched%is_sent_back = .false.
                 if (g%sign(i) == watched%direction) call set_error(error, status_event_limit, 'the event "'// &
-                    trim(watched%event%name)//'" at t = '//to_text(curve%t_from)//' would follow itself at once', &
-                    'stop the run where its motion comes to rest, or change the model there')
+                    trim(watched%event%name)//'" at t = '//to_text(curve%t_from)//' would recur immediately', &
+                    'stop the run where the motion comes to rest, or change the model there')
                 return
             end do
             watched%is_sent_back = curve%t_to < watched%judged_until

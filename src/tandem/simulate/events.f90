@@ -213,7 +213,7 @@ contains
         before = self%state%qd
         if (.not. (all(ieee_is_finite(self%state%q)) .and. all(ieee_is_finite(self%state%qd)))) then
             call set_error(error, status_not_finite, 'an event at t = '//to_text(self%state%t)//' has made the state infinite', &
-                'see what its action computes')
+                'check its action')
             return
         end if
         call self%control%restart()
@@ -237,8 +237,8 @@ contains
             if (stat == status_ok) call chart%find_errors(state%t, state%q, state%qd, state%qdd, self%errors, rows, stat)
             if (stat == status_ok .and. self%errors(1) > self%options%constraint_tolerance) then
                 call set_error(error, status_inconsistent_start, 'an event at t = '//to_text(state%t)// &
-                    ' has moved the position off the constraint "'//self%model%row_name(rows(1))//'" by '// &
-                    to_text(self%errors(1))//' of its natural scale', 'let its action leave the position on the constraints')
+                    ' has moved the position away from the constraint "'//self%model%row_name(rows(1))//'" by '// &
+                    to_text(self%errors(1))//' of its natural scale', 'make its action satisfy the constraints')
                 return
             end if
             if (stat == status_ok .and. self%errors(2) > 0.01_wp*self%options%constraint_tolerance) then

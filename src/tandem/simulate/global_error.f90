@@ -191,12 +191,12 @@ contains
 
         if (self%is_changed .or. (self%is_stopped .and. self%t(max(1, self%n_seen)) < self%t_end)) then
             call set_error(error, status_invalid_option, 'an event has '//trim(merge('changed', 'stopped', self%is_changed))// &
-                ' the run, and the second run does not watch events', 'compare with a run of smaller tolerances or steps')
+                ' the run, and the second run does not watch events', 'compare with a run with smaller tolerances or steps')
             return
         end if
         if (self%t(max(1, self%n_seen)) < self%t_end .or. self%n_seen == 0) then
             call set_error(error, status_invalid_option, 'the run to compare with has not reached its end', &
-                'give this object to integrate as the observer of the whole run')
+                'pass this object to integrate as the observer of the complete run')
             return
         end if
         if (present(stepper)) then

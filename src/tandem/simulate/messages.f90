@@ -26,8 +26,8 @@ contains
                 message = message//', error '//to_text(self%chart%failure%value)//' of its natural scale'
             end if
         end if
-        if (stat == status_singular_mass .and. self%chart%failure%coordinate > 0) message = message//': nothing ties "'// &
-            trim(self%model%coordinate_label(self%chart%failure%coordinate))//'", which has no mass'
+        if (stat == status_singular_mass .and. self%chart%failure%coordinate > 0) message = message// &
+            ': no constraint determines "'//trim(self%model%coordinate_label(self%chart%failure%coordinate))//'", which has no mass'
         if (stat == status_invalid_model .and. allocated(self%chart%failure%term)) then
             associate (term => self%chart%failure%term)
                 if (index(term, 'outside') == 1) then

@@ -96,7 +96,7 @@ contains
             return
         end if
         if (.not. (ieee_is_finite(t) .and. all(ieee_is_finite(q)) .and. all(ieee_is_finite(qd)))) then
-            call set_error(error, status_invalid_option, 'the start time, q0 or qd0 is not finite', 'give finite numbers')
+            call set_error(error, status_invalid_option, 'the start time, q0 or qd0 is not finite', 'use finite numbers')
             return
         end if
     end subroutine check_input
@@ -108,15 +108,15 @@ contains
         type(error_type), allocatable, intent(out) :: error
 
         if (method%order < 1 .or. method%estimate_order < 0 .or. method%name == '') then
-            call set_error(error, status_invalid_option, 'the stepper "'//trim(method%name)//'" of one''s own has order '// &
+            call set_error(error, status_invalid_option, 'the user-supplied stepper "'//trim(method%name)//'" has order '// &
                 to_text(method%order)//' and estimates of order '//to_text(method%estimate_order), &
-                'let its properties have a name, an order of at least 1 and estimate_order >= 0')
+                'its properties must have a name, an order of at least 1 and estimate_order >= 0')
         else if (method%partner /= '' .and. .not. any(stepper_choices == method%partner)) then
             call set_error(error, status_invalid_option, 'the stepper "'//trim(method%name)//'" has the partner "'// &
-                trim(method%partner)//'", which is none of tandem''s', 'name a stepper that options know, or none')
+                trim(method%partner)//'", which is unknown', 'name a stepper of tandem, or none')
         else if (.not. (method%has_fixed_steps() .or. options%is_adaptive())) then
             call set_error(error, status_invalid_option, 'step is given, but '//trim(options%stepper)//' chooses between '// &
-                trim(merge('orders ', 'methods', method%varies))//' by what their steps cost under error control', &
+                trim(merge('orders ', 'methods', method%varies))//' by their cost under error control', &
                 'give rtol instead of step, or choose a method for fixed steps')
         else if (options%is_adaptive() .and. method%estimate_order == 0) then
             call set_error(error, status_invalid_option, 'rtol is given, but '//trim(options%stepper)// &

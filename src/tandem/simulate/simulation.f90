@@ -530,7 +530,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
 
         if (.not. self%is_ready) call set_error(error, status_invalid_option, 'there is no run: initialize was not called, or '// &
-            'refused to begin one', 'call initialize, and go on only where it gives no error')
+            'failed', 'call initialize, and continue only if it returns no error')
     end subroutine check_ready
 
     !> One accepted step that does not pass t_limit, with the actions of events at its end. On an error the state is that of the

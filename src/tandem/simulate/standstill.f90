@@ -21,7 +21,7 @@ contains
             if (.not. t - from > hopeful*(t_limit - t)) then
                 call name_near_loss(self, error)
                 if (.not. allocated(error)) call set_error(error, status_step_underflow, 'the last '// &
-                    to_text(many)//' tries of steps got from t = '//to_text(from)//' to t = '//to_text(t)//', '// &
+                    to_text(many)//' attempted steps advanced from t = '//to_text(from)//' to t = '//to_text(t)//', '// &
                     to_text(t - from)//' further', &
                     trim(causes(self))//trim(for_stiffness(self)))
             end if
@@ -35,9 +35,9 @@ contains
         class(simulation_type), intent(in) :: self
         character(len=200) :: advice
 
-        advice = 'see what makes errors large there: a singularity, such as a driven distance that goes to zero, a kink that '// &
-            'depends on the state, or tolerances near rounding'
-        if (.not. self%model%is_ready_made) advice = trim(advice)//', or a procedure that is wrong (tandem check, verify_model)'
+        advice = 'find out what makes errors large there: a singularity, such as a driven distance that becomes zero, a kink '// &
+            'that depends on the state, or tolerances near rounding'
+        if (.not. self%model%is_ready_made) advice = trim(advice)//', or a wrong procedure (tandem check, verify_model)'
     end function causes
 
     !> Advice for a model that was found to be stiff.
@@ -99,8 +99,8 @@ contains
         if (self%attempts%n_collapsed < enough) return
         self%attempts%n_collapsed = 0
         call name_near_loss(self, error)
-        if (.not. allocated(error)) call set_error(error, status_step_underflow, 'the sizes of steps have collapsed: '// &
-            to_text(few)//' tries got only '//to_text(way)//' further, to t = '//to_text(self%state%t), &
+        if (.not. allocated(error)) call set_error(error, status_step_underflow, 'step sizes have collapsed: '// &
+            to_text(few)//' attempts advanced by only '//to_text(way)//', to t = '//to_text(self%state%t), &
             trim(causes(self))//trim(for_stiffness(self)))
     end subroutine check_creeping
 
@@ -120,7 +120,7 @@ contains
         call self%attempts%slowing%restart()
         call name_near_loss(self, error)
         if (.not. allocated(error)) call set_error(error, status_step_underflow, 'steps shrink from t = '// &
-            to_text(self%state%t)//' towards t = '//to_text(t_end)//' and do not reach it', &
+            to_text(self%state%t)//' towards t = '//to_text(t_end)//' without reaching it', &
             trim(causes(self))//trim(for_stiffness(self)))
     end subroutine check_slowing
 
@@ -131,7 +131,7 @@ contains
         integer :: loss
 
         call self%lost_rank%find_near(self%chart, self%state, self%state%t - self%t_start, loss)
-        if (loss /= status_ok) call self%fail(loss, 'right behind t = '//to_text(self%state%t), error)
+        if (loss /= status_ok) call self%fail(loss, 'just after t = '//to_text(self%state%t), error)
     end subroutine name_near_loss
 
     module procedure name_loss_ahead
@@ -144,7 +144,7 @@ contains
         call self%lost_rank%find_close(self%chart, self%state, self%model%largest_on_scales(self%state%qd), reach, &
             min(stop_at - self%state%t, far*(self%state%t - self%t_start)/max(tries, 1.0_wp)), loss)
         if (loss == status_ok) return
-        call self%fail(loss, 'close behind t = '//to_text(self%state%t)//', '//trouble, error)
+        call self%fail(loss, 'shortly after t = '//to_text(self%state%t)//', '//trouble, error)
     end procedure name_loss_ahead
 
     module procedure underflow
@@ -167,7 +167,7 @@ contains
                     at_smallest_step)
             else
                 call set_error(error, status_step_underflow, 'h = '//to_text(h)//' at t = '//to_text(self%state%t)// &
-                    ' still misses the tolerance', 'loosen rtol and atol, or look for a singularity there'// &
+                    ' still exceeds the tolerance', 'increase rtol and atol, or look for a singularity there'// &
                     trim(for_stiffness(self)))
             end if
         end subroutine name_failure

@@ -7,7 +7,7 @@ submodule(tandem_simulation) tandem_simulate_start
     implicit none (type, external)
 
     character(len=12), parameter :: level_name(3) = [character(len=12) :: 'position', 'velocity', 'acceleration']
-    character(len=*), parameter :: beside_start = 'at the start, though not beside it (a singular configuration)'
+    character(len=*), parameter :: beside_start = 'at the start, but not near it (a singular configuration)'
 
 contains
 
@@ -49,7 +49,7 @@ contains
                 ' of its natural scale (allowed: '//to_text(self%options%start_tolerance)//')', &
                 trim(merge('correct the position or velocity that it restricts', &
                 'give q0 and qd0 that satisfy it                   ', self%model%composes_labels))// &
-                ', or let the start be assembled')
+                ', or assemble the start')
             return
         end do
         if (any(self%errors(1:2) > self%options%constraint_tolerance)) call remove_errors(self, stat)
@@ -120,7 +120,7 @@ contains
                 end associate
             end do
             if (self%n_redundant > most_told) call self%warn(to_text(self%n_redundant - most_told)// &
-                ' constraints more repeat others and were left out', is_note=.true.)
+                ' further constraints are redundant and were left out', is_note=.true.)
         end associate
     end subroutine leave_out_rows
 
@@ -212,10 +212,10 @@ contains
             if (stat == status_rank_deficient) then
                 call set_error(error, status_invalid_option, 'the chart is sparse, but the constraint "'// &
                     self%model%row_name(self%chart%failure%row)//'" depends on others at the start', &
-                    'take it out where it is redundant, or use chart_kind = "dense"')
+                    'remove it if it is redundant, or use chart_kind = "dense"')
             else
                 call set_error(error, status_invalid_option, 'the chart is sparse, but the coordinate "'// &
-                    self%model%coordinate_label(self%chart%failure%coordinate)//'" has no mass of its own', &
+                    self%model%coordinate_label(self%chart%failure%coordinate)//'" has no mass', &
                     'give its body mass and inertia, or use chart_kind = "dense"')
             end if
             return
@@ -385,13 +385,13 @@ contains
         call find_integrable_rows(self%model, self%model%scales(), self%state%t, self%state%q, self%chart%counts, alone, together)
         do i = 1, size(alone)
             call self%warn('the nonholonomic constraint "'//self%model%row_name(alone(i))// &
-                '" is integrable: it restricts the position, which is held only if it is given as a holonomic constraint')
+                '" is integrable: it restricts the position, which is satisfied only if it is given as a holonomic constraint')
         end do
         if (.not. together) return
         associate (nh => self%model%n_holonomic)
             call self%warn('the nonholonomic constraints'// &
                 trim(self%with_rows([(i, i=nh + 1, self%model%n_constraints())], 0, ' '))// &
-                ' are integrable together: they restrict the position, which is held only if they are given as '// &
+                ' are jointly integrable: they restrict the position, which is satisfied only if they are given as '// &
                 'holonomic constraints')
         end associate
     end subroutine look_for_integrable_rows

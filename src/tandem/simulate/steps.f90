@@ -160,7 +160,8 @@ contains
             end if
             if (is_hopeless) then
                 call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
-                call name_loss_ahead(self, self%next%t - self%state%t, stop_at, 'too close for the constraints to be held', error)
+                call name_loss_ahead(self, self%next%t - self%state%t, stop_at, 'too close for the constraints to be satisfied', &
+                    error)
                 return
             end if
             deallocate (error)
@@ -332,7 +333,7 @@ contains
         self%attempts%has_overlooked = self%model%hides(self%state%t, self%next%t, self%method%stages > 2)
         if (.not. self%attempts%has_overlooked) return
         call self%warn('between t = '//to_text(self%state%t)//' and t = '//to_text(self%next%t)// &
-            ' a function of time has values that the fixed step passes over; set rtol, or take a smaller step')
+            ' a function of time has values that the fixed step skips; set rtol, or take a smaller step')
     end subroutine look_between
 
     !> Steps of falling size until one meets the tolerances, into self%next.

@@ -248,7 +248,7 @@ contains
         call check_count(error, it%kind, in_steady_motion, 'kind of motion')
         ! From another tilt, at given rates: the tilt at which they precess.
         settings(2) = 'parameters.theta=0.63'
-        settings(3) = 'initial.steady=["world.turn_z", "top.spin_z"]'
+        settings(3) = 'initial.steady=["world.rotation_z", "top.spin_z"]'
         call linearise_text(text, settings, scene, it, error)
         if (allocated(error)) return
         r = scene%q(:3)/norm2(scene%q(:3))
@@ -260,7 +260,7 @@ contains
         call check_eigenvalues(it, [i*nu, -i*nu], 1.0e-10_wp, 'nutation where it settles', error)
         if (allocated(error)) return
         ! At a given spin the precession is free: it belongs to the tilt found.
-        settings(3) = 'initial.steady=["world.turn_z", "top.spin_z=95"]'
+        settings(3) = 'initial.steady=["world.rotation_z", "top.spin_z=95"]'
         call linearise_text(text, settings, scene, it, error)
         if (allocated(error)) return
         r = scene%q(:3)/norm2(scene%q(:3))

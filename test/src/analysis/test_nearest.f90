@@ -434,7 +434,7 @@ contains
             'revolute', ''))
         call check_no_failure(error, failure)
         call nearest%find(scene%model, 0.0_wp, scene%q, (0.0_wp, 0.0_wp), 2, failure)
-        call check_failure(error, failure, 'no_equilibrium', 'out of balance')
+        call check_failure(error, failure, 'no_equilibrium', 'unbalanced')
         call read_scene('test.toml', [character(len=26) :: 'joint.pin1.motion="0.3*t"'], scene, failure, text=chain(4, 2, &
             'revolute', ''))
         call check_no_failure(error, failure)

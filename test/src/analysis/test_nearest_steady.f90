@@ -138,7 +138,7 @@ contains
         type(scene_type), target :: scene
         type(linearisation_type) :: it
 
-        call linearise_scene('a05_governor', ['initial.steady=["world.turn_z"]'], scene, it, error)
+        call linearise_scene('a05_governor', ['initial.steady=["world.rotation_z"]'], scene, it, error)
         call check_agreement(scene, it, (-10.0_wp, 10.0_wp), 3, 1.0e-8_wp, 'a governor', error)
     end subroutine test_governor
 
@@ -146,8 +146,9 @@ contains
     subroutine test_refused(error)
         type(error_type), allocatable, intent(out) :: error
 
-        call refused([character(len=40) :: 'gravity.vector=[0, -9.81]'], 'no_equilibrium', 'change as it goes on')
-        call refused([character(len=40) :: 'body.rod1.omega=3', 'body.rod1.velocity=[0, 1.5]'], 'no_equilibrium', 'moves otherwise')
+        call refused([character(len=40) :: 'gravity.vector=[0, -9.81]'], 'no_equilibrium', 'change along the motion')
+        call refused([character(len=40) :: 'body.rod1.omega=3', 'body.rod1.velocity=[0, 1.5]'], 'no_equilibrium', &
+            'is not a rigid motion')
         call refused([character(len=40) :: 'parameters.n=1', 'body.rod1.velocity=[0, 1.5]'], 'inconsistent_start', 'violate')
 
     contains

@@ -25,7 +25,7 @@ module test_small_motions
         '[body.top]'//nl//'mass = 2'//nl//'inertia = [0.1, 0.1, 0.06]'//nl//'position = ["0.4*sin(0.6)", 0, "0.4*cos(0.6)"]'//nl// &
         'rotation = [0, 0.6, 0]'//nl//'velocity = [0, "0.52*sin(0.6)", 0]'//nl//'omega = ["100*sin(0.6)", 0, '// &
         '"1.3 + 100*cos(0.6)"]'//nl//'[joint.tip]'//nl//'type = "spherical"'//nl//'bodies = ["ground", "top"]'//nl// &
-        'at = [0, 0, 0]'//nl//'[initial]'//nl//'steady = ["world.turn_z", "top.spin_z"]'//nl//'[time]'//nl//'end = 1'//nl
+        'at = [0, 0, 0]'//nl//'[initial]'//nl//'steady = ["world.rotation_z", "top.spin_z"]'//nl//'[time]'//nl//'end = 1'//nl
 
     character(len=10), parameter :: subjects(6) = [character(len=10) :: 'bicycle', 'disk', 'sleigh', 'top', 'rattleback', &
         'governor']
@@ -63,7 +63,7 @@ contains
         case ('rattleback')
             call linearise_scene('rattleback', ['parameters.a=0'], scene, it, error)
         case default
-            call linearise_scene('a05_governor', ['initial.steady=["world.turn_z"]'], scene, it, error)
+            call linearise_scene('a05_governor', ['initial.steady=["world.rotation_z"]'], scene, it, error)
         end select
     end subroutine get_subject
 
@@ -98,7 +98,7 @@ contains
         call linearise_scene('mechanism_disk', [character(len=1) ::], scene, it, error)
         if (allocated(error)) return
         call floquet%find(it, scene%model, 0.5_wp, failure)
-        call check_failure(error, failure, 'invalid_option', 'has not come round')
+        call check_failure(error, failure, 'invalid_option', 'is not periodic')
     end subroutine test_multipliers
 
     !> A pendulum that swings through 60 degrees is periodic without a named motion: both multipliers are 1, in a Jordan block whose

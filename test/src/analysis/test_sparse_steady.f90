@@ -161,7 +161,7 @@ contains
         real(wp) :: radius(6)
         integer :: i
 
-        call check_both(elastic, nothing, 'world.turn', (0.1_wp, 10.0_wp), 6, 'an elastic rotor', error, scene, q, qd)
+        call check_both(elastic, nothing, 'world.rotation', (0.1_wp, 10.0_wp), 6, 'an elastic rotor', error, scene, q, qd)
         if (allocated(error)) return
         call find_radii(6, 2.0_wp, radius)
         do i = 1, 6
@@ -195,7 +195,7 @@ contains
         type(scene_type), target :: scene
         real(wp), allocatable :: q(:), qd(:)
 
-        call check_both(cone, nothing, 'world.turn_z', (0.1_wp, 5.0_wp), 4, 'a cone', error, scene, q, qd)
+        call check_both(cone, nothing, 'world.rotation_z', (0.1_wp, 5.0_wp), 4, 'a cone', error, scene, q, qd)
         if (allocated(error)) return
         ! The outermost rod has left its initial line.
         call check_true(error, norm2(q(:3) - scene%q(:3)) > 1.0e-3_wp, 'it has moved')
@@ -217,8 +217,8 @@ contains
         q = scene%q
         qd = scene%qd
         iterations = 0
-        call find_steady_sparsely(scene%model, 0.0_wp, q, qd, iterations, failure, ['world.turn_z'], &
-            ['world.turn_z'], [7.0_wp])
+        call find_steady_sparsely(scene%model, 0.0_wp, q, qd, iterations, failure, ['world.rotation_z'], &
+            ['world.rotation_z'], [7.0_wp])
         call check_no_failure(error, failure)
         if (allocated(error)) return
         rate = norm2(qd(:2))/norm2(q(:2))
@@ -234,7 +234,7 @@ contains
         real(wp), allocatable :: q(:), qd(:)
         real(wp) :: axle(2)
 
-        call check_both(engine, nothing, 'world.turn', (-1.0_wp, 0.1_wp), 2, 'trailers in a turn', error, scene, q, qd)
+        call check_both(engine, nothing, 'world.rotation', (-1.0_wp, 0.1_wp), 2, 'trailers in a turn', error, scene, q, qd)
         if (allocated(error)) return
         call check_below(error, abs(norm2(qd(:2)) - 2.0_wp), 1.0e-10_wp, 'speed of the engine')
         axle = q(4:5) + [cos(q(6)), sin(q(6))]
@@ -284,7 +284,7 @@ contains
         text = '[scene]'//nl//'model = "mechanism"'//nl//'[parameters]'//nl//'w = 1.2'//nl//'x = 0.5'//nl//'r = 0.2'//nl// &
             '[gravity]'//nl//'vector = [0, 0, -9.81]'//nl//'[body.ball]'//nl//'mass = 2'//nl//'shape = { sphere = "r" }'//nl// &
             'position = ["x", 0, "r"]'//nl//'velocity = [0, "w*x", 0]'//nl//'omega = ["-(w*x - 3*x)/r", 0, 0.7]'//nl// &
-            '[wheel.contact]'//nl//'type = "sphere"'//nl//'at = "ball"'//nl//'radius = "r"'//nl//'turn = "'//turn//'"'//nl// &
+            '[wheel.contact]'//nl//'type = "sphere"'//nl//'at = "ball"'//nl//'radius = "r"'//nl//'rotation = "'//turn//'"'//nl// &
             '[force.pull]'//nl//'type = "spring"'//nl//'between = ["ground:[0, 0, 0.2]", "ball"]'//nl//'length = 0'//nl// &
             'stiffness = "2*(7/5*w^2 - 6/5*w)"'//nl//'[time]'//nl//'end = 1'//nl
     end function table
@@ -313,7 +313,7 @@ contains
             ! The start is not a steady motion, and is moved to one.
             iterations = 0
             if (size(settings) > 0) then
-                call find_steady_sparsely(scene%model, 0.0_wp, scene%q, scene%qd, iterations, failure, ['world.turn'])
+                call find_steady_sparsely(scene%model, 0.0_wp, scene%q, scene%qd, iterations, failure, ['world.rotation'])
             else
                 call nearest%find(scene%model, 0.0_wp, scene%q, (0.0_wp, 4.0_wp), 2, failure, scene%qd)
             end if

@@ -98,7 +98,7 @@ contains
             call find_error_warnings(options, statistics, doubts)
             call check_count(error, size(doubts), 1, 'doubts about a large error')
             if (allocated(error)) return
-            call check_text(error, doubts(1)%text, 'positions are off by up to 1.0e-9 and velocities by up to '// &
+            call check_text(error, doubts(1)%text, 'positions are wrong by up to 1.0e-9 and velocities by up to '// &
                 merge('6.0e-4', '1.1e-5', i == 1)//' of the state')
         end do
         statistics%local_error_sum = 2.0e-5_wp
@@ -348,7 +348,7 @@ contains
         call run_trial(subject, truth, options, trial)
         call check_verdict(error, trial, 'held')
         ! The error of RK4 is 6.5e-5 here, and it reports this.
-        call check_below(error, abs(trial%told/trial%error - 1.0_wp), 0.1_wp, 'part by which it is wrong about its error')
+        call check_below(error, abs(trial%reported/trial%error - 1.0_wp), 0.1_wp, 'part by which it is wrong about its error')
         truth%q = truth%q + 2.0e-3_wp*(1.0_wp + abs(truth%q))
         call run_trial(subject, truth, options, trial)
         call check_verdict(error, trial, 'wrong')

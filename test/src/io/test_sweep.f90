@@ -291,7 +291,7 @@ contains
         call read_text('draws = 5', vary('model.mass', 'uniform = [1.0, 2.0]')//vary('initial.qd[1]', 'uniform = [1.0, 2.0]')// &
             keep('q1')//keep('qd:q1')//keep('qdd:1'), plan, failure)
         call check_true(error, allocated(failure), 'an element of what is no list is refused')
-        if (allocated(failure)) call check_text(error, failure%message, 'is no list of numbers')
+        if (allocated(failure)) call check_text(error, failure%message, 'is not a list of numbers')
         call read_text('draws = 5'//newline//'set = ["initial.q=[0.0]", "initial.qd=[0.0]"]', &
             vary('model.mass', 'uniform = [1.0, 2.0]')//vary('initial.qd[1]', 'uniform = [1.0, 2.0]')// &
             keep('q1')//keep('qd:q1')//keep('q1', 'at = [0.25, 0.5]')// &
@@ -424,7 +424,7 @@ contains
             call journal%read(i, record, failure)
             call check_text(error, name_of_status(record%status), trim(merge('crashed', 'ok     ', mod((i - 1)/4, 2_long) == 1)))
             if ((i - 1)/4 == 1) call check_text(error, record%message, 'signal 9, SIGKILL')
-            if ((i - 1)/4 == 3) call check_text(error, record%message, 'by itself')
+            if ((i - 1)/4 == 3) call check_text(error, record%message, 'without a signal')
         end do
         call journal%close(.true.)
     end subroutine test_crash

@@ -410,12 +410,12 @@ contains
             error_case_type('* 2', 1, 'expected a number, a name or "("'), error_case_type('/ 2', 1, 'found "/"'), &
             error_case_type('-', 2, 'found the end'), error_case_type('2 ^', 4, 'found the end'), &
             error_case_type('2 ^ ^ 3', 5, 'found "^"'), error_case_type('2 *** 3', 5, 'found "*"'), &
-            error_case_type('2 3', 3, 'write * for a product'), error_case_type('2t', 2, 'write * for a product'), &
-            error_case_type('t length', 3, 'found "length"'), error_case_type('2(t)', 2, 'write * for a product'), &
-            error_case_type('(t)(t)', 4, 'write * for a product'), &
+            error_case_type('2 3', 3, 'a product needs *'), error_case_type('2t', 2, 'a product needs *'), &
+            error_case_type('t length', 3, 'found "length"'), error_case_type('2(t)', 2, 'a product needs *'), &
+            error_case_type('(t)(t)', 4, 'a product needs *'), &
             error_case_type('(1 + 2', 7, '"(" of column 1, found the end'), error_case_type('((1)', 5, '"(" of column 1'), &
             error_case_type('1 + 2)', 6, 'expected an operator or the end'), error_case_type('()', 2, 'found ")"'), &
-            error_case_type('(1 2)', 4, 'found "2"; write *'), error_case_type('1, 2', 2, 'found ","'), &
+            error_case_type('(1 2)', 4, 'found "2"; a product needs *'), error_case_type('1, 2', 2, 'found ","'), &
             error_case_type('lenght', 1, 'did you mean "length"?'), error_case_type('2 + raet', 5, 'did you mean "rate"?'), &
             error_case_type('rod.y', 1, 'did you mean "rod.x"?'), error_case_type('rod', 1, 'there is no "rod"'), &
             error_case_type('rod.', 1, 'there is no "rod"'), error_case_type('T2', 1, 'there is no "T2"'), &
@@ -424,25 +424,25 @@ contains
             error_case_type('sinus(t)', 1, 'there is no function "sinus"'), &
             error_case_type('sine(t)', 1, 'did you mean "sin"?'), error_case_type('1 + artan(t)', 5, 'did you mean "atan"?'), &
             error_case_type('smoothstep(t)', 1, 'did you mean "smooth_step"?'), &
-            error_case_type('length(t)', 1, '"length" is no function'), error_case_type('k (2)', 1, '"k" is no function'), &
-            error_case_type('pi(2)', 1, '"pi" is no function'), &
-            error_case_type('sin', 4, 'expected "(" behind the function sin'), &
-            error_case_type('sin + 1', 5, 'expected "(" behind'), error_case_type('sin t', 5, 'found "t"'), &
+            error_case_type('length(t)', 1, '"length" is not a function'), error_case_type('k (2)', 1, '"k" is not a function'), &
+            error_case_type('pi(2)', 1, '"pi" is not a function'), &
+            error_case_type('sin', 4, 'expected "(" after the function sin'), &
+            error_case_type('sin + 1', 5, 'expected "(" after'), error_case_type('sin t', 5, 'found "t"'), &
             error_case_type('sin()', 5, 'found ")"'), error_case_type('sin(t, t)', 1, 'sin takes 1 argument'), &
             error_case_type('2*atan2(t)', 3, 'atan2 takes 2 arguments'), &
             error_case_type('min(t)', 1, 'min takes 2 to 20 arguments'), &
             error_case_type('smooth_step(t, 1)', 1, 'smooth_step takes 1 or 3 arguments'), &
             error_case_type('max(1, 2', 9, 'expected ")" or "," in the arguments of max'), &
-            error_case_type('max(1 2)', 7, 'found "2"; write *'), error_case_type('max(, 2)', 5, 'found ","'), &
+            error_case_type('max(1 2)', 7, 'found "2"; a product needs *'), error_case_type('max(, 2)', 5, 'found ","'), &
             error_case_type('max(1,)', 7, 'found ")"'), error_case_type('1e', 3, 'digits of an exponent, found the end'), &
             error_case_type('1e+', 4, 'digits of an exponent'), error_case_type('2 + 1e*3', 7, 'digits of an exponent'), &
-            error_case_type('1.2.3', 4, 'expected an operator'), error_case_type('.', 1, 'digits beside the point'), &
-            error_case_type('1 + .e3', 5, 'digits beside the point'), error_case_type('1d3', 2, 'found "d3"'), &
+            error_case_type('1.2.3', 4, 'expected an operator'), error_case_type('.', 1, 'digits next to the decimal point'), &
+            error_case_type('1 + .e3', 5, 'digits next to the decimal point'), error_case_type('1d3', 2, 'found "d3"'), &
             error_case_type('0x10', 2, 'found "x10"'), error_case_type('1e400', 1, 'the number is too large'), &
-            error_case_type('1/0', 2, 'no finite number'), error_case_type('t + log(0 - 1)', 5, 'no finite number'), &
-            error_case_type('10^400*t', 3, 'no finite number'), error_case_type('t < 1', 3, 'there are no comparisons'), &
-            error_case_type('t == 1', 3, 'there are no comparisons'), &
-            error_case_type('t ? 1 : 0', 3, 'there are no comparisons'), error_case_type('t $ 1', 3, 'found "$"'), &
+            error_case_type('1/0', 2, 'yield a finite number'), error_case_type('t + log(0 - 1)', 5, 'yield a finite number'), &
+            error_case_type('10^400*t', 3, 'yield a finite number'), error_case_type('t < 1', 3, 'comparisons are not available'), &
+            error_case_type('t == 1', 3, 'comparisons are not available'), &
+            error_case_type('t ? 1 : 0', 3, 'comparisons are not available'), error_case_type('t $ 1', 3, 'found "$"'), &
             error_case_type('t; 1', 2, 'found ";"'), error_case_type('_t', 1, 'found "_"'), &
             error_case_type('"t"', 1, 'found """'), error_case_type('[1, 2]', 1, 'found "["'), &
             error_case_type('t % 2', 3, 'found "%"'), error_case_type('{i}', 1, 'found "{"'), &

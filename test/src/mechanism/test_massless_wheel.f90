@@ -67,11 +67,11 @@ contains
         call mechanism%add_torsion('bump', 'front', failure, stiffness=50.0_wp, damping=3.0_wp, angle=-0.2_wp, &
             law=expression_law(law))
         call check_no_failure(error, failure)
-        call mechanism%add_coupling('bar', ['front.way', 'rear.way '], [1.0_wp, -0.5_wp], failure, motion=swing)
+        call mechanism%add_coupling('bar', ['front.displacement', 'rear.displacement '], [1.0_wp, -0.5_wp], failure, motion=swing)
         call check_no_failure(error, failure)
         do i = 1, 3
-            call parse_expression(push(i), merge('third.way*first.x', 'rear.speed*t     ', i == 2), mechanism%variable_names(), &
-                failure)
+            call parse_expression(push(i), merge('third.displacement*first.x', 'rear.speed*t              ', i == 2), &
+                mechanism%variable_names(), failure)
             call check_no_failure(error, failure)
         end do
         call mechanism%add_load('push', 'first.tip', failure, force_by=push)
@@ -302,23 +302,23 @@ contains
         call mechanism%add_massless_wheel('it', 'first', 0.3_wp, axle, failure, along=[1.0_wp, 0.0_wp, 0.0_wp])
         call expect('slides along its plane')
         call mechanism%add_massless_wheel('it', 'first', 0.3_wp, axle, failure, steer=ramp(0.0_wp, 1.0_wp))
-        call expect('is steered without saying about what')
+        call expect('has only one of steer and its axis')
         call mechanism%add_massless_wheel('it', 'first', 0.3_wp, axle, failure, about=strut)
-        call expect('is steered without saying about what')
+        call expect('has only one of steer and its axis')
         call mechanism%add_massless_wheel('it', 'first', 0.3_wp, axle, failure)
-        call expect('above its plane in the drawing')
+        call expect('above its plane in the reference configuration')
         call mechanism%add_massless_wheel('it', 'first', 0.3_wp, axle, failure, open=.true.)
         call check_no_failure(error, failure)
         call mechanism%add_torsion('spring', 'it', failure, stiffness=1.0_wp)
-        call expect('the wheel it has no axis')
+        call expect('the wheel it has no coordinate')
         call mechanism%add_joint_sensor('way', 'it', failure)
         call expect('the wheel it does not slide')
         call mechanism%add_massless_wheel('other', 'second', 0.3_wp, axle, failure, along=strut, open=.true.)
         call check_no_failure(error, failure)
         call mechanism%add_torsion('spring', 'other.angle', failure, stiffness=1.0_wp)
-        call expect('the wheel other has no axis')
+        call expect('the wheel other has no coordinate')
         call mechanism%add_friction('rub', 'other', failure, 0.3_wp, 0.01_wp)
-        call expect('holds nothing that presses')
+        call expect('has no normal component')
 
     contains
 

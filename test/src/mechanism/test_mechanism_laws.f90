@@ -130,7 +130,7 @@ contains
             call mechanism%add_joint('pin', 'cylindrical', 'first', 'second', failure, at=at, axis=axis)
             call check_no_failure(error, failure)
             force = [parsed('first.vx*first.wy + second.z', mechanism%variable_names(), error), &
-                parsed('pin.angle*pin.way', mechanism%variable_names(), error), &
+                parsed('pin.angle*pin.displacement', mechanism%variable_names(), error), &
                 parsed('pin.speed*pin.rate*first.e2', mechanism%variable_names(), error)]
             torque = [parsed('-2*second.wx', mechanism%variable_names(), error), &
                 parsed('t*second.wy*second.wz', mechanism%variable_names(), error), &
@@ -307,7 +307,7 @@ contains
         call check_no_failure(error, failure)
         call mechanism%define(failure)
         call check_true(error, allocated(failure), 'a motion that jumps is refused')
-        if (allocated(failure)) call check_true(error, index(failure%message, 'the motion of motor jumps at t = 0.3') > 0, &
-            failure%message)
+        if (allocated(failure)) call check_true(error, index(failure%message, 'the motion of motor is discontinuous at t = 0.3') &
+            > 0, failure%message)
     end subroutine test_jumping_motion
 end module test_mechanism_laws

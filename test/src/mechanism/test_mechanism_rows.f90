@@ -336,8 +336,8 @@ contains
                 call check_no_failure(error, failure)
                 call mechanism%add_coupling('gear', [character(len=8) :: 'pin', 'pivot'], [2.0_wp, -3.0_wp], failure)
                 call check_no_failure(error, failure)
-                call mechanism%add_coupling('rack', [character(len=8) :: 'rail.way', 'pivot', 'pin'], [1.0_wp, 0.3_wp, -0.1_wp], &
-                    failure, motion=swing)
+                call mechanism%add_coupling('rack', [character(len=17) :: 'rail.displacement', 'pivot', 'pin'], [1.0_wp, 0.3_wp, &
+                    -0.1_wp], failure, motion=swing)
                 call check_no_failure(error, failure)
             end associate
             call verify(mechanism, 'couplings', error)
@@ -355,11 +355,11 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(mechanism_type) :: mechanism
         type(failure_type), allocatable :: failure
-        character(len=*), parameter :: space(19) = [character(len=14) :: 'first.x m', 'first.y m', 'first.z m', 'first.e0 1', &
+        character(len=*), parameter :: space(19) = [character(len=20) :: 'first.x m', 'first.y m', 'first.z m', 'first.e0 1', &
             'first.e1 1', 'first.e2 1', 'first.e3 1', 'second.x m', 'second.y m', 'second.z m', 'second.e0 1', 'second.e1 1', &
-            'second.e2 1', 'second.e3 1', 'mass.x m', 'mass.y m', 'mass.z m', 'front.way m', 'clutch.slack 1']
-        character(len=*), parameter :: rows(10) = [character(len=16) :: 'pin x N', 'pin y N', 'pin z N', 'pin turn y N m', &
-            'pin turn x N m', 'front height N', 'clutch N m', 'first norm J', 'second norm J', 'front slip N']
+            'second.e2 1', 'second.e3 1', 'mass.x m', 'mass.y m', 'mass.z m', 'front.displacement m', 'clutch.slack 1']
+        character(len=*), parameter :: rows(10) = [character(len=20) :: 'pin x N', 'pin y N', 'pin z N', 'pin rotation y N m', &
+            'pin rotation x N m', 'front height N', 'clutch N m', 'first norm J', 'second norm J', 'front slip N']
         character(len=*), parameter :: plane(8) = [character(len=16) :: 'first.x m', 'first.y m', 'first.angle rad', 'second.x m', &
             'second.y m', 'second.angle rad', 'mass.x m', 'mass.y m']
 
@@ -505,20 +505,20 @@ contains
         call expect('an entry that is not 0, 1, 2')
         call mechanism%add_joint('it', 'primitive', 'first', 'second', failure, at=at, hold=[1, 0, 0, 0, 0, 0], drive=2, &
             motion=ramp(0.0_wp, 1.0_wp))
-        call expect('motion that drives nothing')
+        call expect('motion that drives no direction')
         call mechanism%add_joint('it', 'primitive', 'first', 'second', failure, at=at, hold=[0, 0, 0, 1, 1, 0], drive=4, &
             motion=ramp(0.0_wp, 1.0_wp))
-        call expect('drives a turn beside one')
+        call expect('drives a rotation, and one')
         call mechanism%add_joint('it', 'revolute', 'first', 'second', failure, at=at, axis=axis, hold=[0, 0, 0, 1, 1, 0])
-        call expect('which its type does')
+        call expect('which its type defines')
         call mechanism%add_joint('it', 'screw', 'first', 'second', failure, at=at, axis=axis)
-        call expect('joint it has a pitch, or needs one')
+        call expect('joint it has a pitch, or lacks one')
         call mechanism%add_joint('pin', 'revolute', 'first', 'second', failure, at=at, axis=axis)
         call check_no_failure(error, failure)
         call mechanism%add_joint('ball', 'spherical', 'ground', 'second', failure, at=at)
         call check_no_failure(error, failure)
         call mechanism%add_coupling('gear', ['pin ', 'ball'], [1.0_wp, 1.0_wp], failure)
-        call expect('coupling gear: the joint ball has no axis')
+        call expect('coupling gear: the joint ball has no coordinate')
         call mechanism%add_coupling('gear', ['pin ', 'pen '], [1.0_wp, 1.0_wp], failure)
         call expect('coupling gear: there is no joint pen')
         call mechanism%add_coupling('gear', ['pin'], [0.0_wp], failure)
@@ -532,11 +532,11 @@ contains
         call parse_expression(c(1), 'first.x', mechanism%variable_names(), failure)
         call check_no_failure(error, failure)
         call mechanism%add_rate_row('it', ['first.x'], c, failure)
-        call expect('first.x is no velocity')
+        call expect('first.x is not a velocity')
         call mechanism%add_rate_row('it', ['first.e1'], c, failure)
         call expect('body.wx in space')
         call mechanism%add_rate_row('it', ['first.omega'], c, failure)
-        call expect('first.omega is no velocity')
+        call expect('first.omega is not a velocity')
         call parse_expression(c(1), 'first.wz', mechanism%variable_names(), failure)
         call check_no_failure(error, failure)
         call mechanism%add_rate_row('it', ['first.wz'], c, failure)
@@ -546,7 +546,7 @@ contains
         call mechanism%add_rolling_disk('rim', 'first', 0.3_wp, axis, failure, crown=0.3_wp)
         call expect('a crown that is not between')
         call mechanism%add_rolling_sphere('ball2', 'first', 1.0_wp, failure, slide=ramp(0.0_wp, 1.0_wp))
-        call expect('slides without saying')
+        call expect('has only one of slide and along')
         call mechanism%add_rolling_sphere('ball2', 'first', 1.0_wp, failure, slide=ramp(0.0_wp, 1.0_wp), along=axis)
         call expect('slides out of itself')
 

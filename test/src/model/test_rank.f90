@@ -511,7 +511,7 @@ contains
         end do
     end subroutine test_nonholonomic
 
-    !> Two wheels of a car, one of which is steered by an angle t^2: at constant time, and at t = 0, they are integrable together.
+    !> Two wheels of a car, one of which is steered by an angle t^2: at constant time, and at t = 0, they are jointly integrable.
     !> If it is straight they are integrable, in any unit of time.
     subroutine test_straight_at_first(error)
         type(error_type), allocatable, intent(out) :: error
@@ -542,7 +542,7 @@ contains
                 call check_no_failure(error, failure)
                 if (allocated(error)) return
                 call check_count(error, n_warnings(simulation), 1 - j, all_warnings(simulation))
-                if (j == 0) call check_text(error, all_warnings(simulation), 'integrable together')
+                if (j == 0) call check_text(error, all_warnings(simulation), 'jointly integrable')
                 if (allocated(error)) return
             end do
         end do

@@ -207,7 +207,7 @@ contains
         total = sum([(profile%seconds(part), part=1, n_parts)])
         call check_close(error, [total], [profile%total()], 1.0e-12_wp, 'the sum of the parts')
         call check_close(error, [profile%total() + profile%clock_seconds()], [profile%measured], 1.0e-12_wp, &
-            'the clock taken off')
+            'corrected for the clock')
         call check_true(error, all(profile%calls([part_start, part_watch]) == 1) .and. sum(profile%calls) == 2, 'calls')
         call check_count(error, profile%pairs, 2, 'pairs of readings')
         ! The clock of the processor may be as coarse as 10 ms.

@@ -64,7 +64,7 @@ contains
         if (allocated(error)) return
         call check_text(error, failure%message, '(allowed: 0.2000000E-2)')
         call check_text(error, failure%message, 'most of it for "front contact height"')
-        call check_text(error, failure%message, 'allow a larger move')
+        call check_text(error, failure%message, 'allow a larger change')
         call check_close(error, q, printed(:, 1), 0.0_wp, 'q')
         ! A velocity of 3 along the edge's normal, which must vanish completely; in units of half its scale, 6.
         call edge%define()

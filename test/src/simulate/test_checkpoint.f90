@@ -291,7 +291,7 @@ contains
         call check_no_failure(error, failure)
         call check_true(error, saver%n_refused > 0, 'between an event and its action there is nothing to save')
         if (allocated(error)) return
-        call check_failure(error, saver%refusal, 'invalid_checkpoint', 'has not acted yet')
+        call check_failure(error, saver%refusal, 'invalid_checkpoint', 'is pending')
         call set_up(again, 'pendulum', options, failure)
         call again%simulation%restore_state(saver%words, failure)
         call check_no_failure(error, failure)
@@ -446,9 +446,9 @@ contains
         type(pack_type) :: pack
         integer(long), allocatable :: words(:), unread(:)
         integer :: number
-        character(len=*), parameter :: other_row = 'give what save_state of this version gave, or start the run anew'
-        character(len=*), parameter :: other_set_up = 'set the simulation up as the one that was saved'
-        character(len=*), parameter :: other_items = 'let pack_state of your model and events list the same items'
+        character(len=*), parameter :: other_row = 'use a state saved by save_state of this version, or restart the run'
+        character(len=*), parameter :: other_set_up = 'set up the simulation as when it was saved'
+        character(len=*), parameter :: other_items = 'make pack_state of your model and events list the same items'
 
         call empty%save_state(words, failure)
         call check_failure(error, failure, 'invalid_checkpoint', 'there is no run to save')
@@ -460,39 +460,39 @@ contains
         if (allocated(error)) return
         call empty%restore_state(words, failure)
         call check_failure(error, failure, 'invalid_checkpoint', 'there is no simulation to restore; call initialize first')
-        call refused(run, words(:0), 'it is empty or cut off', other_row, error)
-        call refused(run, words(:size(words) - 1), 'it is cut off', other_row, error)
+        call refused(run, words(:0), 'it is empty or truncated', other_row, error)
+        call refused(run, words(:size(words) - 1), 'it is truncated', other_row, error)
         unread = words
         unread(3) = unread(3) + 1
-        call refused(run, unread, 'a newer version of tandem made it', other_row, error)
+        call refused(run, unread, 'it was written by a newer version of tandem', other_row, error)
         unread(3) = 0
-        call refused(run, unread, 'an older version of tandem made it', other_row, error)
+        call refused(run, unread, 'it was written by an older version of tandem', other_row, error)
         unread(1) = 0
-        call refused(run, unread, 'it is something else', other_row, error)
+        call refused(run, unread, 'it is not a checkpoint', other_row, error)
         number = 1
         call pack%begin_writing()
         call pack%item(number)
         call pack%end_writing('mine', unread)
-        call refused(run, unread, 'it is something else', other_row, error)
+        call refused(run, unread, 'it is not a checkpoint', other_row, error)
 
         call set_up(other, 'disk', options, failure)
         call refused(other, words, 'the model is "pendulum" there, not "rolling_disk"', other_set_up, error)
         options%step = 2.0e-3_wp
         call set_up(other, 'pendulum', options, failure)
-        call refused(other, words, 'it was made with another step', other_set_up, error)
+        call refused(other, words, 'it was saved with a different step', other_set_up, error)
         options = options_type(stepper='dopri5', step=1.0e-3_wp)
         call set_up(other, 'pendulum', options, failure)
-        call refused(other, words, 'it was made with another stepper', other_set_up, error)
+        call refused(other, words, 'it was saved with a different stepper', other_set_up, error)
         options = options_type(utol=1.0e-13_wp, step=1.0e-3_wp)
         call set_up(other, 'pendulum', options, failure)
-        call refused(other, words, 'it was made with another utol', other_set_up, error)
+        call refused(other, words, 'it was saved with a different utol', other_set_up, error)
         options = options_type(step=1.0e-3_wp)
         call set_up(other, 'pendulum', options, failure)
         other%model%breakpoints = [0.005_wp]
-        call refused(other, words, 'it was made with other breakpoints', other_set_up, error)
+        call refused(other, words, 'it was saved with different breakpoints', other_set_up, error)
         other%model%breakpoints = [0.5_wp]
         other%model%nu_jumps = [.true.]
-        call refused(other, words, 'it was made with other breakpoints', other_set_up, error)
+        call refused(other, words, 'it was saved with different breakpoints', other_set_up, error)
         ! Breakpoints after the time up to which both are complete may differ.
         other%model%state%breakpoints_until = 0.4_wp
         call other%simulation%restore_state(words, failure)
@@ -503,11 +503,11 @@ contains
         call refused(other, words, 'its mass matrix is '//trim(merge('not constant', 'constant    ', &
             other%model%constant_mass)), other_set_up, error)
         other%model%mass_blocks = [1, 1]
-        call refused(other, words, 'it was made with other blocks of the mass matrix', other_set_up, error)
+        call refused(other, words, 'it was saved with different blocks of the mass matrix', other_set_up, error)
         deallocate (other%model%mass_blocks)
         other%model%constant_mass = .not. other%model%constant_mass
         other%model%coordinate_scale = [2.0_wp, 1.0_wp]
-        call refused(other, words, 'it was made with other scales of coordinates', other_set_up, error)
+        call refused(other, words, 'it was saved with different scales of coordinates', other_set_up, error)
         deallocate (other%model%coordinate_scale)
         other%kick%name = 'push'
         call refused(other, words, 'event 2 is "kick" there, not "push"', other_set_up, error)
@@ -515,7 +515,7 @@ contains
         call refused(other, words, 'it has 4 events watched, not 5', other_set_up, error)
         call set_up(other, 'pendulum', options, failure)
         other%kick%lists_more = .true.
-        call refused(other, words, 'it holds other items than are read here', other_items, error)
+        call refused(other, words, 'its items differ from those read here', other_items, error)
         ! Limits that only end a run may change.
         other%kick%lists_more = .false.
         options%max_steps = 1000

@@ -133,7 +133,7 @@ contains
         model%holonomic_jacobian => faulty_jacobian
         call model%start(0.6_wp, 0.0_wp, q, qd)
         call run(simulation, model, tolerance('dopri5', 1.0e-6_wp), 0.0_wp, q, qd, 3.0_wp, failure)
-        call check_failure(error, failure, 'step_underflow', 'the sizes of steps have collapsed')
+        call check_failure(error, failure, 'step_underflow', 'step sizes have collapsed')
         if (allocated(error)) return
         call check_true(error, index(failure%message, 'Jacobian') > 0, 'it says where to look')
     end subroutine test_no_progress

@@ -365,7 +365,7 @@ contains
         call start_pendulum(model, simulation, options_type(step=0.01_wp), failure)
         call simulation%add_event(event)
         if (.not. allocated(failure)) call simulation%integrate(1.0_wp, failure)
-        call check_failure(error, failure, 'inconsistent_start', 'off the constraint "rod"')
+        call check_failure(error, failure, 'inconsistent_start', 'away from the constraint "rod"')
         call check_close(error, simulation%state%q, simulation%events(1)%q, 0.0_wp, 'the state before')
         if (allocated(error)) return
         event%dq = [log(-abs(event%at)), 0.0_wp]

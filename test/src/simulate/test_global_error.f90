@@ -267,7 +267,7 @@ contains
         call estimate_error('knife_edge', options, global_error, true, failure)
         call check_no_failure(error, failure)
         if (allocated(error)) return
-        call check_true(error, global_error%is_bound, 'a bound only')
+        call check_true(error, global_error%is_bound, 'only a bound')
         if (allocated(error)) return
         call check_below(error, global_error%relative, 1.0e-10_wp, 'bound')
     end subroutine test_bound
@@ -356,11 +356,11 @@ contains
         global_error%largest = 3.9e-5_wp
         allocate (doubts(0))
         call find_error_warnings(options, statistics, doubts, global_error)
-        call check_text(error, doubts(1)%text, 'to which the errors of its steps add up: tighten rtol')
+        call check_text(error, doubts(1)%text, 'the accumulated errors of its steps: tighten rtol')
         if (allocated(error)) return
         global_error%largest = 4.1e-5_wp
         call find_error_warnings(options, statistics, doubts, global_error)
-        call check_text(error, doubts(1)%text, 'amplifies what steps leave: tighten rtol, or see whether')
+        call check_text(error, doubts(1)%text, 'amplifies the errors of steps: tighten rtol, or check whether')
         if (allocated(error)) return
         ! The disk amplifies, a hundredfold and more.
         options%stepper = 'dopri5'

@@ -242,7 +242,7 @@ contains
         q = [2.5_wp, 0.3_wp]
         qd = [1.0_wp, 2.0_wp]
         call assemble(curve, request, 0.0_wp, q, qd, failure)
-        call check_failure(error, failure, 'inconsistent_start', 'constraint "ellipse" stays off by 0.28125')
+        call check_failure(error, failure, 'inconsistent_start', 'constraint "ellipse" remains violated by 0.28125')
         if (allocated(error)) return
         call check_text(error, failure%message, 'with fixed x;')
         call check_text(error, failure%message, 'free some of them')
@@ -254,7 +254,7 @@ contains
         call assemble(model, request, 0.0_wp, q, qd, failure)
         call check_failure(error, failure, 'inconsistent_start', 'with fixed q1, q2;')
         if (allocated(error)) return
-        call check_text(error, failure%message, 'constraint "rod" stays off by 0.7')
+        call check_text(error, failure%message, 'constraint "rod" remains violated by 0.7')
         ! All fixed, and right.
         q = [0.8_wp, 0.0_wp]
         call assemble(model, request, 0.0_wp, q, qd, failure)
@@ -280,7 +280,7 @@ contains
             qd = 1.0_wp
             model%calls = 0
             call assemble(model, request, 0.0_wp, q, qd, failure)
-            call check_failure(error, failure, 'inconsistent_start', 'constraint "closure x" stays off by 1.7')
+            call check_failure(error, failure, 'inconsistent_start', 'constraint "closure x" remains violated by 1.7')
             call check_true(error, request%iterations <= 80, 'at most 80 iterations, not '//to_text(request%iterations))
             ! One call each of Phi and Phi_q at each point, and at the start.
             call check_true(error, model%calls <= 2*request%iterations + 2, 'two calls a point')

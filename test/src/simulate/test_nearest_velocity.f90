@@ -165,7 +165,7 @@ contains
         request%fixed_qd = [.true., .true., .false.]
         call assemble(model, request, 0.0_wp, q, qd, failure)
         call check_failure(error, failure, 'inconsistent_start', &
-            'no velocity satisfies all constraints: "no slip" stays off by 1.27')
+            'no velocity satisfies all constraints: "no slip" remains violated by 1.27')
         if (allocated(error)) return
         call check_text(error, failure%message, 'with fixed x, y;')
         call check_close(error, qd, [1.0_wp, 2.0_wp, 0.0_wp], 0.0_wp, 'qd')

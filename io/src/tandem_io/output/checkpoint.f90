@@ -136,7 +136,7 @@ contains
         call file%open_to_read(path)
         call file%get_attribute('/', 'format_version', format, is_there)
         if (is_there .and. format > format_version) then
-            call refuse('a newer version of tandem wrote it')
+            call refuse('it was written by a newer version of tandem')
             call file%close()
             return
         end if
@@ -190,7 +190,7 @@ contains
         do i = 1, size(paths)
             call file%get_words(trim(paths(i)), words)
             if (allocated(file%problem)) return
-            if (size(words) > 0 .and. .not. is_whole(words)) problem = trim(paths(i))//' is not as it was written'
+            if (size(words) > 0 .and. .not. is_whole(words)) problem = trim(paths(i))//' differs from what was written'
         end do
     end subroutine check_places
 
@@ -223,6 +223,6 @@ contains
         call pack%item(self%times_resumed)
         if (.not. pack%is_reading) return
         call pack%end_reading()
-        if (pack%has_failed) problem = 'its checkpoint does not hold what it should'
+        if (pack%has_failed) problem = 'its checkpoint is incomplete'
     end subroutine pack_snapshot
 end module tandem_io_output_checkpoint

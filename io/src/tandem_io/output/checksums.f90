@@ -166,7 +166,7 @@ contains
         ! One of the places may be half written, but only if the run was killed.
         if (is_torn .and. status /= 'running') finding%problem = 'its checksums are damaged'
         if (finding%are_other_texts .and. status /= 'running') then
-            finding%problem = 'texts among its attributes are not those that were written'
+            finding%problem = 'text attributes differ from those that were written'
         end if
         finding%rows = finding%words(rows_at)
         finding%events = finding%words(events_at)
@@ -190,7 +190,7 @@ contains
             else if (there < merge(finding%events, finding%rows, are_events)) then
                 finding%problem = 'rows of '//name//' are missing'
             else if (sum%value() /= finding%words(head + i)) then
-                finding%problem = 'the rows of '//name//' are not those that were written'
+                finding%problem = 'the rows of '//name//' differ from those that were written'
             end if
             if (i == 1) finding%rows_behind = there - finding%rows
         end do

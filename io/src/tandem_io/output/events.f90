@@ -52,7 +52,7 @@ contains
         call file%attach(place//'/number', 'meaning', 'its number in the scene, from 1')
         call file%add_dataset(place//'/direction', 0, chunk, .true., self%direction, self%time)
         call file%attach(place//'/direction', 'meaning', &
-            '1 where its function rose through zero, -1 where it fell, 0 where it touched zero or was zero at the start')
+            '1 if its function rose through zero, -1 if it fell, 0 if it touched zero or was zero at the start')
         associate (n => size(names))
             call file%add_dataset(place//'/q', n, chunk, .false., self%q, self%time)
             call file%attach(place//'/q', 'meaning', 'coordinates at the event')

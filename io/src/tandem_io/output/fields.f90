@@ -50,7 +50,7 @@ module tandem_io_output_fields
             'max-norm of C qdd + gamma, each row on its natural scale'), &
         field_type('kinetic_energy', 'diagnostics', one, .false., 0, 'J', 'kinetic energy'), &
         field_type('potential_energy', 'diagnostics', one, .false., 0, 'J', 'potential energy'), &
-        field_type('step', 'diagnostics', one, .false., 0, 's', 'size of the step that ended here, 0 where none did'), &
+        field_type('step', 'diagnostics', one, .false., 0, 's', 'size of the step that ended here, 0 if none did'), &
         field_type('chart', 'diagnostics', one, .true., 0, '1', 'running number of the chart, from 1')]
 
     !> Their names.
@@ -101,13 +101,13 @@ contains
         text = ''
         if (.not. allocated(self%fields)) return
         do i = 1, size(self%fields)
-            if (.not. any(self%fields(i) == field_names)) text = 'ask for "'//trim(self%fields(i))//'", which does not exist'
+            if (.not. any(self%fields(i) == field_names)) text = 'contain "'//trim(self%fields(i))//'", which does not exist'
         end do
         if (self%asks_for(field_potential_energy) .and. .not. associated(model%potential_energy)) then
-            text = 'ask for potential_energy, which the model does not have'
+            text = 'contain potential_energy, which the model does not have'
         end if
         if (self%asks_for(field_lambda) .and. model%n_constraints() == 0) then
-            text = 'ask for lambda, but the model has no constraints'
+            text = 'contain lambda, but the model has no constraints'
         end if
     end function problem
 

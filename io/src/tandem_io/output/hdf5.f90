@@ -28,7 +28,7 @@ module tandem_io_output_hdf5
     integer, parameter :: most_attributes = 1000
     !> Message about a file that is shorter than it was written.
     character(len=*), parameter :: was_cut = &
-        'somebody else has cut or overwritten the file while the run wrote it; what it held is lost'
+        'another process truncated or overwrote the file during the run; its content is lost'
 
     type :: hdf5_type
         !> The first failure; not allocated while all is well.
@@ -479,7 +479,7 @@ contains
 
         if (allocated(self%problem)) return
         if (.not. self%guard%is_there()) then
-            self%problem = 'the file was removed or replaced after the run had written it'
+            self%problem = 'the file was removed or replaced after the run'
             return
         end if
         call make_access(access, .true., self%driver, self%datasets)
@@ -502,11 +502,11 @@ contains
             call self%guard%mend(end_of(self%file))
             call forget_reason()
             call h5fflush_f(self%file, h5f_scope_global_f, stat)
-            call self%note(stat, 'bring the rows to the disk')
+            call self%note(stat, 'write the rows to disk')
             if (allocated(self%problem)) return
         end if
         if (.not. self%guard%is_there()) then
-            self%problem = 'the file was removed or replaced while the run wrote it'
+            self%problem = 'the file was removed or replaced during the run'
         else if (.not. self%guard%is_whole()) then
             self%problem = was_cut
         end if
@@ -527,7 +527,7 @@ contains
             call forget_reason()
             if (self%datasets >= many_datasets) call let_metadata_go(int(self%file, c_int64_t))
             call h5fclose_f(self%file, stat)
-            call self%note(stat, 'bring the rows to the disk')
+            call self%note(stat, 'write the rows to disk')
             if (stat == 0) call release_driver(self%driver)
             if (.not. allocated(self%problem)) call self%guard%trim()
         end if
@@ -568,7 +568,7 @@ contains
 
         if (dataset >= 0 .and. .not. allocated(self%problem)) then
             call h5dclose_f(dataset, stat)
-            call self%note(stat, 'bring the rows to the disk')
+            call self%note(stat, 'write the rows to disk')
         end if
         dataset = -1_hid_t
     end subroutine close_dataset

@@ -126,7 +126,7 @@ contains
         if (allocated(self%problem)) return
         call h5oopen_f(self%file, path, object, stat)
         call make_attribute(object, name, h5t_std_i64le, bytes/8, attribute, stat)
-        call self%note(stat, 'keep room for attributes of '//path)
+        call self%note(stat, 'reserve space for attributes of '//path)
         if (stat == 0) then
             call h5aclose_f(attribute, stat)
             call self%attach(path, 'meaning', meaning)
@@ -167,7 +167,7 @@ contains
             else
                 call h5adelete_by_idx_f(object, '.', h5_index_name_f, h5_iter_inc_f, kept, stat)
             end if
-            call self%note(stat, 'take the attributes from '//path)
+            call self%note(stat, 'remove the attributes of '//path)
         end do
         call h5oclose_f(object, stat)
     end procedure detach_all

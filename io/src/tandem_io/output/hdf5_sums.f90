@@ -36,7 +36,7 @@ contains
         sum_of_texts = 0
         if (allocated(self%problem)) return
         lost_texts = int(c_read_all(int(self%file, c_int64_t), sum_of_texts))
-        call self%note(lost_texts, 'read all that is in it')
+        call self%note(lost_texts, 'read its content')
     end procedure read_all
 
     module procedure sum_rows

@@ -47,7 +47,7 @@ contains
         call file%put(group//'/w', it%w)
         call file%attach(group//'/v', 'meaning', 'dq = v dv, dqd = g dv + w dw')
         call file%put(group//'/scale', model%scales())
-        call file%attach(group//'/scale', 'meaning', 'v and w are orthonormal where coordinates are divided by this')
+        call file%attach(group//'/scale', 'meaning', 'v and w are orthonormal if coordinates are divided by this')
         call file%put(group//'/q', it%q)
         call file%put(group//'/qd', it%qd)
         call put_names(file, model, it, io)

@@ -48,9 +48,9 @@ contains
             call file%put(group//'/bodies', model%bodies%name)
             call file%put(group//'/motions_re', transpose(real(motions, wp)))
             call file%put(group//'/motions_im', transpose(aimag(motions)))
-            call file%attach(group//'/motions_re', 'meaning', 'of each body dx, dy, dz (m) and the turns about x, y, z (rad), '// &
-                'real part; a mode a row')
-            call file%attach(group//'/motions_im', 'meaning', 'the same, imaginary part')
+            call file%attach(group//'/motions_re', 'meaning', &
+                'of each body dx, dy, dz (m) and the rotations about x, y, z (rad), '//'real part; one mode per row')
+            call file%attach(group//'/motions_im', 'meaning', 'imaginary part of the same')
         class default
             return
         end select

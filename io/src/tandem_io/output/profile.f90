@@ -37,7 +37,7 @@ contains
         call file%put(place//'/calls', profile%calls(rows(:n)))
         call file%put(place//'/seconds', seconds(:n))
         call file%attach(place//'/seconds', 'unit', 's')
-        call file%attach(place//'/seconds', 'meaning', 'time in the part and in none within it, the clock taken off')
+        call file%attach(place//'/seconds', 'meaning', 'time in the part without its subparts, corrected for the clock')
         call file%attach(place, 'seconds', profile%total())
         call file%attach(place, 'measured_seconds', profile%measured)
         call file%attach(place, 'processor_seconds', profile%processor)

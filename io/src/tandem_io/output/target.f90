@@ -14,7 +14,7 @@ module tandem_io_output_target
     public :: check_source, check_target, in_use, is_result, is_hdf5, remove_file
 
     !> Reason to leave a file alone.
-    character(len=*), parameter :: in_use = 'it is in use: another run is writing it, or somebody reads it'
+    character(len=*), parameter :: in_use = 'it is in use: another run writes it, or another process reads it'
 
 contains
 
@@ -34,8 +34,8 @@ contains
 
         is_new = .false.
         if (path == '-') then
-            call set_error(error, status_output_failed, 'cannot write to standard output: HDF5 goes back and forth in its file', &
-                'choose a file; one of this name is ./-')
+            call set_error(error, status_output_failed, 'cannot write to standard output: HDF5 requires random access', &
+                'choose a file; for this name write ./-')
             return
         end if
         last = index(path, '/', back=.true.)
@@ -44,7 +44,7 @@ contains
         inquire (file=folder//'.', exist=exists)
         if (.not. exists) then
             call set_error(error, status_output_failed, 'cannot write '//path//': there is no folder '//folder, &
-                'make the folder or choose another file')
+                'create the folder or choose another file')
             return
         end if
         inquire (file=path//'/.', exist=exists)
@@ -54,7 +54,7 @@ contains
         end if
         inquire (file=path, exist=exists)
         if (exists .and. .not. is_regular(path)) then
-            call set_error(error, status_output_failed, 'cannot write '//path//': it is no regular file but a pipe or a device', &
+            call set_error(error, status_output_failed, 'cannot write '//path//': it is a pipe or a device, not a regular file', &
                 'choose a file')
             return
         end if
@@ -73,7 +73,7 @@ contains
             open (newunit=unit, file=path, status='new', action='readwrite', access='stream', iostat=stat, iomsg=message)
         end if
         if (stat /= 0) then
-            call set_error(error, status_output_failed, trim(message), 'choose a file that you may write')
+            call set_error(error, status_output_failed, trim(message), 'choose a file with write permission')
             return
         end if
         close (unit)
@@ -87,7 +87,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
 
         if (is_taken(path)) then
-            call set_error(error, status_output_failed, path//' is in use: another run is writing it, or somebody reads it', &
+            call set_error(error, status_output_failed, path//' is in use: another run writes it, or another process reads it', &
                 'choose another file')
         else if (.not. force) then
             call set_error(error, status_output_failed, path//' exists', 'choose another file, or overwrite it with --force')
@@ -110,7 +110,7 @@ contains
             return
         end if
         if (.not. is_regular(path)) then
-            call refuse('it is no regular file but a folder, a pipe or a device')
+            call refuse('it is a folder, a pipe or a device, not a regular file')
             return
         end if
         if (is_taken(path)) then
@@ -123,11 +123,11 @@ contains
             call guard%release()
         end if
         if (.not. is_hdf5(path)) then
-            call refuse('it is no result of tandem, which is HDF5')
+            call refuse('it is not a result of tandem (HDF5)')
         else if (.not. can_be_opened(path)) then
             call refuse('it is damaged: HDF5 cannot open it')
         else if (.not. is_result(path)) then
-            call refuse('it is no result of tandem')
+            call refuse('it is not a result of tandem')
         end if
 
     contains
@@ -137,10 +137,10 @@ contains
 
             if (present(purpose)) then
                 call set_error(error, status_invalid_checkpoint, 'cannot '//purpose//' '//path//': '//reason, &
-                    'give the result of a run')
+                    'use the result of a run')
             else
                 call set_error(error, status_invalid_checkpoint, 'cannot resume from '//path//': '//reason, &
-                    'give the result of a run; one that was killed before its first row must be started anew')
+                    'use the result of a run; a run that was killed before its first row must be restarted')
             end if
         end subroutine refuse
     end subroutine check_source

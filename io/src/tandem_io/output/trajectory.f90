@@ -187,7 +187,7 @@ contains
         if (.not. is_regular(path)) return
         call self%file_claim%make(path, is_refused)
         if (is_refused) call set_error(error, status_output_failed, 'cannot write '//path//': '//in_use, &
-            'wait until it has ended, or choose another file')
+            'wait until that process ends, or choose another file')
     end subroutine claim
 
     !> Make the file for a simulation that is initialized. On an error nothing is left behind.
@@ -209,7 +209,7 @@ contains
         force_ = .false.
         if (present(force)) force_ = force
         if (output%problem(simulation%model) /= '') then
-            call set_error(error, status_invalid_option, 'the fields '//output%problem(simulation%model), 'leave it out')
+            call set_error(error, status_invalid_option, 'the fields '//output%problem(simulation%model), 'remove it')
             return
         end if
         call check_target(output%file, force_, is_new, error)
@@ -229,7 +229,7 @@ contains
         n_warnings = most_later
         if (allocated(simulation%warnings)) n_warnings = most_later + min(size(simulation%warnings), most_room)
         call self%file%reserve('/report', min(room + room_for_warning*n_warnings, most_room), &
-            'what the run has cost and how wrong it was, once the status is not "running"')
+            'cost and errors of the run, written when the status is not "running"')
         call self%checkpoint%make(self%file)
         call self%prepare(output, simulation)
         call open_events(self, simulation)

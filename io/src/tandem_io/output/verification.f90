@@ -37,7 +37,7 @@ contains
         if (.not. (is_of_a_run .or. allocated(file%problem))) then
             call file%close()
             call set_error(error, status_invalid_checkpoint, 'cannot verify '//path//': it has no rows of a run', &
-                'give the result of a run; files of studies, sweeps and linearisations have no checksums')
+                'use the result of a run; files of studies, sweeps and linearisations have no checksums')
             return
         end if
         call file%get_text('/', 'status', status)

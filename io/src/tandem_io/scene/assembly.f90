@@ -49,11 +49,11 @@ contains
 
         names = [character(len=label_length) :: (model%coordinate_label(i), i=1, model%n)]
         allocate (fixed(0))
-        call reader%get('fixed', fixed, names, 'coordinates that stay')
+        call reader%get('fixed', fixed, names, 'coordinates that keep their values')
         assembly%fixed_q = [(any(fixed == names(i)), i=1, model%n)]
         deallocate (fixed)
         allocate (fixed(0))
-        call reader%get('fixed_velocities', fixed, names, 'coordinates whose velocities stay')
+        call reader%get('fixed_velocities', fixed, names, 'coordinates whose velocities keep their values')
         assembly%fixed_qd = [(any(fixed == names(i)), i=1, model%n)]
         weights = spread(1.0_wp, 1, model%n)
         if (allocated(model%coordinate_scale)) then
@@ -62,10 +62,10 @@ contains
         assembly%weight_q = weights
         assembly%weight_qd = weights
         call reader%get_numbers('weights', [model%n], assembly%weight_q, positive, &
-            help='of the coordinates; large ones move little')
+            help='of the coordinates; a large weight means a small displacement')
         call reader%get_numbers('velocity_weights', [model%n], assembly%weight_qd, positive, &
-            help='of the velocities, for what the masses leave open')
-        call reader%get('velocity_metric', assembly%velocity_metric, velocity_metrics, 'what is near')
+            help='of the velocities, for directions without mass')
+        call reader%get('velocity_metric', assembly%velocity_metric, velocity_metrics, 'norm of the change of velocities')
         call reader%get('largest_move', assembly%largest_move_q, not_negative, &
             help='of a coordinate, in units of its scale; 0 for no limit')
         call reader%get('largest_velocity_move', assembly%largest_move_qd, not_negative, help='of a velocity, likewise')

@@ -56,8 +56,8 @@ contains
             call table%get(names(i)%key, found)
             place = self%place_of(found)
             if (has_dot(names(i)%key) .or. len(names(i)%key) == 0) then
-                call set_input_error(error, self%source%describe('"'//names(i)%key//'" is no name', place%key, &
-                    'names have letters and no dots'))
+                call set_input_error(error, self%source%describe('"'//names(i)%key//'" is not a valid name', place%key, &
+                    'names contain letters and no dots'))
                 return
             end if
             select type (found)
@@ -65,7 +65,7 @@ contains
                 call found%get_keys(below)
                 if (size(below) == 0) then
                     call set_input_error(error, self%source%describe(path//'.'//names(i)%key//' is empty', place%value, &
-                        'give it keys, or leave it out'))
+                        'add keys, or remove it'))
                     return
                 end if
                 call self%add_below(path//'.'//names(i)%key, found, entries, error)
@@ -223,7 +223,7 @@ contains
             problem = atom%problem
         else if (atom%kind == is_other) then
             problem = 'must be a number, not '//atom%text
-            if (is_in_list .and. atom%text /= 'a date') problem = 'must be a number, a text, true or false'
+            if (is_in_list .and. atom%text /= 'a date') problem = 'must be a number, a string, true or false'
         end if
     end function atom_problem
 
@@ -324,7 +324,7 @@ contains
         else
             do i = 1, len(atom%text)
                 if (iachar(atom%text(i:i)) >= 32 .and. iachar(atom%text(i:i)) /= 127) cycle
-                atom%problem = 'must not hold control characters'
+                atom%problem = 'must not contain control characters'
             end do
         end if
     end subroutine judge_text

@@ -216,10 +216,10 @@ contains
         if (is_good) return
         associate (source => converter%source, place => converter%place_of(found))
             if (source%is_setting) then
-                call set_input_error(error, source%describe('"'//name//'" is a table that may come several times', place%key, &
-                    'write '//name//'=[{...}, ...], a key and its value in each place of the dots'))
+                call set_input_error(error, source%describe('"'//name//'" is an array of tables', place%key, &
+                    'write '//name//'=[{KEY = VALUE, ...}, ...]'))
             else
-                call set_input_error(error, source%describe('"'//name//'" is a table that may come several times', place%key, &
+                call set_input_error(error, source%describe('"'//name//'" is an array of tables', place%key, &
                     'write [['//name//']] on a line of its own'))
             end if
         end associate
@@ -272,7 +272,7 @@ contains
                     end select
                 end if
                 n = max(n, j)
-                call set_input_error(error, converter%source%describe('"'//name//'" is a table that may come several times; '// &
+                call set_input_error(error, converter%source%describe('"'//name//'" is an array of tables; '// &
                     'there are '//to_toml(n), place%key, 'write '//name//'.NUMBER.key=value, with a number from 1 to '// &
                     to_toml(n + 1)//', or '//name//'=[{...}, ...] for all of them'))
                 return
@@ -324,7 +324,7 @@ contains
         class(description_type), intent(in) :: self
         character(len=:), allocatable :: text
 
-        text = 'the tables of a scene: '//listed([self%tables, self%arrays])//'; of a mechanism: '//listed(self%deep)
+        text = 'tables of a scene: '//listed([self%tables, self%arrays])//'; of a mechanism: '//listed(self%deep)
         if (self%owner /= '') text = 'the tables of a '//self%owner//': '//listed([self%tables, self%arrays])
     end function tables_there
 
@@ -338,8 +338,8 @@ contains
             associate (root => self%roots(i))
                 if (.not. any(self%deep == root%name)) cycle
                 call set_input_error(error, self%sources(root%place%source)%describe('unknown table or key "'//root%name//'"', &
-                    root%place%key, 'mechanisms have it: [scene] model = "mechanism"')//new_line('a')// &
-                    'the tables of a scene: '//listed([self%tables, self%arrays]))
+                    root%place%key, 'it belongs to mechanisms: [scene] model = "mechanism"')//new_line('a')// &
+                    'tables of a scene: '//listed([self%tables, self%arrays]))
                 return
             end associate
         end do

@@ -69,7 +69,7 @@ contains
         type(threshold_event_type), intent(inout) :: event
         character(len=*), parameter :: axis(3) = ['x', 'y', 'z']
         character(len=path_length), allocatable :: paths(:)
-        character(len=:), allocatable :: path
+        character(len=:), allocatable :: path, wanted
         integer :: i, k, n, dot
 
         if (reader%failed()) return
@@ -90,11 +90,11 @@ contains
                         cycle
                     end if
                     if (.not. quantity%of_state .or. quantity%width > size(axis)) then
-                        call reader%refuse('watch', 'cannot be watched: take a place, a velocity, a force, an energy')
+                        call reader%refuse('watch', 'cannot be watched: choose a position, a velocity, a force or an energy')
                     else if (quantity%width > 0 .and. k == 0) then
-                        call reader%refuse('watch', 'has three entries: put .x, .y or .z behind')
+                        call reader%refuse('watch', 'has three entries: append .x, .y or .z')
                     else if (quantity%width == 0 .and. k > 0) then
-                        call reader%refuse('watch', 'is one number: leave out what is behind')
+                        call reader%refuse('watch', 'is a scalar: remove the suffix')
                     end if
                     event%index = n + max(1, k)
                     event%needs_multipliers = quantity%of_multipliers
@@ -102,7 +102,9 @@ contains
                 end associate
             end do
         end if
-        path = 'names nothing that the model shows'
+        wanted = path
+        path = 'is not an output of the model'
+        if (nearest_name(wanted, paths) /= '') path = path//'; did you mean "'//nearest_name(wanted, paths)//'"?'
         if (size(paths) > 0) path = path//'; there are '//listed(paths)
         call reader%refuse('watch', path)
     end subroutine find_measured
@@ -125,7 +127,7 @@ contains
         do while (from <= len(change))
             length = index(change(from:)//';', ';') - 1
             if (length > len(event%words)) then
-                problem = 'has a change of more than '//to_text(len(event%words))//' characters'
+                problem = 'has a change longer than '//to_text(len(event%words))//' characters'
             else
                 call model%change(change(from:from + length - 1), .true., 0.0_wp, nowhere, problem)
             end if
@@ -159,20 +161,20 @@ contains
             do i = 1, size(names)
                 names(i) = model%row_name(i)
             end do
-            problem = 'names no constraint; there are '
+            problem = 'is not a constraint; valid names: '
         else
             allocate (names(model%n))
             do i = 1, size(names)
                 names(i) = model%coordinate_label(i)
             end do
-            problem = 'names no coordinate; there are '
+            problem = 'is not a coordinate; valid names: '
         end if
         event%index = findloc(names == wanted, .true., dim=1)
         if (event%index > 0) return
         problem = problem//listed(names)
         if (nearest_name(wanted, names) /= '') problem = problem//'; did you mean "'//nearest_name(wanted, names)//'"?'
         if (allocated(model%quantities)) problem = problem// &
-            '; what the file shows is watched by its path, such as /joints/NAME/angle or /sensors/NAME'
+            '; quantities of the result file are watched by path, such as /joints/NAME/angle or /sensors/NAME'
         call reader%refuse('watch', problem)
     end subroutine find_quantity
 end module tandem_io_scene_events

@@ -29,7 +29,7 @@ contains
         integer :: i, place
 
         planar = .false.
-        call reader%get('planar', planar, 'whether bodies have x, y and angle; else x, y, z and Euler parameters')
+        call reader%get('planar', planar, 'true: bodies have x, y and angle; false: x, y, z and Euler parameters')
         call reader%open_table('model')
         call reader%close_table()
         if (reader%failed()) return

@@ -58,7 +58,8 @@ contains
         if (reader%failed()) return
         allocate (q(motorcycle%n), qd(motorcycle%n))
         call motorcycle%start(speed, q, qd, stat)
-        if (stat /= 0) call reader%refuse('speed', 'needs an equilibrium to start from, and the parameters of [model] leave none')
+        if (stat /= 0) call reader%refuse('speed', &
+            'requires an equilibrium at the start, and none exists for the parameters of [model]')
         call move_alloc(motorcycle, model)
     end subroutine build_motorcycle
 end module tandem_io_scene_motorcycle

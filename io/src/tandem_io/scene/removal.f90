@@ -27,8 +27,8 @@ contains
         if (all(is_kept) .and. .not. (size(parts) == 1 .and. any(names_of(self%roots) == path))) then
             near = nearest_part(self, parts)
             if (near /= '') near = '; did you mean "'//near//'"?'
-            call set_input_error(error, '--unset '//key//': there is no such key in '//self%sources(0)%name// &
-                ', which has its default already'//near)
+            call set_input_error(error, '--unset '//key//': no such key in '//self%sources(0)%name// &
+                ', so it has its default already'//near)
             return
         end if
         call self%entries%keep(is_kept)
@@ -64,7 +64,7 @@ contains
         class(toml_value), pointer :: found
 
         if (key == '' .or. scan(key, '='//achar(10)//achar(13)) > 0) then
-            call set_input_error(error, '--unset '//key//' must be table.key, without a value, as in --unset solver.rtol')
+            call set_input_error(error, '--unset '//key//' must be table.key without a value, as in --unset solver.rtol')
             return
         end if
         call source%load_text('--unset', key//' = 0', parsed, error)

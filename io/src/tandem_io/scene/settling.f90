@@ -36,13 +36,13 @@ contains
             if (any(choices == motions(i)%name(:last))) cycle
             choices = [character(len=motion_name_length) :: choices, motions(i)%name(:last)]
         end do
-        call reader%get('steady', steady, choices, 'motions along which the nearest steady motion goes on; ["any"] for all; '// &
-            '"NAME=RATE" holds a rate', may_have_values=.true.)
+        call reader%get('steady', steady, choices, 'motions along which the nearest steady motion continues; ["any"] for all; '// &
+            '"NAME=RATE" prescribes a rate', may_have_values=.true.)
         do i = 1, size(steady)
             last = index(steady(i), '=')
             if (last == 0) cycle
             if (all(motions%name /= steady(i)(:last - 1))) call reader%refuse('steady', 'has "'//trim(steady(i))// &
-                '": only the rate of a single motion can be held')
+                '": only the rate of a single motion can be prescribed')
         end do
         if (rests .and. size(steady) > 0) call reader%refuse('steady', 'cannot be combined with equilibrium = true')
     end subroutine read_settling

@@ -74,11 +74,11 @@ contains
         end do
         message = 'there is no scene "'//name//'"'
         if (nearest_name(name, names) /= '') message = message//'; did you mean "'//nearest_name(name, names)//'"?'
-        message = message//new_line('a')//'A scene is the path of a TOML file, or a name'
+        message = message//new_line('a')//'A scene is the path of a TOML file or the name of a shipped scene'
         if (size(names) > 0) then
             message = message//': '//listed(names)
         else
-            message = message//'; no named scene was found, set TANDEM_SCENES to the folder that holds them'
+            message = message//'; the folder of shipped scenes was not found; set TANDEM_SCENES to it'
         end if
         call set_input_error(error, message)
     end subroutine find_scene

@@ -219,7 +219,7 @@ contains
 
         ! Other pipes may wait for a writer for ever.
         if (is_pipe(path) .and. index(path, '/dev/') /= 1 .and. index(path, '/proc/') /= 1) then
-            call set_input_error(error, 'cannot read the '//kind//' '//path//': it is a pipe; give a file, or let the shell '// &
+            call set_input_error(error, 'cannot read the '//kind//' '//path//': it is a pipe; give a file, or have the shell '// &
                 'connect the pipe to /dev/stdin')
             return
         end if
@@ -263,7 +263,7 @@ contains
         what = 'scene'
         if (present(kind)) what = kind
         if (len(text) > largest) then
-            call set_input_error(error, path//' is no '//what//': it has more than '//to_toml(largest)//' bytes')
+            call set_input_error(error, path//' is not a valid '//what//': it has more than '//to_toml(largest)//' bytes')
             return
         end if
         line = 1
@@ -272,34 +272,34 @@ contains
         broken = first_broken(text)
         problem = ''
         do i = 1, len(text)
-            if (i == broken) problem = 'holds bytes that are no UTF-8'
+            if (i == broken) problem = 'contains bytes that are not UTF-8'
             bytes = bytes + 1
             if (bytes > most_bytes) problem = 'has more than '//to_toml(most_bytes)//' bytes'
             code = iachar(text(i:i))
             select case (code)
             case (0:8, 11:31, 127)
                 if (text(i:min(i + 1, len(text))) == achar(13)//achar(10)) cycle
-                problem = 'holds the control character '//to_toml(code)//'; is it a binary file?'
+                problem = 'contains the control character '//to_toml(code)//'; is it a binary file?'
             case (10)
                 line = line + 1
                 bytes = 0
                 dots = 0
-                if (line > most_lines) problem = 'is one too many; there may be '//to_toml(most_lines)
+                if (line > most_lines) problem = 'exceeds the limit of '//to_toml(most_lines)
             case (iachar('.'))
                 dots = dots + 1
                 if (dots > most_dots) problem = 'has more than '//to_toml(most_dots)//' dots'
             case (iachar('\'))
                 ! Two cases in which the parser would read beyond the text.
                 if (text(i:min(i + 1, len(text))) == '\x') then
-                    problem = 'holds "\x", which TOML 1.0 does not know; write "\u00"'
+                    problem = 'contains "\x", which is not part of TOML 1.0; write "\u00"'
                 else if (ends_text(text(i + 1:))) then
-                    problem = 'ends a text by a backslash'
+                    problem = 'ends a string with a backslash'
                 end if
             case default
                 continue
             end select
             if (problem == '') cycle
-            call set_input_error(error, path//' is no '//what//': line '//to_toml(line)//' '//problem)
+            call set_input_error(error, path//' is not a valid '//what//': line '//to_toml(line)//' '//problem)
             return
         end do
     end subroutine check_text
@@ -379,12 +379,12 @@ contains
             if (allocated(lexer%limit)) then
                 parse_error%message = place%report('the scene is too large', 1, lexer%limit)
             else if (lexer%is_doubled) then
-                parse_error%message = place%report('the table is there twice', 1, 'put the keys of both into one')
+                parse_error%message = place%report('duplicate table', 1, 'merge the keys of both')
             else if (lexer%is_below_value) then
-                parse_error%message = place%report('what stands before the dot is a value, no table', 1, &
-                    'there can be no table in it')
+                parse_error%message = place%report('the name before the dot is a value, not a table', 1, &
+                    'it cannot contain tables')
             else
-                parse_error%message = place%report('a scene has no tables within tables', 1, 'a heading has one name')
+                parse_error%message = place%report('a scene has no nested tables', 1, 'a heading consists of one name')
             end if
         end if
         call set_input_error(error, without_level(parse_error%message))
@@ -404,7 +404,7 @@ contains
         do while (token%kind /= token_kind%eof .and. .not. allocated(lexer%limit))
             call lexer%next(token)
         end do
-        if (allocated(lexer%limit)) call set_input_error(error, path//' is no scene: '//lexer%limit)
+        if (allocated(lexer%limit)) call set_input_error(error, path//' is not a valid scene: '//lexer%limit)
     end subroutine check_limits
 
     !> The text with a newline for each end of a line as Windows has them.

@@ -214,17 +214,17 @@ contains
         case ('parallel')
             call build_parallel(subject, x)
         case ('kink', 'hiddenkink')
-            subject%description = 'the vehicle, whose steering has a kink'//told(name)
+            subject%description = 'the vehicle, whose steering has a kink'//note_of(name)
             call build_vehicle(subject, 15.0_wp, 0.1_wp, 1.0_wp, 8.0_wp, 1.0e-2_wp)
             if (index(name, 'hidden') == 1) call hide(subject)
         case ('jump', 'hiddenjump')
-            subject%description = 'the vehicle, whose steering jumps back from 0.1 rad'//told(name)
+            subject%description = 'the vehicle, whose steering jumps back from 0.1 rad'//note_of(name)
             call build_vehicle(subject, 15.0_wp, 0.1_wp, 1.0_wp, 3.0_wp, 1.0e-2_wp)
             subject%model%breakpoints = [pi/2]
             subject%model%nu_jumps = [.true.]
             if (index(name, 'hidden') == 1) call hide(subject)
         case ('motorjump', 'hiddenmotorjump')
-            subject%description = 'the motorcycle, whose steering rate jumps'//told(name)
+            subject%description = 'the motorcycle, whose steering rate jumps'//note_of(name)
             call build_motorcycle(subject, 1.0_wp, 8.0_wp, stat)
             if (index(name, 'hidden') == 1) call hide(subject)
         case ('milliondisk')
@@ -241,12 +241,12 @@ contains
     end subroutine fill_case
 
     !> Remark on hidden breakpoints for a case's description; empty if they are declared.
-    pure function told(name) result(text)
+    pure function note_of(name) result(text)
         character(len=*), intent(in) :: name
         character(len=merge(12, 0, index(name, 'hidden') == 1)) :: text
 
         text = ', undeclared'
-    end function told
+    end function note_of
 
     !> Keep the breakpoints of a case to the reference.
     subroutine hide(subject)

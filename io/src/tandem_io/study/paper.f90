@@ -23,7 +23,7 @@ module tandem_io_study_paper
 
     !> The columns of the table.
     type(column_type), parameter :: paper_columns(9) = [ &
-        column_type('place', 'place', text_column, '', 'where the paper has it'), &
+        column_type('place', 'place', text_column, '', 'source in the paper'), &
         column_type('scene', 'scene', text_column, '', 'name of the scene'), &
         column_type('stepper', 'stepper', text_column, '', 'name of the stepper'), &
         column_type('step', 'h', real_column, 's', 'the step'), &
@@ -31,7 +31,7 @@ module tandem_io_study_paper
         column_type('quantity', 'quantity', text_column, '', 'what it is'), &
         column_type('paper', 'paper', text_column, '', 'what the paper prints; empty where it says nothing'), &
         column_type('ours', 'ours', real_column, '', 'what this program finds; energies as a part of that at the start'), &
-        column_type('difference', '', text_column, '', 'what to say about the difference')]
+        column_type('difference', '', text_column, '', 'comment on the difference')]
 
     !> Statements of the paper about a run. Missing texts are empty.
     type :: run_type
@@ -195,7 +195,7 @@ contains
         if (.not. allocated(error)) call self%put(run, 'energy change', to_text(run%figures)//' figures', &
             to_toml(figures%energy_change), about_energy(run, figures%energy_change), error)
         if (run%has_lane .and. .not. allocated(error)) call self%put(run, 'lane change [m]', 'about 4', &
-            to_toml(abs(simulation%state%q(1))), 'the same, as far as the paper says', error)
+            to_toml(abs(simulation%state%q(1))), 'the same, as far as the paper states', error)
     end subroutine do_run
 
     !> Append a row, unless it is there.
@@ -270,8 +270,8 @@ contains
         character(len=:), allocatable :: text
 
         text = 'the same, the initial chart counted'
-        if (printed == 0) text = 'the paper does not say'
-        if (printed /= 0 .and. ours /= printed) text = 'another number: |v| passes its limit after other steps'
+        if (printed == 0) text = 'not stated in the paper'
+        if (printed /= 0 .and. ours /= printed) text = 'different: |v| exceeds its limit after other steps'
     end function about_charts
 
     !> Remark on the energy.

@@ -38,7 +38,7 @@ module tandem_io_study_precision
             'largest difference of a coordinate from the reference over the sample times, in coordinate scales'), &
         column_type('error_qd', 'error qd', real_column, '1', &
             'largest difference of a velocity from the reference over the sample times, in coordinate scales a second'), &
-        column_type('at_floor', '', count_column, '1', '1 where error_q is too small for the reference to tell it'), &
+        column_type('at_floor', '', count_column, '1', '1 if error_q is below the accuracy of the reference'), &
         column_type('order', 'order', real_column, '1', &
             'log of the ratio of error_q to that of the row before, over log of the ratio of steps'), &
         column_type('wall_seconds', 'wall s', real_column, 's', 'run time by the clock, median'), &

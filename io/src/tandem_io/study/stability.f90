@@ -18,7 +18,7 @@ module tandem_io_study_stability
     !> The columns of its table.
     type(column_type), parameter :: stability_columns(30) = [ &
         column_type('case', 'case', text_column, '', 'name of the case'), &
-        column_type('group', '', text_column, '', 'what kind of case it is'), &
+        column_type('group', '', text_column, '', 'kind of case'), &
         column_type('stepper', 'stepper', text_column, '', 'name of the stepper'), &
         column_type('control', 'by', text_column, '', 'step: fixed steps; rtol: steps by an error estimate, atol = rtol'), &
         column_type('value', 'h|rtol', real_column, '', 'the step in s, or rtol'), &
@@ -27,10 +27,10 @@ module tandem_io_study_stability
         column_type('status', 'status', text_column, '', 'complete, or the status of the failure'), &
         column_type('error', 'error', real_column, '1', &
             'largest error of q and qd over the sample times, on the scale s + |y|; of a million steps, the energy change'), &
-        column_type('allowed', 'allowed', real_column, '1', 'what is allowed of the error: beyond it a warning must come'), &
-        column_type('told', 'told', real_column, '1', 'the error that the run itself states, by a second run'), &
-        column_type('warnings', '', count_column, '1', 'warnings that its user sees'), &
-        column_type('local_error_sum', '', real_column, '1', 'sum of the local errors that the run states'), &
+        column_type('allowed', 'allowed', real_column, '1', 'largest error without a warning'), &
+        column_type('reported', 'rep.', real_column, '1', 'error reported by the run, from a second run'), &
+        column_type('warnings', '', count_column, '1', 'warnings shown to the user'), &
+        column_type('local_error_sum', '', real_column, '1', 'sum of the local errors reported by the run'), &
         column_type('wall_seconds', 'wall s', real_column, 's', 'run time by the clock'), &
         column_type('cpu_seconds', '', real_column, 's', 'run time of the processor'), &
         column_type('steps', 'steps', count_column, '1', 'accepted steps'), &
@@ -49,8 +49,8 @@ module tandem_io_study_stability
         column_type('constraint_growth', '', real_column, '1', &
             'a million steps: constraint errors in the last tenth over those in the first, errors below 2e-14 taken as that'), &
         column_type('memory_growth', '', real_column, '1', 'a million steps: pages of memory gained after the first tenth'), &
-        column_type('agreement', '', real_column, '1', 'how far the two solutions behind the reference differ'), &
-        column_type('reference', '', text_column, '', 'what the error is measured against'), &
+        column_type('agreement', '', real_column, '1', 'difference of the two solutions used as reference'), &
+        column_type('reference', '', text_column, '', 'reference of the error'), &
         column_type('remark', '', text_column, '', 'warnings, or how it failed')]
 
     type :: stability_type
@@ -210,7 +210,7 @@ contains
             call table%put(cells, 'status', trim(trial%status))
             call table%put(cells, 'error', trial%error)
             call table%put(cells, 'allowed', trial%allowed)
-            call table%put(cells, 'told', trial%told)
+            call table%put(cells, 'reported', trial%reported)
             call table%put(cells, 'warnings', int(trial%warnings, long))
             call table%put(cells, 'local_error_sum', s%local_error_sum)
             call table%put(cells, 'wall_seconds', s%wall_seconds)

@@ -50,7 +50,7 @@ module tandem_io_study_trial
         !> Endless runs: growth of the constraint errors, and of memory in pages; NaN elsewhere.
         real(wp) :: growth = 0.0_wp, pages = 0.0_wp
         !> The error reported to the user, NaN if there is none.
-        real(wp) :: told = 0.0_wp
+        real(wp) :: reported = 0.0_wp
         !> Number of warnings to the user.
         integer :: warnings = 0
         type(statistics_type) :: statistics
@@ -113,7 +113,7 @@ contains
         options = subject%options
         if (subject%with_rtol) call change_stepper(options, options%stepper, rtol=subject%rtol)
         if (truth%agreement > part*allowed_error(options)) call set_error(error, status_step_limit, subject%name// &
-            ': the two solutions that are to be the reference differ by '//to_text(truth%agreement))
+            ': the two reference solutions differ by '//to_text(truth%agreement))
     end subroutine find_truth
 
     !> Run a case with the options given, and judge it.
@@ -135,7 +135,7 @@ contains
         trial%energy_change = trial%error
         trial%growth = trial%error
         trial%pages = trial%error
-        trial%told = trial%error
+        trial%reported = trial%error
         trial%allowed = allowed_error(options)
         trial%remark = ''
         sampler%t = truth%t
@@ -167,7 +167,7 @@ contains
             if (i > 1) trial%remark = trial%remark//'; '
             trial%remark = trial%remark//doubts(i)%text
         end do
-        if (global_error%is_known) trial%told = global_error%largest
+        if (global_error%is_known) trial%reported = global_error%largest
         trial%energy_change = maxval(abs(sampler%energy - sampler%energy(0)))
         if (abs(sampler%energy(0)) > 0.0_wp) trial%energy_change = trial%energy_change/abs(sampler%energy(0))
         trial%q = sampler%q

@@ -179,11 +179,11 @@ contains
         call read_case(self, again, error)
         if (.not. allocated(error)) call global_error%estimate(again%model, scene%options, scene%q, scene%qd, error)
         if (allocated(error)) then
-            remark = 'no estimate of the error: '//error%message
+            remark = 'error not estimated: '//error%message
             return
         end if
         call self%recorder%take_estimate(global_error)
-        if (global_error%is_bound) remark = 'the estimate of the error is a bound only: the tolerances cannot be smaller'
+        if (global_error%is_bound) remark = 'the error estimate is only a bound: the tolerances cannot be smaller'
     end subroutine estimate
 
     !> A message as a cell of a table.

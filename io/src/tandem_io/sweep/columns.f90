@@ -53,11 +53,11 @@ contains
             names(i) = adjustl(cells(i))
         end do
         if (.not. whole .or. any(names == '')) then
-            problem = 'names the file '//path//', whose first line is no list of keys'
+            problem = 'names the file '//path//', whose first line is not a list of keys'
             return
         end if
         rows = count_lines(text(from:))
-        if (rows == 0) problem = 'names the file '//path//', which holds no cases'
+        if (rows == 0) problem = 'names the file '//path//', which contains no cases'
         allocate (atoms(n, rows))
         rows = 0
         number = 1
@@ -67,7 +67,7 @@ contains
             if (line == '') cycle
             rows = rows + 1
             call split_csv_line(line, cells, whole)
-            if (.not. whole) problem = 'names the file '//path//', whose line '//to_text(number)//' has not '//to_text(n)// &
+            if (.not. whole) problem = 'names the file '//path//', whose line '//to_text(number)//' does not have '//to_text(n)// &
                 ' values'
             do i = 1, n
                 if (problem /= '') exit
@@ -75,7 +75,7 @@ contains
                 if (cells(i) == '') problem = 'names the file '//path//', whose line '//to_text(number)// &
                     ' has no value of '//trim(names(i))
                 if (atoms(i, rows)%kind /= atoms(i, 1)%kind) problem = 'names the file '//path//', whose line '// &
-                    to_text(number)//' has "'//trim(cells(i))//'" for '//trim(names(i))//', which is of another kind above'
+                    to_text(number)//' has "'//trim(cells(i))//'" for '//trim(names(i))//', whose type differs from earlier lines'
             end do
         end do
     end subroutine read_columns

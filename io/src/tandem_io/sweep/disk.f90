@@ -55,7 +55,7 @@ contains
         character(len=*), intent(in) :: path
         type(error_type), allocatable, intent(out) :: error
 
-        call set_error(error, status_output_failed, 'cannot bring '//path//' to the disk', &
-            'see whether the disk is full or broken, then start again: no case is lost')
+        call set_error(error, status_output_failed, 'cannot write '//path//' to disk', &
+            'check whether the disk is full or defective, then start again: no case is lost')
     end subroutine say_problem
 end module tandem_io_sweep_disk

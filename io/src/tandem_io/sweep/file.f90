@@ -71,7 +71,7 @@ contains
 
         call reader%open_table('sweep')
         plan%scene_path = ''
-        call reader%get('scene', plan%scene_path, 'a name, or a path from the folder of this file', required=.true.)
+        call reader%get('scene', plan%scene_path, 'a name, or a path relative to the folder of this file', required=.true.)
         call reader%get_list('set', settings)
         length = 1
         if (.not. allocated(settings)) then
@@ -80,7 +80,7 @@ contains
         end if
         do i = 1, size(settings%atoms)
             if (settings%atoms(i)%kind /= is_text) then
-                call reader%refuse('set', 'must be a list of texts, as in ["time.end=2.0"]')
+                call reader%refuse('set', 'must be a list of strings, as in ["time.end=2.0"]')
                 return
             end if
             length = max(length, len(settings%atoms(i)%text))
@@ -89,26 +89,26 @@ contains
         do i = 1, size(settings%atoms)
             plan%settings(i) = settings%atoms(i)%text
         end do
-        call reader%get('draws', plan%draws, positive, 'random cases at each place of the grid')
+        call reader%get('draws', plan%draws, positive, 'random cases per grid point')
         points = points_names(plan%points)
         call reader%get('points', points, points_names)
         plan%points = findloc(points_names, points, dim=1)
-        call reader%get('seed', plan%seed, not_negative, 'of all that is random')
-        call reader%get('shift', plan%is_shifted, "whether Sobol' points are shifted at random")
+        call reader%get('seed', plan%seed, not_negative, 'of the random numbers')
+        call reader%get('shift', plan%is_shifted, "true: Sobol' points are randomly shifted")
         lists = lists_names(1)
         call reader%get('lists', lists, lists_names)
         plan%is_side_by_side = lists == 'rows'
-        call reader%get('indices', plan%is_for_indices, "whether draws are arranged for Sobol' indices")
-        call reader%get('max_seconds', plan%max_seconds, not_negative, 's', 'of a case; 0 for no limit')
+        call reader%get('indices', plan%is_for_indices, "true: draws are arranged for Sobol' indices")
+        call reader%get('max_seconds', plan%max_seconds, not_negative, 's', 'largest time of a case; 0 for no limit')
         plan%folder = ''
-        call reader%get('trajectories', plan%folder, 'folder for the whole motion of each case')
+        call reader%get('trajectories', plan%folder, 'folder for the complete motion of each case')
         plan%folder = trim(plan%folder)
         exists = plan%folder == ''
         if (.not. exists) inquire (file=plan%folder//'/.', exist=exists)
         if (.not. exists) call reader%refuse('trajectories', 'must be a folder that exists')
         allocate (plan%inputs(0))
         file = ''
-        call reader%get('csv', file, 'file of cases: keys in its first line, then a line a case')
+        call reader%get('csv', file, 'file of cases: keys in its first line, then one line per case')
         plan%cases_path = ''
         if (.not. reader%failed() .and. file /= '') then
             plan%cases_path = beside(plan%path, file)
@@ -162,13 +162,13 @@ contains
         if (reader%failed()) return
         call reader%open_table('sweep')
         if (plan%n_drawn == 0 .and. reader%source_of('draws') >= 0 .and. plan%draws > 1) then
-            call reader%refuse('draws', 'have no effect, since no input is drawn: vary one by uniform, log_uniform or normal')
+            call reader%refuse('draws', 'have no effect, since no input is random: vary one by uniform, log_uniform or normal')
         end if
-        if (plan%is_for_indices .and. plan%n_drawn < 1) call reader%refuse('indices', 'need inputs that are drawn')
+        if (plan%is_for_indices .and. plan%n_drawn < 1) call reader%refuse('indices', 'require random inputs')
         if (plan%is_for_indices .and. plan%n_places*plan%n_rows > 1) then
-            call reader%refuse('indices', 'need all inputs to be drawn, not listed')
+            call reader%refuse('indices', 'require all inputs to be random, not listed')
         end if
-        if (plan%is_for_indices .and. plan%draws < 8) call reader%refuse('indices', 'need draws, at least 8')
+        if (plan%is_for_indices .and. plan%draws < 8) call reader%refuse('indices', 'require draws of at least 8')
         n = merge(2, 1, plan%is_for_indices)*plan%n_drawn
         if (plan%points == sobol_points .and. n > most_columns) call reader%refuse('points', 'can be sobol for '// &
             to_text(most_columns)//' columns at most, and there are '//to_text(n))
@@ -189,9 +189,9 @@ contains
             if (plan%inputs(i)%kind == is_listed .and. .not. plan%is_side_by_side) cases = cases*size(plan%inputs(i)%values)
         end do
         if (cases > most_cases) call set_input_error(reader%error, plan%path//' has '//to_toml(cases)// &
-            ' cases; there may be a thousand million')
+            ' cases; the limit is 1e9')
         if (plan%n_outputs() > most_outputs) call set_input_error(reader%error, plan%path//' keeps '// &
-            to_text(plan%n_outputs())//' numbers of each case; there may be '//to_text(most_outputs))
+            to_text(plan%n_outputs())//' numbers per case; the limit is '//to_text(most_outputs))
     end subroutine check_size
 
     !> Data on which the records of a sweep depend: its file, the scene with every default, the file of cases, and the program.

@@ -71,8 +71,8 @@ contains
                 call reader%get('key', key, 'of the scene: table.key, or table.key[i] for an element of a list', required=.true.)
                 if (reader%failed()) return
                 name = key
-                call reader%get('name', name, 'of its column; the key where there is none')
-                call reader%get('unit', unit, 'of it, for the table')
+                call reader%get('name', name, 'of its column; default: the key')
+                call reader%get('unit', unit, 'unit in the table')
                 if (reader%failed()) return
                 call split_key(key, input, problem)
                 if (problem /= '') call reader%refuse('key', problem)
@@ -92,7 +92,7 @@ contains
         if (reader%failed()) return
         call move_alloc(inputs, plan%inputs)
         if (size(plan%inputs) == 0) call set_input_error(reader%error, plan%path// &
-            ' varies nothing; give tables [[vary]], or csv in [sweep]')
+            ' has no inputs; add tables [[vary]], or csv in [sweep]')
     end subroutine read_inputs
 
     !> From `table.key[i]` to its parts.
@@ -110,13 +110,13 @@ contains
         if (bracket > 1 .and. key(len_trim(key):len_trim(key)) == ']') then
             input%path = key(:bracket - 1)
             call read_number(key(bracket + 1:len_trim(key) - 1), input%element, is_read)
-            if (input%element < 1) problem = 'must have the number of an element in its brackets, from 1 on'
+            if (input%element < 1) problem = 'must have the index of an element, from 1, in its brackets'
         end if
         dot = index(input%path, '.')
         if (dot < 2 .or. dot == len(input%path) .or. scan(input%path, ' =') > 0) then
             problem = 'must be table.key, as in model.mass or body.wheel.mass'
         end if
-        if (index(input%path//'.', 'output.') == 1) problem = 'must not be one of [output], which sweeps do not look at'
+        if (index(input%path//'.', 'output.') == 1) problem = 'must not be one of [output], which sweeps ignore'
     end subroutine split_key
 
     !> The values of an input: one of several ways to give them.
@@ -180,7 +180,7 @@ contains
         call move_alloc(values%atoms, input%values)
         if (size(input%values) > most_values) call reader%refuse(key, 'are more than '//to_text(most_values))
         if (any(input%values%kind /= input%values(1)%kind)) call reader%refuse(key, &
-            'must be numbers, or texts, or truth values, not some of each')
+            'must be all numbers, all strings or all truth values')
     end subroutine read_list
 
     !> The numbers of a distribution.
@@ -235,9 +235,9 @@ contains
         if (.not. input%high > input%low) then
             call reader%refuse('limits', 'must be [lower, upper], the latter larger')
         else if (input%kind == is_log_normal .and. .not. input%low > 0.0_wp) then
-            call reader%refuse('limits', 'must be positive, as all that log_normal gives')
+            call reader%refuse('limits', 'must be positive, as log_normal values are')
         else if (.not. input%held() > least) then
-            call reader%refuse('limits', 'hold less than 1e-12 of the distribution')
+            call reader%refuse('limits', 'contain less than 1e-12 of the distribution')
         end if
     end subroutine read_limits
 
@@ -259,7 +259,7 @@ contains
         call reader%get('count', count, positive, 'of values, both ends included')
         call reader%get('spacing', spacing, spacing_names)
         if (count > most_values) call reader%refuse('count', 'must be at most '//to_text(most_values))
-        if (count == 1) call reader%refuse('count', 'must be at least 2, so that both ends are there')
+        if (count == 1) call reader%refuse('count', 'must be at least 2, to include both ends')
         if (spacing == 'log' .and. .not. (from > 0.0_wp .and. to > 0.0_wp)) then
             call reader%refuse('spacing', 'can be log between positive numbers only')
         end if
@@ -307,12 +307,12 @@ contains
                 end if
                 ! The scene refuses any other unknown key; an additional parameter would have no effect.
                 if (known == '' .and. index(input%path, 'parameters.') == 1) then
-                    call refuse_input(reader, plan, i, 'is no parameter of the scene: '//input%path)
+                    call refuse_input(reader, plan, i, 'is not a parameter of the scene: '//input%path)
                     return
                 end if
                 if (input%element > count_elements_of(known)) then
-                    call refuse_input(reader, plan, i, 'names an element that is not there: '//input%path//' '// &
-                        trim(merge('is no list of numbers in the scene', 'has fewer elements                ', &
+                    call refuse_input(reader, plan, i, 'names an element that does not exist: '//input%path//' '// &
+                        trim(merge('is not a list of numbers in the scene', 'has fewer elements                   ', &
                         count_elements_of(known) == 0)))
                     return
                 end if

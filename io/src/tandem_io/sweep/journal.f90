@@ -119,7 +119,8 @@ contains
         allocate (self%waiting(most_waiting + size(self%words)))
         self%file = c_open(path//c_null_char, 1_c_int)
         if (self%file == -2) then
-            call set_error(error, status_output_failed, 'another process writes '//path, 'let it end, or choose another table')
+            call set_error(error, status_output_failed, 'another process writes '//path, &
+                'wait for its end, or choose another table')
         else if (self%file < 0) then
             call self%say_problem('open', error)
         end if
@@ -134,7 +135,7 @@ contains
             call self%scan()
         else
             call set_error(error, status_invalid_option, path//' holds cases of another sweep, or of another build of tandem', &
-                'finish that one, choose another table, or begin anew with --force')
+                'finish that one, choose another table, or restart with --force')
         end if
         self%resumed = self%done
     end subroutine open_journal
@@ -329,7 +330,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
 
         if (sync_open(self%file) /= 0) then
-            call self%say_problem('bring to the disk', error)
+            call self%say_problem('write to disk', error)
             return
         end if
         self%is_unsynced = .false.
@@ -403,6 +404,6 @@ contains
         type(error_type), allocatable, intent(out) :: error
 
         call set_error(error, status_output_failed, 'cannot '//action//' '//self%path, &
-            'see whether the disk is full and the path can be written, then start again: what is done stays')
+            'check disk space and write permission, then start again: completed cases are kept')
     end subroutine say_problem
 end module tandem_io_sweep_journal

@@ -33,7 +33,7 @@ contains
                 unit = ''
                 call reader%get('quantity', quantity, required=.true.)
                 call reader%get('name', name, 'of its column')
-                call reader%get('unit', unit, 'of it, for the table')
+                call reader%get('unit', unit, 'unit in the table')
                 take = 'end'
                 if (reader%source_of('take') >= 0) then
                     call reader%get('take', take, take_names(:size(take_names) - 1))
@@ -98,8 +98,8 @@ contains
             end do
             if (any(own_names == kept%name)) problem = 'has the name "'//trim(kept%name)//'", which the table has itself; give '// &
                 'it a name'
-            if (plan%is_for_indices .and. kept%name == 'inputs') problem = 'has the name "inputs", which the table of indices '// &
-                'has itself; give it a name'
+            if (plan%is_for_indices .and. kept%name == 'inputs') &
+                problem = 'has the name "inputs", which is reserved in the table '//'of indices; give it a name'
         end associate
     end function clash_of
 
@@ -122,7 +122,7 @@ contains
 
         call reader%get_list('at', times)
         if (.not. allocated(times) .or. reader%failed()) return
-        if (reader%source_of('take') >= 0) call reader%refuse('at', 'gives the times at which it is taken; leave out take')
+        if (reader%source_of('take') >= 0) call reader%refuse('at', 'defines the times; remove take')
         kept%take = take_times
         if (any(times%atoms%kind /= is_number)) then
             call reader%refuse('at', 'must be a list of times')

@@ -104,7 +104,7 @@ contains
             self%kind = of_event
             self%unit = 's'
             self%index = findloc(scene%events%name == wanted, .true., dim=1)
-            if (self%index == 0) problem = 'names no event of the scene; there are '//listed(scene%events%name)
+            if (self%index == 0) problem = 'is not an event of the scene; valid names: '//listed(scene%events%name)
         case ('figure')
             self%kind = of_figure
             self%figure = wanted
@@ -112,25 +112,25 @@ contains
         case ('error')
             self%kind = of_estimate
             self%index = findloc(estimate_names == wanted, .true., dim=1)
-            if (self%index == 0) problem = 'names no error of a run; there are '//listed(estimate_names)
+            if (self%index == 0) problem = 'is not an error of a run; valid names: '//listed(estimate_names)
             if (self%index == 1 .or. self%index == 2) self%unit = '1'
         case ('')
             i = findloc(words == wanted, .true., dim=1)
             if (i == 0) then
                 call self%find_indexed(scene%model, of_q, wanted, problem)
                 if (problem /= '') problem = problem//'; or '//listed(words)// &
-                    ', q:, qd:, qdd:, lambda:, sensor:, event:, figure: or error: with a name behind it'
+                    ', q:, qd:, qdd:, lambda:, sensor:, event:, figure: or error: followed by a name'
             else
                 self%kind = word_kind(i)
                 self%index = word_index(i)
                 self%unit = word_unit(i)
             end if
         case default
-            problem = 'begins with none of q:, qd:, qdd:, lambda:, sensor:, event:, figure:, error:'
+            problem = 'must begin with one of q:, qd:, qdd:, lambda:, sensor:, event:, figure:, error:'
         end select
         if (problem /= '') return
         if (any(self%kind == [of_potential, of_energy]) .and. .not. associated(scene%model%potential_energy)) then
-            problem = 'asks for the potential energy, which the model does not have'
+            problem = 'is the potential energy, which the model does not have'
         end if
         if (self%take == take_default) then
             self%take = take_end
@@ -139,7 +139,7 @@ contains
         if (self%kind == of_event .neqv. any(self%take == [take_first, take_last, take_count])) then
             problem = 'cannot have take = "'//trim(take_names(self%take))//'"; an event has first, last or count, others do not'
         else if (any(self%kind == [of_figure, of_estimate]) .and. self%take /= take_end) then
-            problem = 'is a number of the whole run: leave out take and at'
+            problem = 'is a number of the complete run: remove take and at'
         end if
         if (self%take == take_time_of_min .or. self%take == take_time_of_max) self%unit = 's'
         if (self%take == take_count) self%unit = '1'
@@ -170,7 +170,7 @@ contains
             self%index = findloc(names == wanted, .true., dim=1)
         end if
         if (self%index == 0) then
-            problem = '"'//wanted//'" names no '//trim(merge('constraint', 'coordinate', kind == of_lambda))//'; there are '// &
+            problem = '"'//wanted//'" is not a '//trim(merge('constraint', 'coordinate', kind == of_lambda))//'; valid names: '// &
                 listed(names(:min(n, 30)))
             if (nearest_name(wanted, names) /= '') problem = problem//'; did you mean "'//nearest_name(wanted, names)//'"?'
             return
@@ -233,7 +233,7 @@ contains
                 before = before + max(1, quantity%width)
             end associate
         end do
-        problem = 'is not a quantity of a sensor; there are '//listed(model%quantities(:min(30, size(model%quantities)))%path)
+        problem = 'is not a quantity of a sensor; valid names: '//listed(model%quantities(:min(30, size(model%quantities)))%path)
         if (nearest_name(path, model%quantities%path) /= '') problem = problem//'; did you mean "'// &
             nearest_name(path, model%quantities%path)//'"?'
     end subroutine find_sensor
@@ -254,7 +254,7 @@ contains
         number = finder%number
         if (finder%is_found) return
         number = ieee_value(1.0_wp, ieee_quiet_nan)
-        problem = 'names no figure of a run; there are '//finder%names(3:)
+        problem = 'is not a figure of a run; valid names: '//finder%names(3:)
     end subroutine find_figure
 
     !> A counter.

@@ -21,7 +21,7 @@ module tandem_io_sweep_plan
     !> Length of the names of inputs.
     integer, parameter :: name_length = 160
     !> Message about a name that contains a slash.
-    character(len=*), parameter :: no_slash = 'must have no slash, since it names a dataset'
+    character(len=*), parameter :: no_slash = 'must not contain a slash, since it names a dataset'
     !> Columns that every table has.
     character(len=7), parameter :: own_names(4) = [character(len=7) :: 'case', 'status', 'seconds', 'message']
     !> Sources of the values of an input.

@@ -152,7 +152,7 @@ contains
                 call c_leave()
             end if
             if (process%number < 0) then
-                call set_error(error, status_output_failed, 'the system starts no process more', 'ask for fewer jobs')
+                call set_error(error, status_output_failed, 'the system cannot start another process', 'request fewer jobs')
                 return
             end if
             self%ends(worker) = end

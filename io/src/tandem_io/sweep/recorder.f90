@@ -72,8 +72,9 @@ contains
             if (any(self%kept(i)%kind == [of_figure, of_error, of_estimate])) cycle
             call self%kept(i)%resolve(scene, problem)
             if (problem == '') cycle
-            call set_error(error, status_invalid_option, 'what is kept as "'//trim(self%kept(i)%name)//'", '// &
-                self%kept(i)%quantity//', '//problem, 'vary only what leaves it in the model, or keep something else')
+            call set_error(error, status_invalid_option, 'the quantity "'//trim(self%kept(i)%name)//'", '// &
+                self%kept(i)%quantity//', '//problem, &
+                'vary only parameters that preserve it in the model, or keep another quantity')
             return
         end do
     end subroutine resolve
@@ -375,7 +376,7 @@ contains
         class(simulation_type), intent(in) :: simulation
         type(error_type), allocatable, intent(out) :: error
 
-        if (stat /= 0) call set_error(error, status_callback_failed, 'a quantity that is kept could not be evaluated at t = '// &
+        if (stat /= 0) call set_error(error, status_callback_failed, 'a kept quantity could not be evaluated at t = '// &
             to_text(simulation%state%t))
     end subroutine refuse
 end module tandem_io_sweep_recorder

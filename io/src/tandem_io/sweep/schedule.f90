@@ -113,9 +113,9 @@ contains
             if (allocated(error)) exit
             call watcher%tell(journal, team%size(), schedule%busy)
             if (watcher%stops()) then
-                call set_error(error, status_interrupted, 'the sweep was ended from outside with '//to_text(int(journal%done))// &
+                call set_error(error, status_interrupted, 'the sweep was terminated with '//to_text(int(journal%done))// &
                     ' of '//to_text(int(journal%last - journal%first + 1))//' cases done', &
-                    'the same command continues with the others')
+                    'the same command continues with the remaining cases')
                 exit
             end if
             ! Short cases would wake this process at each of them.
@@ -227,13 +227,13 @@ contains
     !> Name of a signal.
     pure function signal_words(signal) result(words)
         integer(long), intent(in) :: signal
-        character(len=40) :: words
+        character(len=48) :: words
         integer, parameter :: numbers(7) = [4, 6, 7, 8, 9, 11, 15]
         character(len=7), parameter :: names(7) = [character(len=7) :: 'SIGILL', 'SIGABRT', 'SIGBUS', 'SIGFPE', 'SIGKILL', &
             'SIGSEGV', 'SIGTERM']
         integer :: i
 
-        words = ' by itself, as by a STOP in the model'
+        words = ' without a signal, as by a STOP in the model'
         if (signal == 0) return
         words = ' by signal '//to_text(int(signal))
         i = findloc(numbers, int(signal), dim=1)
@@ -284,7 +284,7 @@ contains
                 call team%end_worker(i)
                 duty%is_there = .false.
                 call refuse_case(record, duty%ranges(1, 1), status_hung, 'the case did not return long after max_seconds, '// &
-                    'as when a procedure of the model never does; its process was ended')
+                    'as if a procedure of the model never returned; its process was terminated')
                 call journal%append(record, error)
                 if (allocated(error)) return
                 call pass_case(duty)

@@ -116,7 +116,7 @@ contains
 
         call file%attach('/', 'format_version', int(format_version, long))
         call file%attach('/', 'tandem_version', tandem_version)
-        call file%attach('/', 'about', 'a sweep: datasets of inputs and outputs, a row a case')
+        call file%attach('/', 'about', 'a sweep: datasets of inputs and outputs, one row per case')
         call file%attach('/', 'cases', plan%n_cases())
         call file%attach('/', 'failed', journal%failed)
         call file%attach('/', 'seed', int(plan%seed, long))

@@ -317,7 +317,7 @@ def add_massless_wheel(found: Mechanism, drawing: Drawing, name: str, body: Body
     along = found.axis_in(body.name, found.vector(keys.get("along", [0, 0, 0])))
     pivot = found.axis_in(body.name, found.vector(keys.get("about", keys.get("along", [0, 0, 1]))))
     length = np.linalg.norm(along)
-    way = found.values[f"{name}.way"] if length > 0 else np.zeros(len(found.times))
+    way = found.values[f"{name}.displacement"] if length > 0 else np.zeros(len(found.times))
     place = body.place + turned(body.turn, centre + way[:, None]*along/(length or 1.0))
     try:
         half = np.array([found.numbers.at(keys["steer"], float(t)) for t in found.times])/2 if "steer" in keys else 0*way
@@ -336,7 +336,7 @@ def add_massless_wheel(found: Mechanism, drawing: Drawing, name: str, body: Body
 
 def add_plane(found: Mechanism, drawing: Drawing, name: str, keys: dict, normal: np.ndarray, size: float) -> None:
     """A plane that turns, rises or slides, as a plate below the wheel."""
-    if not any(key in keys for key in ("turn", "rise", "slide")):
+    if not any(key in keys for key in ("rotation", "rise", "slide")):
         return
     frames = found.times
     pivot = found.vector(keys.get("pivot", [0, 0, 0]))
@@ -348,7 +348,7 @@ def add_plane(found: Mechanism, drawing: Drawing, name: str, keys: dict, normal:
         except ValueError:
             return np.zeros(len(frames))
 
-    rise, turn, slide = over_time("rise"), over_time("turn"), over_time("slide")
+    rise, turn, slide = over_time("rise"), over_time("rotation"), over_time("slide")
     along = found.vector(keys.get("along", [1, 0, 0]))
     base = pivot - normal*(pivot @ normal) + normal*height
     place = base + rise[:, None]*normal + slide[:, None]*along
@@ -357,7 +357,7 @@ def add_plane(found: Mechanism, drawing: Drawing, name: str, keys: dict, normal:
     flat = carrying(normal)
     plate = Body(f"plane of {name}", place, turns)
     thin = 0.004*reach
-    if "turn" in keys:
+    if "rotation" in keys:
         plate.pieces.append(Piece("cylinder", (reach, reach, thin), "#D7DBDF", -normal*thin, flat))
     else:
         plate.pieces.append(Piece("box", (2*reach, 2*reach, thin), "#D7DBDF", -normal*thin, flat))
@@ -416,7 +416,7 @@ def add_sensors(found: Mechanism, drawing: Drawing) -> None:
 def place_ground(found: Mechanism, drawing: Drawing) -> None:
     """The ground at the plane of the wheels, otherwise below everything."""
     planes = [keys for keys in found.elements["wheel"].values() if keys.get("type") != "knife_edge"]
-    moving = any(key in keys for keys in planes for key in ("turn", "rise", "slide"))
+    moving = any(key in keys for keys in planes for key in ("rotation", "rise", "slide"))
     if planes and not moving:
         normal = found.vector(planes[0].get("normal", [0, 0, 1]))
         drawing.up = normal/np.linalg.norm(normal)
