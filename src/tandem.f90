@@ -8,7 +8,7 @@ module tandem
     use tandem_analysis_nearest, only: most_nearest, nearest_type
     use tandem_analysis_spectrum, only: cause_name, is_asymptotically_stable, is_marginal, is_unstable, of_family, &
         of_motion, of_symmetry, spectrum_type, stability_name
-    use tandem_analysis_settling, only: settling_type
+    use tandem_analysis_equilibrium_search, only: equilibrium_search_type
     use tandem_analysis_steady_words, only: any_motion, find_steady_from_words
     use tandem_analysis_symmetry, only: list_motions, symmetry_type
     use tandem_error, only: error_type, set_error, to_text
@@ -89,7 +89,8 @@ module tandem
     public :: nearest_type, most_nearest
     public :: spectrum_type, of_motion, of_symmetry, of_family, cause_name
     public :: is_asymptotically_stable, is_marginal, is_unstable, stability_name
-    public :: symmetry_type, affine_motion_type, motion_name_length, list_motions, settling_type, any_motion, find_steady_from_words
+    public :: symmetry_type, affine_motion_type, motion_name_length, list_motions, equilibrium_search_type, any_motion, &
+        find_steady_from_words
     public :: properties_type, stepper_type, explicit_type, state_type, step_control_type, new_stepper, stepper_choices, &
         stepper_names
     public :: expression_type, parse_expression, check_name, resolve_parameters, table_type, table_kinds, table_ends

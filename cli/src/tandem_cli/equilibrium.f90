@@ -57,15 +57,15 @@ contains
         character(len=24) :: number
         integer :: i, width
 
-        associate (settling => scene%settling, spectrum => linearisation%spectrum)
-            call say(scene%name//' is in equilibrium; found in '//to_text(settling%iterations)//' iterations and '// &
-                to_text(settling%relaxations)//' steps along the forces, '//brief(settling%moved)//' from the start at most')
+        associate (search => scene%search, spectrum => linearisation%spectrum)
+            call say(scene%name//' is in equilibrium; found in '//to_text(search%iterations)//' iterations and '// &
+                to_text(search%relaxations)//' steps along the forces, '//brief(search%moved)//' from the start at most')
             if (allocated(spectrum%values)) then
                 call say('linear stability: '//trim(stability_name(spectrum%stability())))
             else
                 call say('linear stability: not computed for so many coordinates; see tandem linearise --near')
             end if
-            if (settling%n_free > 0) call say('free: '//to_text(settling%n_free)//' directions lead to other equilibria; '// &
+            if (search%n_free > 0) call say('free: '//to_text(search%n_free)//' directions lead to other equilibria; '// &
                 'this one is the nearest')
             if (linearisation%depends_on_time) call say('functions of time are held constant at t = '//to_text(scene%t_start))
             call say('')
@@ -85,15 +85,15 @@ contains
         type(json_type) :: json
         integer :: i
 
-        associate (settling => scene%settling, spectrum => linearisation%spectrum)
+        associate (search => scene%search, spectrum => linearisation%spectrum)
             call json%begin_object()
             call json%add('scene', scene%name)
             call json%add('time', scene%t_start)
             if (allocated(spectrum%values)) call json%add('stability', stability_name(spectrum%stability()))
-            call json%add('iterations', settling%iterations)
-            call json%add('relaxations', settling%relaxations)
-            call json%add('moved', settling%moved)
-            call json%add('free', settling%n_free)
+            call json%add('iterations', search%iterations)
+            call json%add('relaxations', search%relaxations)
+            call json%add('moved', search%moved)
+            call json%add('free', search%n_free)
             call json%add('q', scene%q)
             if (allocated(spectrum%values)) then
                 call json%add('residual', linearisation%residual)

@@ -2,14 +2,14 @@
 !> A scene: everything that a run needs, read from a TOML file and from settings of the command line.
 module tandem_io_scene
     use tandem, only: assembly_type, error_type, model_type, motion_name_length, not_negative, options_type, positive, &
-        reader_type, settling_type, shown_type, threshold_event_type, wp
+        reader_type, equilibrium_search_type, shown_type, threshold_event_type, wp
     use tandem_io_output_fields, only: default_fields, field_names, output_type
     use tandem_io_scene_assembly, only: read_assembly
     use tandem_io_scene_complete, only: complete_text
     use tandem_io_scene_description, only: description_type, key_length
     use tandem_io_scene_events, only: read_events
     use tandem_io_scene_registry, only: scene_model_type, shipped_models
-    use tandem_io_scene_settling, only: read_settling, settle
+    use tandem_io_scene_equilibrium, only: read_equilibrium, move_to_equilibrium
     use tandem_io_scene_solver, only: read_solver
     use tandem_io_scene_source, only: check_limits
     use tandem_io_scene_text, only: to_toml
@@ -45,7 +45,7 @@ module tandem_io_scene
         !> True if the start is an equilibrium; names of the motions along which a steady motion continues; how either was found.
         logical :: rests = .false.
         character(len=motion_name_length), allocatable :: steady(:)
-        type(settling_type), allocatable :: settling
+        type(equilibrium_search_type), allocatable :: search
         !> Start and end of the run.
         real(wp) :: t_start = 0.0_wp, t_end = 0.0_wp
         !> Output fields and file.
@@ -179,8 +179,9 @@ contains
         type(scene_type), intent(inout) :: scene
         type(error_type), allocatable, intent(out) :: error
 
-        allocate (scene%settling)
-        call settle(scene%model, scene%rests, scene%steady, scene%t_start, scene%q, scene%qd, scene%settling, error, scene%assembly)
+        allocate (scene%search)
+        call move_to_equilibrium(scene%model, scene%rests, scene%steady, scene%t_start, scene%q, scene%qd, scene%search, error, &
+            scene%assembly)
     end subroutine settle_start
 
     !> [scene], which stays open.
@@ -231,7 +232,7 @@ contains
             call reader%refuse('q', 'and qd are not finite for these values of [model] and [initial]')
         end if
         call read_assembly(reader, scene%model, scene%assembly)
-        call read_settling(reader, scene%model, scene%rests, scene%steady)
+        call read_equilibrium(reader, scene%model, scene%rests, scene%steady)
         call reader%close_table()
     end subroutine read_start
 

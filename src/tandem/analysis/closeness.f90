@@ -14,7 +14,7 @@ module tandem_analysis_closeness
     implicit none (type, external)
     private
 
-    public :: squared_distance, find_way_nearer
+    public :: squared_distance, find_step_nearer
 
 contains
 
@@ -30,14 +30,13 @@ contains
         square = dot_product(away, matmul(point%mass, away)) + dot_product(faster, matmul(point%mass, faster))
     end function squared_distance
 
-    !> The step along a family that minimises the distance, to first order: of scaled coordinates and of the rates of k symmetries
-    !> times T.
-    subroutine find_way_nearer(point, symmetry, rates, k, jacobian, q, qd, q0, qd0, step)
+    !> The step along a family that minimises the distance, to first order: of scaled coordinates and of the rates of the first k
+    !> symmetries times T, k = size(step) - n.
+    subroutine find_step_nearer(point, symmetry, rates, jacobian, q, qd, q0, qd0, step)
         type(point_type), intent(in) :: point
         type(symmetry_type), intent(in) :: symmetry
         !> Rates of the fields.
         real(wp), intent(in) :: rates(:)
-        integer, intent(in) :: k
         !> Derivatives of all residuals that must stay zero along the family (any, n + k).
         real(wp), intent(in) :: jacobian(:, :)
         real(wp), intent(in) :: q(:), qd(:), q0(:), qd0(:)
@@ -47,9 +46,10 @@ contains
         real(wp), parameter :: least = 1.0e-10_wp
         type(singular_type) :: svd
         real(wp), allocatable :: family(:, :), faster(:, :), weights(:, :), values(:), b(:)
-        integer :: i, n
+        integer :: i, k, n
 
         n = point%n
+        k = size(step) - n
         step = 0.0_wp
         call svd%allocate(size(jacobian, 1), n + k)
         call svd%factor(jacobian)
@@ -78,5 +78,5 @@ contains
             b = 0.0_wp
         end where
         step = matmul(family, matmul(weights, b))
-    end subroutine find_way_nearer
+    end subroutine find_step_nearer
 end module tandem_analysis_closeness

@@ -24,12 +24,12 @@ module tandem_analysis_drift
 contains
 
     !> An orthonormal basis of the drift, and the rate of the frame.
-    subroutine find_drift(symmetry, rates, q, qd, a, v, g, w, basis, rate)
+    subroutine find_drift(symmetry, rates, q, qd, a, dq, dqd, basis, rate)
         !> The motions along which the steady motion continues, and their rates.
         type(symmetry_type), intent(in) :: symmetry
         real(wp), intent(in) :: rates(:)
-        !> The point (n), A (nv + nw, nv + nw), dq = V dv, dqd = G dv + W dw.
-        real(wp), intent(in) :: q(:), qd(:), a(:, :), v(:, :), g(:, :), w(:, :)
+        !> The point (n), A (nv + nw, nv + nw), and the matrices (n, nv + nw) of dq = V dv and dqd = G dv + W dw.
+        real(wp), intent(in) :: q(:), qd(:), a(:, :), dq(:, :), dqd(:, :)
         !> (nv + nw, any)
         real(wp), allocatable, intent(out) :: basis(:, :)
         real(wp), intent(out) :: rate
@@ -40,16 +40,14 @@ contains
 
         n = size(a, 1)
         allocate (basis(n, 0))
-        allocate (turns(0))
+        allocate (turns, source=world_rotations(symmetry, size(rates)))
         rate = 0.0_wp
-        do i = 1, size(rates)
-            if (.not. symmetry%motions(i)%turns_world) cycle
-            turns = [turns, i]
-            rate = hypot(rate, rates(i))
+        do i = 1, size(turns)
+            rate = hypot(rate, rates(turns(i)))
         end do
         if (size(turns) == 0) rate = largest_rate(symmetry%matrix(rates, size(q)))
         if (.not. rate > 0.0_wp .or. n == 0) return
-        call list_accelerations(symmetry, rates, turns, q, qd, a, v, g, w, rows, sizes)
+        call list_accelerations(symmetry, rates, q, qd, a, dq, dqd, rows, sizes)
         do i = 1, size(rows, 1)
             length = norm2(rows(i, :))
             ! Terms may cancel, and rows of bodies that are fixed are rounding alone.
@@ -73,29 +71,35 @@ contains
         end do
     end subroutine find_drift
 
+    !> Indices of the rotations of the world among the first n motions.
+    pure function world_rotations(symmetry, n) result(numbers)
+        type(symmetry_type), intent(in) :: symmetry
+        integer, intent(in) :: n
+        integer, allocatable :: numbers(:)
+        integer :: i
+
+        allocate (numbers, source=pack([(i, i=1, n)], symmetry%motions(:n)%turns_world))
+    end function world_rotations
+
     !> u(A z) + w x u(z), a row for each coordinate or for each of the corresponding angular velocities.
-    subroutine list_accelerations(symmetry, rates, turns, q, qd, a, v, g, w, rows, sizes)
+    subroutine list_accelerations(symmetry, rates, q, qd, a, dq, velocity, rows, sizes)
         type(symmetry_type), intent(in) :: symmetry
         real(wp), intent(in) :: rates(:)
-        !> The numbers of the rotations of the world.
-        integer, intent(in) :: turns(:)
-        real(wp), intent(in) :: q(:), qd(:), a(:, :), v(:, :), g(:, :), w(:, :)
+        !> As of `find_drift`.
+        real(wp), intent(in) :: q(:), qd(:), a(:, :), dq(:, :), velocity(:, :)
         !> The rows and the sizes of their terms.
         real(wp), allocatable, intent(out) :: rows(:, :), sizes(:)
-        real(wp), allocatable :: l(:, :), dq(:, :), velocity(:, :), spin(:, :), terms(:, :)
-        integer, allocatable :: kept(:)
+        real(wp), allocatable :: l(:, :), spin(:, :), terms(:, :)
+        integer, allocatable :: kept(:), turns(:)
         logical :: is_place(size(q))
         real(wp) :: along(3)
         integer :: i, first, last
 
         allocate (l, source=symmetry%matrix(rates, size(q)))
-        allocate (velocity(size(q), size(a, 1)), dq(size(q), size(a, 1)), source=0.0_wp)
-        dq(:, :size(v, 2)) = v
-        velocity(:, :size(v, 2)) = g
-        velocity(:, size(v, 2) + 1:) = w
         allocate (rows, source=matmul(velocity, a) + matmul(l, velocity))
         allocate (terms, source=matmul(abs(velocity), abs(a)) + matmul(abs(l), abs(velocity)))
         is_place = .true.
+        allocate (turns, source=world_rotations(symmetry, size(rates)))
         if (size(turns) == 3) then
             along = rates(turns)
             last = 0

@@ -305,7 +305,7 @@ contains
         type(point_type), intent(in) :: point
         real(wp), intent(in) :: uncertainty(:, :)
         type(error_type), allocatable, intent(out) :: error
-        real(wp), allocatable :: directions(:, :), drift(:, :)
+        real(wp), allocatable :: directions(:, :), drift(:, :), dq(:, :), dqd(:, :)
         real(wp) :: x(point%n), y(point%n), rate
         integer :: k
 
@@ -321,7 +321,11 @@ contains
         if (self%kind == at_an_instant) directions = directions(:, :0)
         rate = 0.0_wp
         if (self%kind == in_steady_motion) then
-            call find_drift(self%symmetry, self%rates, self%q, self%qd, self%a, self%v, self%g, self%w, drift, rate)
+            allocate (dq(point%n, self%nv + self%nw), dqd(point%n, self%nv + self%nw), source=0.0_wp)
+            dq(:, :self%nv) = self%v
+            dqd(:, :self%nv) = self%g
+            dqd(:, self%nv + 1:) = self%w
+            call find_drift(self%symmetry, self%rates, self%q, self%qd, self%a, dq, dqd, drift, rate)
         else
             allocate (drift(self%nv + self%nw, 0))
         end if

@@ -8,10 +8,10 @@
 !>   [sigma^2 M + sigma D + K, C'; C, 0] (q1; nu) = (-M (sigma q0 + u0) - D q0; g),   u1 = sigma q1 + q0,
 !>
 !> with g = 0 in rows of Phi, and -C q0/sigma in those at velocity level, which below are C + (C X q - nu)_q/sigma, X = 0 at rest
-!> (`sparse_point.f90`, `comoving.f90`). The largest eigenvalues theta of that operator give the eigenvalues of A nearest to sigma,
-!> lambda = sigma + 1/theta.
+!> (`sparse_point.f90`, `corotating_frame.f90`). The largest eigenvalues theta of that operator give the eigenvalues of A nearest to
+!> sigma, lambda = sigma + 1/theta.
 module tandem_analysis_nearest
-    use tandem_analysis_comoving, only: comoving_type
+    use tandem_analysis_corotating_frame, only: corotating_frame_type
     use tandem_analysis_nearest_errors, only: bound_errors
     use tandem_analysis_sparse_point, only: most_factor_entries, sparse_point_type
     use tandem_analysis_steadiness, only: check_rows, check_symmetry
@@ -38,7 +38,7 @@ module tandem_analysis_nearest
         real(wp), allocatable :: q(:)
         real(wp) :: residual = 0.0_wp
         !> The co-rotating frame.
-        type(comoving_type) :: frame
+        type(corotating_frame_type) :: frame
         !> The shift: the requested one, or one beside it if that is an eigenvalue itself.
         complex(wp) :: shift = (0.0_wp, 0.0_wp)
         !> Eigenvalues, the nearest first, each the first of its copies.

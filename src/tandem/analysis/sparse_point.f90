@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> A model at rest at one point, for the analysis of large mechanisms: M, K = (C' lambda - S - Q_A)_q and D = -(S + Q_A)_qd by
 !> bodies that share rows or forces, in memory and time proportional to their number. In a steady motion it is at rest in
-!> co-rotating coordinates (`comoving.f90`): M (L X q + 2 L qd) is then one of the forces, and rows at velocity level depend on
-!> coordinates.
+!> co-rotating coordinates (`corotating_frame.f90`): M (L X q + 2 L qd) is then one of the forces, and rows at velocity level depend
+!> on coordinates.
 !>
 !> K and D are central differences of eighth order along groups of coordinates whose bodies have no neighbour in common, so that
 !> their number does not grow with the number of bodies. A comparison along a random direction detects entries missing from the
@@ -10,7 +10,7 @@
 !>
 !> Source: A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119.
 module tandem_analysis_sparse_point
-    use tandem_analysis_comoving, only: comoving_type
+    use tandem_analysis_corotating_frame, only: corotating_frame_type
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_linalg_order, only: list_type
@@ -34,7 +34,7 @@ module tandem_analysis_sparse_point
         !> The point, coordinate scales, the velocities there, X q (n); multipliers (m).
         real(wp), allocatable :: q(:), scale(:), rest(:), lambda(:)
         !> The co-rotating frame.
-        type(comoving_type) :: frame
+        type(corotating_frame_type) :: frame
         !> (C X q - nu)_q of rows at velocity level, compressed as C.
         real(wp), allocatable :: turning(:, :)
         !> Rows that depend on others (m): they take no part, and their multipliers are zero.

@@ -11,7 +11,7 @@
 !> delta grows if r does not fall (K. Levenberg, Quart. Appl. Math. 2, 1944; D. W. Marquardt, J. SIAM 11, 1963; as one sparse system
 !> A. Björck, Numerical Methods for Least Squares Problems, 1996, section 2.7).
 module tandem_analysis_sparse_steady
-    use tandem_analysis_comoving, only: fit_rates
+    use tandem_analysis_corotating_frame, only: fit_rates
     use tandem_analysis_sparse_point, only: most_factor_entries, sparse_point_type
     use tandem_analysis_steadiness, only: check_rows, check_symmetry
     use tandem_analysis_symmetry, only: is_named, list_motions, symmetry_type
@@ -62,7 +62,7 @@ contains
         real(wp), intent(inout) :: q(:), qd(:)
         integer, intent(inout) :: iterations
         type(error_type), allocatable, intent(out) :: error
-        !> As of `find_steady_motion` of `settling_type`.
+        !> As of `find_steady_motion` of `equilibrium_search_type`.
         character(len=*), intent(in), optional :: names(:), held(:)
         real(wp), intent(in), optional :: held_at(:)
         type(problem_type), allocatable :: problem

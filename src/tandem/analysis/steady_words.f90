@@ -2,7 +2,7 @@
 !> Steady motions as text: `NAME` for a motion along which it continues, or all of a group, `NAME=RATE` for a fixed rate, `any` for
 !> all symmetries. Scenes, C, Fortran 77 and Python use the same syntax.
 module tandem_analysis_steady_words
-    use tandem_analysis_settling, only: settling_type
+    use tandem_analysis_equilibrium_search, only: equilibrium_search_type
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_model, only: model_type
@@ -19,9 +19,9 @@ module tandem_analysis_steady_words
 
 contains
 
-    !> The steady motion near (q, qd); see `find_steady_motion` of `settling_type`. Errors: those, and an invalid rate.
-    subroutine find_steady_from_words(settling, model, t, q, qd, words, error)
-        type(settling_type), intent(out) :: settling
+    !> The steady motion near (q, qd); see `find_steady_motion` of `equilibrium_search_type`. Errors: those, and an invalid rate.
+    subroutine find_steady_from_words(search, model, t, q, qd, words, error)
+        type(equilibrium_search_type), intent(out) :: search
         class(model_type), intent(inout), target :: model
         !> Time (s), coordinates and velocities (n).
         real(wp), intent(in) :: t, q(:), qd(:)
@@ -48,15 +48,15 @@ contains
             return
         end do
         if (size(words) == 0 .or. any(names == any_motion)) then
-            call settling%find_steady_motion(model, t, q, qd, error, held=held, held_at=held_at)
+            call search%find_steady_motion(model, t, q, qd, error, held=held, held_at=held_at)
         else
-            call settling%find_steady_motion(model, t, q, qd, error, names, held, held_at)
+            call search%find_steady_motion(model, t, q, qd, error, names, held, held_at)
         end if
     end subroutine find_steady_from_words
 
     !> Variant for words in a text, separated by blanks or commas.
-    subroutine find_steady_from_text(settling, model, t, q, qd, text, error)
-        type(settling_type), intent(out) :: settling
+    subroutine find_steady_from_text(search, model, t, q, qd, text, error)
+        type(equilibrium_search_type), intent(out) :: search
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t, q(:), qd(:)
         character(len=*), intent(in) :: text
@@ -64,7 +64,7 @@ contains
         character(len=len(text)) :: words(count_words(text))
 
         call split_words(text, words)
-        call find_steady_from_words(settling, model, t, q, qd, words, error)
+        call find_steady_from_words(search, model, t, q, qd, words, error)
     end subroutine find_steady_from_text
 
     !> Number of words of a text.

@@ -4,7 +4,7 @@ module tandem_legacy_c_mechanism
     use tandem_legacy_c_model, only: c_model_type
     use tandem_legacy_c_text, only: text_of, value_of
     use tandem_legacy_callback_model, only: callback_model_type
-    use tandem_legacy_drawn, only: define_mechanism, get_drawing, get_name, set_key
+    use tandem_legacy_mechanism_keys, only: define_mechanism, get_name, get_reference_state, set_key
     use tandem_legacy_handle, only: find => problem_of, new_handle
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option
@@ -91,7 +91,7 @@ contains
         call find(handle, problem)
         if (.not. associated(problem)) return
         if (present(q) .and. present(qd)) then
-            call get_drawing(problem, q, qd)
+            call get_reference_state(problem, q, qd)
         else
             call problem%refuse('q or qd is NULL', 'pass arrays of n numbers')
         end if

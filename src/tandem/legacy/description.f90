@@ -3,7 +3,7 @@
 !> of the last operation. `tandem_legacy_problem` adds the run.
 module tandem_legacy_description
     use tandem_analysis_linearisation, only: linearisation_type
-    use tandem_analysis_settling, only: settling_type
+    use tandem_analysis_equilibrium_search, only: equilibrium_search_type
     use tandem_analysis_steady_words, only: find_steady_from_text
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -429,18 +429,18 @@ contains
         real(wp), intent(in) :: t
         !> Coordinates (n); unchanged if none is found.
         real(wp), intent(inout) :: q(*)
-        type(settling_type), allocatable :: settling
+        type(equilibrium_search_type), allocatable :: search
         type(error_type), allocatable :: error
 
         if (.not. self%is_free()) return
         call self%prepare(error)
         if (.not. allocated(error)) then
             self%busy = .true.
-            allocate (settling)
-            call settling%find_equilibrium(self%model, t, q(:self%model%n), error)
+            allocate (search)
+            call search%find_equilibrium(self%model, t, q(:self%model%n), error)
             self%busy = .false.
         end if
-        if (.not. allocated(error)) q(:self%model%n) = settling%q
+        if (.not. allocated(error)) q(:self%model%n) = search%q
         call self%conclude(error)
     end subroutine find_equilibrium
 
@@ -452,20 +452,20 @@ contains
         real(wp), intent(inout) :: q(*), qd(*)
         !> Motions to be steady: words of `find_steady_from_words`, separated by blanks or commas.
         character(len=*), intent(in) :: motions
-        type(settling_type), allocatable :: settling
+        type(equilibrium_search_type), allocatable :: search
         type(error_type), allocatable :: error
 
         if (.not. self%is_free()) return
         call self%prepare(error)
         if (.not. allocated(error)) then
             self%busy = .true.
-            allocate (settling)
-            call find_steady_from_text(settling, self%model, t, q(:self%model%n), qd(:self%model%n), motions, error)
+            allocate (search)
+            call find_steady_from_text(search, self%model, t, q(:self%model%n), qd(:self%model%n), motions, error)
             self%busy = .false.
         end if
         if (.not. allocated(error)) then
-            q(:self%model%n) = settling%q
-            qd(:self%model%n) = settling%qd
+            q(:self%model%n) = search%q
+            qd(:self%model%n) = search%qd
         end if
         call self%conclude(error)
     end subroutine find_steady_motion

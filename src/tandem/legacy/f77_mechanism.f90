@@ -28,7 +28,7 @@ end subroutine tdmech
 
 !> Set the key KEY to a value as in scene files: '1.5', '"a text"', 'true', '[0, "l/2"]'.
 subroutine tdkey(h, key, value, ierr)
-    use tandem_legacy_drawn, only: set_key
+    use tandem_legacy_mechanism_keys, only: set_key
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
     integer, intent(in) :: h(4)
@@ -43,7 +43,7 @@ end subroutine tdkey
 
 !> Set the key KEY to the number X.
 subroutine tdknum(h, key, x, ierr)
-    use tandem_legacy_drawn, only: set_value
+    use tandem_legacy_mechanism_keys, only: set_value
     use tandem_legacy_f77_model, only: found, problem_type, wp
     use tandem_mechanism_entries, only: number_value
     implicit none (type, external)
@@ -60,7 +60,7 @@ end subroutine tdknum
 
 !> Set the key KEY to the text TEXT, without quotes: a word, a name, or an expression.
 subroutine tdktxt(h, key, text, ierr)
-    use tandem_legacy_drawn, only: set_value
+    use tandem_legacy_mechanism_keys, only: set_value
     use tandem_legacy_f77_model, only: found, problem_type
     use tandem_mechanism_entries, only: text_value
     implicit none (type, external)
@@ -76,7 +76,7 @@ end subroutine tdktxt
 
 !> Set the key KEY to the list of numbers X(N).
 subroutine tdkvec(h, key, n, x, ierr)
-    use tandem_legacy_drawn, only: set_value
+    use tandem_legacy_mechanism_keys, only: set_value
     use tandem_legacy_f77_model, only: found, problem_type, wp
     use tandem_mechanism_entries, only: value_type
     implicit none (type, external)
@@ -107,7 +107,7 @@ end subroutine tdkvec
 !> Build the mechanism from its keys. IPLAN not 0: in the plane; IOPEN not 0: joints may be open in the reference configuration;
 !> kinks of functions of time are searched from T0 to T1.
 subroutine tddefn(h, iplan, iopen, t0, t1, ierr)
-    use tandem_legacy_drawn, only: define_mechanism
+    use tandem_legacy_mechanism_keys, only: define_mechanism
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
     integer, intent(in) :: h(4), iplan, iopen
@@ -143,7 +143,7 @@ end subroutine tdsize
 
 !> State of the reference configuration, Q(N) and QD(N).
 subroutine tddraw(h, q, qd, ierr)
-    use tandem_legacy_drawn, only: get_drawing
+    use tandem_legacy_mechanism_keys, only: get_reference_state
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
     integer, intent(in) :: h(4)
@@ -152,13 +152,13 @@ subroutine tddraw(h, q, qd, ierr)
     type(problem_type), pointer :: problem
 
     if (.not. found(h, problem, ierr)) return
-    call get_drawing(problem, q, qd)
+    call get_reference_state(problem, q, qd)
     ierr = problem%stat
 end subroutine tddraw
 
 !> Name of coordinate I (WHAT = 'coordinate'), its unit ('unit'), or name of constraint row I ('row'), from 1.
 subroutine tdname(h, what, i, text, ierr)
-    use tandem_legacy_drawn, only: get_name
+    use tandem_legacy_mechanism_keys, only: get_name
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
     integer, intent(in) :: h(4)

@@ -7,28 +7,28 @@
 !> the last evaluated point.
 module tandem_mechanism_coordinate
     use tandem_kinds, only: wp
-    use tandem_mechanism_dot, only: dot_curve, dot_gradient, dot_second, dot_type
+    use tandem_mechanism_perpendicular, only: dot_curve, dot_gradient, dot_second, perpendicular_type
     use tandem_mechanism_pair, only: add_outer, n_local, turn_1, turn_2
     use tandem_mechanism_pose, only: pose_type, turned
-    use tandem_mechanism_span, only: span_gradient, span_second, span_type, span_way
+    use tandem_mechanism_point_vector, only: vector_gradient, vector_second, point_vector_type, vector_between
     use tandem_mechanism_vector, only: cross
     use tandem_rigid_euler_parameters, only: e_transposed_product
     implicit none (type, external)
     private
 
     public :: coordinate_type, begin_turns, count_turns, end_search, measure, measure_apart, differentiate_coordinate, find_slope
-    public :: pi, is_way, is_distance, is_angle, is_tilt
+    public :: pi, is_displacement, is_distance, is_angle, is_tilt
 
     !> The kinds are displacement (one.d, m); distance (m); angle (rad) with the cosine `one` and the sine `other`, in the plane the
     !> difference of two angles; small angle (one - other)/2, the sine of the angle about the third axis if that axis is common.
-    integer, parameter :: is_way = 1, is_distance = 2, is_angle = 3, is_tilt = 4
+    integer, parameter :: is_displacement = 1, is_distance = 2, is_angle = 3, is_tilt = 4
 
     type :: coordinate_type
-        integer :: kind = is_way
+        integer :: kind = is_displacement
         !> The two bodies, 0 for the ground.
         integer :: first = 0, second = 0
-        type(dot_type) :: one, other
-        type(span_type) :: span
+        type(perpendicular_type) :: one, other
+        type(point_vector_type) :: vector
         !> Subtracted from the value: x = 0 there (m or rad).
         real(wp) :: offset = 0.0_wp
         !> Index of the function of time that the angle follows; 0 if none.
@@ -72,7 +72,7 @@ contains
         turns = 0.0_wp
         select case (self%kind)
         case (is_distance)
-            way = span_way(self%span, pose, 0)
+            way = vector_between(self%vector, pose, 0)
             x = sqrt(way(1)**2 + way(2)**2 + way(3)**2)
         case (is_angle)
             if (is_planar(self, pose)) then
@@ -282,19 +282,19 @@ contains
 
         l = 0.0_wp
         do k = 0, last
-            d(:, k) = span_way(self%span, pose, k)
+            d(:, k) = vector_between(self%vector, pose, k)
         end do
         l(0) = sqrt(dot3(d(:, 0), d(:, 0)))
         if (last > 0) l(1) = dot3(d(:, 0), d(:, 1))/l(0)
         if (last > 1) l(2) = (dot3(d(:, 1), d(:, 1)) + dot3(d(:, 0), d(:, 2)) - l(1)**2)/l(0)
         x = l
         x(0) = l(0) - self%offset
-        call span_gradient(self%span, pose, last, d(:, 0:last), gradient(:, 0:last))
+        call vector_gradient(self%vector, pose, last, d(:, 0:last), gradient(:, 0:last))
         gradient(:, 0) = gradient(:, 0)/l(0)
         if (last > 0) gradient(:, 1) = (gradient(:, 1) - l(1)*gradient(:, 0))/l(0)
         if (last > 1) gradient(:, 2) = (gradient(:, 2) - 2*l(1)*gradient(:, 1) - l(2)*gradient(:, 0))/l(0)
         if (.not. present(second)) return
-        call span_second(self%span, pose, d(:, 0), second)
+        call vector_second(self%vector, pose, d(:, 0), second)
         call add_outer(-1.0_wp, gradient(:, 0), gradient(:, 0), second)
         second = second/l(0)
     end subroutine differentiate_distance

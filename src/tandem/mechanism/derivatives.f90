@@ -8,14 +8,14 @@ contains
     module procedure add_derivatives
         integer :: i, j, k
 
-        call differentiate_meetings(self%meetings, merge(2, 3, self%planar), need, self%pose, lambda, derivatives)
-        call differentiate_dots(self%dots, need, self%pose, lambda, derivatives)
+        call differentiate_coincidences(self%coincidences, merge(2, 3, self%planar), need, self%pose, lambda, derivatives)
+        call differentiate_perpendiculars(self%perpendiculars, need, self%pose, lambda, derivatives)
         call differentiate_distances(self%distances, need, self%pose, lambda, derivatives)
         call differentiate_couplings(self%couplings, need, self%pose, lambda, derivatives)
-        call differentiate_edges(self%edges, need, self%pose, self%f, lambda, derivatives)
+        call differentiate_knife_edges(self%knife_edges, need, self%pose, self%f, lambda, derivatives)
         call differentiate_rollers(self%rollers, need, self%pose, self%f, lambda, derivatives)
         call differentiate_massless_wheels(self%massless_wheels, need, self%pose, self%f, lambda, derivatives)
-        call differentiate_glides(self%glides, need, self%pose, lambda, derivatives)
+        call differentiate_velocity_joints(self%velocity_joints, need, self%pose, lambda, derivatives)
         call differentiate_rate_rows(self%rate_rows, need, t, self%pose, qd, qdd, lambda, self%formulas, self%coordinates, &
             derivatives)
         do i = 1, size(self%turning)

@@ -94,7 +94,7 @@ contains
         character(len=key_length) :: point
         real(wp), allocatable :: across(:), axis(:), normal(:), radius, height, crown, axes(:), pivot(:), along(:)
         real(wp), allocatable :: about(:)
-        class(function_type), allocatable :: rise, turn, slide, steer
+        class(function_type), allocatable :: rise, rotation, slide, steer
         type(error_type), allocatable :: error
         integer :: n_place
 
@@ -134,7 +134,7 @@ contains
                 call reader%get_function('steer', steer, 'rad', 'steering angle, a function of time')
                 call reader%get_numbers('about', [3], about, anything, '', 'steering axis; default: the strut')
             else
-                call reader%get_function('rotation', turn, 'rad', 'rotation of the plane about its normal')
+                call reader%get_function('rotation', rotation, 'rad', 'rotation of the plane about its normal')
                 call reader%get_numbers('pivot', [3], pivot, anything, 'm', 'centre of this rotation; default: the origin')
                 call reader%get_function('slide', slide, 'm', 'displacement of the plane along a direction in it')
                 call reader%get_numbers('along', [3], along, anything, '', 'direction of this displacement')
@@ -146,17 +146,17 @@ contains
         case ('knife_edge')
             call mechanism%add_knife_edge(name, trim(point), across, error, steer, about)
         case ('disk')
-            call mechanism%add_rolling_disk(name, trim(point), radius, axis, error, normal, height, may_be_open, rise, turn, &
+            call mechanism%add_rolling_disk(name, trim(point), radius, axis, error, normal, height, may_be_open, rise, rotation, &
                 pivot, slide, along, crown)
         case ('massless')
             call mechanism%add_massless_wheel(name, trim(point), radius, axis, error, along, steer, about, normal, height, &
                 may_be_open, rise, crown)
         case ('sphere')
-            call mechanism%add_rolling_sphere(name, trim(point), radius, error, normal, height, may_be_open, rise, turn, pivot, &
-                slide, along)
+            call mechanism%add_rolling_sphere(name, trim(point), radius, error, normal, height, may_be_open, rise, rotation, &
+                pivot, slide, along)
         case default
-            call mechanism%add_rolling_ellipsoid(name, trim(point), axes, error, normal, height, may_be_open, rise, turn, pivot, &
-                slide, along)
+            call mechanism%add_rolling_ellipsoid(name, trim(point), axes, error, normal, height, may_be_open, rise, rotation, &
+                pivot, slide, along)
         end select
         call reader%blame(error)
     end subroutine read_wheel

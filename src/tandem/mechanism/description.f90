@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Build a mechanism from keys with values: the only module that defines the keys. Elements are added by the procedures of
-!> `tandem_mechanism_drawing` in an order in which all referenced elements exist already: bodies and points, joints and other rows,
+!> `tandem_mechanism_builder` in an order in which all referenced elements exist already: bodies and points, joints and other rows,
 !> wheels, forces, sensors.
 module tandem_mechanism_description
     use tandem_error, only: error_type
@@ -313,7 +313,7 @@ contains
                 call reader%fail('shape.'//shape, 'is not a shape', 'use bar, box, cylinder or sphere')
             else
                 call reader%get_numbers('shape.'//shape, [shape_sizes(i)], sizes, positive, 'm', &
-                    'bar: length, width; box: three edges; cylinder: radius, length along z; sphere: radius')
+                    'bar: length, width; box: three knife_edges; cylinder: radius, length along z; sphere: radius')
             end if
         end if
         call reader%get_number('mass', mass, not_negative, 'kg', '', required=.not. reader%gives('density'))

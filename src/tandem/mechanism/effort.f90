@@ -6,14 +6,14 @@ module tandem_mechanism_effort
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate
     use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
     use tandem_mechanism_formula, only: formula_type
-    use tandem_mechanism_glide, only: spin_of
+    use tandem_mechanism_velocity_joint, only: spin_of
     use tandem_mechanism_law, only: law_item_type
     use tandem_mechanism_load, only: find_push, load_type
     use tandem_mechanism_pair, only: n_local, place_1, place_2, turn_1, turn_2
     use tandem_mechanism_pose, only: pose_type, turned
-    use tandem_mechanism_press, only: normal_force
+    use tandem_mechanism_normal_force, only: normal_force
     use tandem_mechanism_reaction, only: wrench_of
-    use tandem_mechanism_span, only: span_way
+    use tandem_mechanism_point_vector, only: vector_between
     implicit none (type, external)
     private
 
@@ -44,10 +44,10 @@ contains
         type(effort_type) :: effort
         real(wp) :: d(3), rest
 
-        d = span_way(spring%span, pose, 0)
+        d = vector_between(spring%vector, pose, 0)
         effort%x = norm2(d)
         if (effort%x > 0.0_wp) d = d/effort%x
-        effort%rate = dot_product(d, span_way(spring%span, pose, 1))
+        effort%rate = dot_product(d, vector_between(spring%vector, pose, 1))
         effort%energy = spring%stiffness*(effort%x - spring%length)**2/2
         rest = spring%damping*effort%rate + given_force(spring%motion, spring%law, 1.0_wp, t, effort, f, laws)
         effort%along = spring%stiffness*(effort%x - spring%length) + rest
@@ -91,7 +91,7 @@ contains
         effort%rate = x(1)
         effort%energy = torsion%stiffness*(x(0) - torsion%angle)**2/2
         normal = 1.0_wp
-        if (torsion%press%n > 0) normal = normal_force(torsion%press, lambda)
+        if (torsion%reaction%n > 0) normal = normal_force(torsion%reaction, lambda)
         rest = -torsion%damping*x(1) + given_force(torsion%motion, torsion%law, normal, t, effort, f, laws)
         effort%along = -torsion%stiffness*(x(0) - torsion%angle) + rest
         effort%power = rest*x(1)

@@ -11,8 +11,8 @@ module tandem_mechanism_force
     use tandem_mechanism_law, only: law_item_type
     use tandem_mechanism_pair, only: add_block, add_outer, columns, n_local, place_1, place_2, put_force
     use tandem_mechanism_pose, only: gradient_of, pose_type
-    use tandem_mechanism_press, only: normal_force, press_type
-    use tandem_mechanism_span, only: span_gradient, span_second, span_type, span_way
+    use tandem_mechanism_normal_force, only: normal_force, normal_force_type
+    use tandem_mechanism_point_vector, only: vector_gradient, vector_second, point_vector_type, vector_between
     use tandem_model_derivatives, only: derivatives_type, need_dynamics_q, need_dynamics_qd
     implicit none (type, external)
     private
@@ -23,7 +23,7 @@ module tandem_mechanism_force
 
     !> k (N/m), c (N s/m), the free length (m), and the indices of the function u and of the law g, 0 if none.
     type :: spring_type
-        type(span_type) :: span
+        type(point_vector_type) :: vector
         real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, length = 0.0_wp
         integer :: motion = 0, law = 0
     end type spring_type
@@ -35,7 +35,7 @@ module tandem_mechanism_force
         real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, angle = 0.0_wp
         integer :: motion = 0, law = 0
         !> For friction on the reaction of the joint: its normal force. The law is then that for a normal force of 1 N.
-        type(press_type) :: press
+        type(normal_force_type) :: reaction
     end type torsion_type
 
     !> Forces f = K x + C xd along the displacements and small angles between two frames, which coincide in the reference
@@ -64,8 +64,8 @@ contains
 
         do i = 1, size(springs)
             associate (spring => springs(i))
-                d = span_way(spring%span, pose, 0)
-                d1 = span_way(spring%span, pose, 1)
+                d = vector_between(spring%vector, pose, 0)
+                d1 = vector_between(spring%vector, pose, 1)
                 length = sqrt(d(1)**2 + d(2)**2 + d(3)**2)
                 if (.not. length > 0.0_wp) then
                     stat = 1
@@ -80,9 +80,9 @@ contains
                     pull = pull + g(0)
                 end if
                 u = pull*u
-                call add_force(pose(spring%span%first), spring%span%s1, u, force)
+                call add_force(pose(spring%vector%first), spring%vector%s1, u, force)
                 u = -u
-                call add_force(pose(spring%span%second), spring%span%s2, u, force)
+                call add_force(pose(spring%vector%second), spring%vector%s2, u, force)
             end associate
         end do
     end subroutine add_springs
@@ -119,12 +119,12 @@ contains
 
         do i = 1, size(springs)
             associate (spring => springs(i))
-                d(:, 0) = span_way(spring%span, pose, 0)
-                d(:, 1) = span_way(spring%span, pose, 1)
+                d(:, 0) = vector_between(spring%vector, pose, 0)
+                d(:, 1) = vector_between(spring%vector, pose, 1)
                 length = norm2(d(:, 0))
                 rate = dot_product(d(:, 0), d(:, 1))/length
-                call span_gradient(spring%span, pose, 1, d, gradient)
-                call span_second(spring%span, pose, d(:, 0), second)
+                call vector_gradient(spring%vector, pose, 1, d, gradient)
+                call vector_second(spring%vector, pose, d(:, 0), second)
                 ! With w = d.d/2: l_q = w_q/l, l_qq = (w_qq - l_q l_q')/l.
                 gradient(:, 0) = gradient(:, 0)/length
                 gradient(:, 1) = (gradient(:, 1) - rate*gradient(:, 0))/length
@@ -136,7 +136,7 @@ contains
                     call laws(spring%law)%law%evaluate(t, length, rate, g)
                     pull = pull + g
                 end if
-                call put_force(need, columns(pose(spring%span%first), pose(spring%span%second)), gradient, second, pull, &
+                call put_force(need, columns(pose(spring%vector%first), pose(spring%vector%second)), gradient, second, pull, &
                     derivatives)
             end associate
         end do
@@ -147,7 +147,7 @@ contains
         type(spring_type), intent(in) :: spring
         type(pose_type), intent(in) :: pose(0:)
 
-        spring_energy = spring%stiffness*(norm2(span_way(spring%span, pose, 0)) - spring%length)**2/2
+        spring_energy = spring%stiffness*(norm2(vector_between(spring%vector, pose, 0)) - spring%length)**2/2
     end function spring_energy
 
     !> force := force + f x_q for every force along the coordinate of a joint.
@@ -166,7 +166,7 @@ contains
                 call find_slope(torsion%coordinate, pose, x, gradient)
                 resistance = torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1)
                 if (torsion%motion > 0) resistance = resistance - f(0, torsion%motion)
-                if (torsion%law > 0 .and. torsion%press%n == 0) then
+                if (torsion%law > 0 .and. torsion%reaction%n == 0) then
                     call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
                     resistance = resistance - g(0)
                 end if
@@ -188,7 +188,7 @@ contains
 
         k = 0
         do i = 1, size(torsions)
-            if (torsions(i)%press%n == 0) cycle
+            if (torsions(i)%reaction%n == 0) cycle
             k = k + 1
             associate (torsion => torsions(i))
                 call find_slope(torsion%coordinate, pose, x, gradient)
@@ -250,7 +250,7 @@ contains
                 if (torsion%motion > 0) resistance(0) = resistance(0) - f(0, torsion%motion)
                 if (torsion%law > 0) then
                     call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
-                    if (torsion%press%n > 0) g = normal_force(torsion%press, lambda)*g
+                    if (torsion%reaction%n > 0) g = normal_force(torsion%reaction, lambda)*g
                     resistance = resistance - g
                 end if
                 call put_force(need, columns(pose(torsion%coordinate%first), pose(torsion%coordinate%second)), &

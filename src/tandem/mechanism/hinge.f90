@@ -6,9 +6,9 @@
 !> evaluated together: common terms once, and no term that a hinge lacks.
 module tandem_mechanism_hinge
     use tandem_kinds, only: wp
-    use tandem_mechanism_dot, only: dot_type
+    use tandem_mechanism_perpendicular, only: perpendicular_type
     use tandem_mechanism_pose, only: pose_type, turn
-    use tandem_mechanism_span, only: span_type
+    use tandem_mechanism_point_vector, only: point_vector_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_phi, terms_type
     use tandem_rigid_euler_parameters, only: b_matrix, b_row
     implicit none (type, external)
@@ -26,45 +26,46 @@ module tandem_mechanism_hinge
 contains
 
     !> Collect coincident points followed by two perpendicularity rows as hinges, and the indices of the remaining ones.
-    pure subroutine gather_hinges(meetings, dots, pose, n_rows, hinges, loose_meetings, loose_dots)
-        type(span_type), intent(in) :: meetings(:)
-        type(dot_type), intent(in) :: dots(:)
+    pure subroutine gather_hinges(coincidences, perpendiculars, pose, n_rows, hinges, loose_coincidences, loose_perpendiculars)
+        type(point_vector_type), intent(in) :: coincidences(:)
+        type(perpendicular_type), intent(in) :: perpendiculars(:)
         !> Poses of the bodies, whose coordinates are numbered; 0 is the ground.
         type(pose_type), intent(in) :: pose(0:)
         !> Number of rows.
         integer, intent(in) :: n_rows
         type(hinge_type), allocatable, intent(out) :: hinges(:)
-        integer, allocatable, intent(out) :: loose_meetings(:), loose_dots(:)
+        integer, allocatable, intent(out) :: loose_coincidences(:), loose_perpendiculars(:)
         integer :: dot_of_row(n_rows + 2), i, n
-        logical :: is_hinge(size(meetings)), is_taken(size(dots))
+        logical :: is_hinge(size(coincidences)), is_taken(size(perpendiculars))
 
         dot_of_row = 0
-        do i = 1, size(dots)
-            dot_of_row(dots(i)%row) = i
+        do i = 1, size(perpendiculars)
+            dot_of_row(perpendiculars(i)%row) = i
         end do
         is_taken = .false.
-        do i = 1, size(meetings)
-            associate (span => meetings(i))
-                is_hinge(i) = is_solid(span%first) .and. is_solid(span%second) .and. span%row + 4 <= n_rows
+        do i = 1, size(coincidences)
+            associate (vector => coincidences(i))
+                is_hinge(i) = is_solid(vector%first) .and. is_solid(vector%second) .and. vector%row + 4 <= n_rows
                 if (.not. is_hinge(i)) cycle
-                associate (x => dot_of_row(span%row + 3), y => dot_of_row(span%row + 4))
+                associate (x => dot_of_row(vector%row + 3), y => dot_of_row(vector%row + 4))
                     is_hinge(i) = x > 0 .and. y > 0
-                    if (is_hinge(i)) is_hinge(i) = fits(span, dots(x)) .and. fits(span, dots(y)) .and. &
-                        .not. any(abs(dots(x)%b - dots(y)%b) > 0.0_wp)
+                    if (is_hinge(i)) is_hinge(i) = fits(vector, perpendiculars(x)) .and. fits(vector, perpendiculars(y)) .and. &
+                        .not. any(abs(perpendiculars(x)%b - perpendiculars(y)%b) > 0.0_wp)
                     if (.not. is_hinge(i)) cycle
                     is_taken([x, y]) = .true.
                 end associate
             end associate
         end do
-        loose_meetings = pack([(i, i=1, size(meetings))], .not. is_hinge)
-        loose_dots = pack([(i, i=1, size(dots))], .not. is_taken)
+        loose_coincidences = pack([(i, i=1, size(coincidences))], .not. is_hinge)
+        loose_perpendiculars = pack([(i, i=1, size(perpendiculars))], .not. is_taken)
         allocate (hinges(count(is_hinge)))
         n = 0
-        do i = 1, size(meetings)
+        do i = 1, size(coincidences)
             if (.not. is_hinge(i)) cycle
             n = n + 1
-            associate (span => meetings(i), x => dots(dot_of_row(meetings(i)%row + 3)), y => dots(dot_of_row(meetings(i)%row + 4)))
-                hinges(n) = hinge_type(span%first, span%second, span%row, span%s1, span%s2, x%a, y%a, y%b)
+            associate (vector => coincidences(i), x => perpendiculars(dot_of_row(coincidences(i)%row + 3)), &
+                y => perpendiculars(dot_of_row(coincidences(i)%row + 4)))
+                hinges(n) = hinge_type(vector%first, vector%second, vector%row, vector%s1, vector%s2, x%a, y%a, y%b)
             end associate
         end do
 
@@ -78,12 +79,12 @@ contains
         end function is_solid
 
         !> True if a perpendicularity row is that of two directions of the same two bodies, without a function of time.
-        pure logical function fits(span, dot)
-            type(span_type), intent(in) :: span
-            type(dot_type), intent(in) :: dot
+        pure logical function fits(vector, perpendicular)
+            type(point_vector_type), intent(in) :: vector
+            type(perpendicular_type), intent(in) :: perpendicular
 
-            fits = dot%first == span%first .and. dot%second == span%second .and. dot%motion == 0 .and. .not. dot%is_point .and. &
-                .not. abs(dot%c) > 0.0_wp
+            fits = perpendicular%first == vector%first .and. perpendicular%second == vector%second .and. &
+                perpendicular%motion == 0 .and. .not. perpendicular%is_point .and. .not. abs(perpendicular%c) > 0.0_wp
         end function fits
     end subroutine gather_hinges
 

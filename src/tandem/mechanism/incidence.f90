@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Bodies in each row of a mechanism, for the pattern of C, without the rows of the norms of Euler parameters.
 module tandem_mechanism_incidence
-    use tandem_mechanism_drawing, only: drawing_type
+    use tandem_mechanism_builder, only: builder_type
     implicit none (type, external)
     private
 
@@ -11,24 +11,24 @@ contains
 
     !> Pairs of a row and a body, 0 for the ground; rows have their final numbers.
     subroutine list_incidence(drawing, n_more, rows, bodies)
-        class(drawing_type), intent(in) :: drawing
+        class(builder_type), intent(in) :: drawing
         !> Number of spare entries at the end: later longer copies would fragment the memory.
         integer, intent(in) :: n_more
         !> Of equal size.
         integer, allocatable, intent(out) :: rows(:), bodies(:)
-        integer :: i, k, n, pass, n_meeting
+        integer :: i, k, n, pass, n_coincidence
 
-        n_meeting = merge(2, 3, drawing%planar)
+        n_coincidence = merge(2, 3, drawing%planar)
         ! Count in the first pass, list in the second.
         do pass = 1, 2
             n = 0
-            do i = 1, size(drawing%meetings)
-                do k = 0, n_meeting - 1
-                    call add(drawing%meetings(i)%row + k, drawing%meetings(i)%first, drawing%meetings(i)%second)
+            do i = 1, size(drawing%coincidences)
+                do k = 0, n_coincidence - 1
+                    call add(drawing%coincidences(i)%row + k, drawing%coincidences(i)%first, drawing%coincidences(i)%second)
                 end do
             end do
-            do i = 1, size(drawing%dots)
-                call add(drawing%dots(i)%row, drawing%dots(i)%first, drawing%dots(i)%second)
+            do i = 1, size(drawing%perpendiculars)
+                call add(drawing%perpendiculars(i)%row, drawing%perpendiculars(i)%first, drawing%perpendiculars(i)%second)
             end do
             do i = 1, size(drawing%distances)
                 call add(drawing%distances(i)%row, drawing%distances(i)%first, drawing%distances(i)%second)
@@ -43,8 +43,8 @@ contains
                     end associate
                 end do
             end do
-            do i = 1, size(drawing%edges)
-                call add(drawing%edges(i)%row, drawing%edges(i)%body, 0)
+            do i = 1, size(drawing%knife_edges)
+                call add(drawing%knife_edges(i)%row, drawing%knife_edges(i)%body, 0)
             end do
             do i = 1, size(drawing%rollers)
                 call add(drawing%rollers(i)%height_row, drawing%rollers(i)%body, 0)
@@ -57,8 +57,8 @@ contains
                     call add(wheel%row, wheel%body, wheel%slide)
                 end associate
             end do
-            do i = 1, size(drawing%glides)
-                call add(drawing%glides(i)%row, drawing%glides(i)%first, drawing%glides(i)%second)
+            do i = 1, size(drawing%velocity_joints)
+                call add(drawing%velocity_joints(i)%row, drawing%velocity_joints(i)%first, drawing%velocity_joints(i)%second)
             end do
             do i = 1, size(drawing%rate_rows)
                 do k = 1, size(drawing%rate_rows(i)%velocities)

@@ -40,7 +40,7 @@ module tandem_mechanism_joint
         !> Its rows of C at position level.
         integer :: row = 0, n_rows = 0
         !> Indices of its coordinates: the angle about its axis and the displacement along it, 0 if none.
-        integer :: turn = 0, way = 0
+        integer :: rotation = 0, displacement = 0
         !> Freedom that a function of time drives at position level, 0 if none, and index of the function.
         integer :: driven = 0, motion = 0
     end type joint_type
@@ -51,7 +51,7 @@ module tandem_mechanism_joint
         !> Axes on the second body.
         real(wp) :: axes2(3, 3) = 0.0_wp
         !> Freedoms constrained at velocity level.
-        logical :: glides(6) = .false.
+        logical :: at_velocity_level(6) = .false.
     end type placed_joint_type
 
     logical, parameter :: o = .true.

@@ -10,7 +10,7 @@
 !> -c n to the contact and c sigma_t/g to V.
 module tandem_mechanism_massless_wheel
     use tandem_kinds, only: wp
-    use tandem_mechanism_glide, only: put_nonholonomic
+    use tandem_mechanism_velocity_joint, only: put_nonholonomic
     use tandem_mechanism_pair, only: add_block, columns, n_local, place_1, place_2, put_holonomic, turn_1
     use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turned
     use tandem_model_derivatives, only: derivatives_type, need_dynamics_q
@@ -27,7 +27,7 @@ module tandem_mechanism_massless_wheel
         integer :: height_row = 0, row = 0
         !> Index of the pose whose position is the displacement of the wheel, and index of this coordinate; 0 for a wheel that does
         !> not slide.
-        integer :: slide = 0, way = 0
+        integer :: slide = 0, displacement = 0
         !> Radius of the middle line of the rim, and of the section of the rim.
         real(wp) :: radius = 1.0_wp, crown = 0.0_wp
         !> Centre, axle, and direction of the strut, in the frame of the body.

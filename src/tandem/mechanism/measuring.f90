@@ -8,11 +8,11 @@ submodule(tandem_mechanism) tandem_mechanism_measuring
     use tandem_mechanism_massless_wheel, only: find_place
     use tandem_mechanism_reaction, only: reaction_on, turned_back
     use tandem_mechanism_rolling, only: find_contact
-    use tandem_mechanism_sensor, only: measure_sensor, of_bushing, of_distance, of_edge, of_joint, of_massless_wheel, &
+    use tandem_mechanism_sensor, only: measure_sensor, of_bushing, of_distance, of_knife_edge, of_joint, of_massless_wheel, &
         of_spring, of_torsion, of_wheel, quantities_of, sensed_balance, sensed_body, sensed_energy, sensed_force, sensed_joint, &
         sensed_reaction, sensor_type
     use tandem_mechanism_pose, only: turned
-    use tandem_mechanism_span, only: span_way
+    use tandem_mechanism_point_vector, only: vector_between
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
 
@@ -49,7 +49,7 @@ contains
         self%quantities = all_of_them(:n)
         self%measures_every_step = .not. self%planar .and. any(self%sensors%kind == sensed_joint .and. self%sensors%turns)
         if (.not. any(self%sensors%kind == sensed_reaction .or. self%sensors%kind == sensed_balance .or. &
-            self%sensors%is_pressed)) return
+            self%sensors%has_reaction_friction)) return
         self%measures_multipliers = .true.
         m = self%n_constraints()
         allocate (self%at_row%nu(m), source=0.0_wp)
@@ -92,11 +92,11 @@ contains
             associate (sensor => self%sensors(i), shown => values(n + 1:n + self%sensors(i)%width))
                 n = n + sensor%width
                 if (.not. is_asked_for(self, sensor)) cycle
-                if ((sensor%kind == sensed_reaction .or. sensor%is_pressed) .and. .not. present(lambda)) then
+                if ((sensor%kind == sensed_reaction .or. sensor%has_reaction_friction) .and. .not. present(lambda)) then
                     shown = ieee_value(t, ieee_quiet_nan)
                 else if (sensor%kind == sensed_reaction) then
                     call measure_reaction(self, sensor, lambda, shown)
-                else if (sensor%is_pressed) then
+                else if (sensor%has_reaction_friction) then
                     call measure_force(self, sensor, t, lambda, shown)
                 else if (sensor%kind == sensed_force) then
                     call measure_force(self, sensor, t, [real(wp) ::], shown)
@@ -170,7 +170,7 @@ contains
         real(wp) :: point(3), force(3), torque(3), d(3)
         integer :: n
 
-        associate (rows => sensor%rows(:sensor%n_rows), body => self%pose(sensor%span%second), jacobian => self%at_row%jacobian)
+        associate (rows => sensor%rows(:sensor%n_rows), body => self%pose(sensor%vector%second), jacobian => self%at_row%jacobian)
             select case (sensor%of)
             case (of_joint)
                 call find_wrench(self, sensor, lambda, force, torque)
@@ -178,7 +178,7 @@ contains
                 values(7:9) = turned_back(body, force)
                 values(10:12) = turned_back(body, torque)
                 n = 12
-            case (of_wheel, of_edge, of_massless_wheel)
+            case (of_wheel, of_knife_edge, of_massless_wheel)
                 if (sensor%of == of_wheel) then
                     call find_contact(self%rollers(sensor%number), body, point)
                     point = point + body%r(:, 0)
@@ -187,7 +187,7 @@ contains
                         call find_place(wheel, body, self%pose(wheel%slide), self%f, point)
                     end associate
                 else
-                    point = body%r(:, 0) + turned(body, 0, sensor%span%s2)
+                    point = body%r(:, 0) + turned(body, 0, sensor%vector%s2)
                 end if
                 call reaction_on(body, rows, lambda, jacobian, point, force, torque)
                 values(1:6) = [point, force]
@@ -195,7 +195,7 @@ contains
                 n = 9
             case (of_distance)
                 ! Phi = (d.d - l^2)/(2 w).
-                d = span_way(sensor%span, self%pose, 0)*lambda(rows(1))/sensor%span%weight
+                d = vector_between(sensor%vector, self%pose, 0)*lambda(rows(1))/sensor%vector%weight
                 values(1:4) = [sign(norm2(d), lambda(rows(1))), -d]
                 n = 4
             case default
@@ -220,9 +220,9 @@ contains
         real(wp), intent(out) :: force(3), torque(3)
         real(wp) :: point(3)
 
-        associate (one => self%pose(sensor%span%first), two => self%pose(sensor%span%second), &
+        associate (one => self%pose(sensor%vector%first), two => self%pose(sensor%vector%second), &
             rows => sensor%rows(:sensor%n_rows))
-            point = two%r(:, 0) + turned(two, 0, sensor%span%s2)
+            point = two%r(:, 0) + turned(two, 0, sensor%vector%s2)
             if (two%n_place > 0) then
                 call reaction_on(two, rows, lambda, self%at_row%jacobian, point, force, torque)
             else

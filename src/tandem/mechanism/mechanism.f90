@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> A mechanism as a model: its definition (`tandem_mechanism_drawing`) is converted to coordinates, rows and forces, with an exact
+!> A mechanism as a model: its definition (`tandem_mechanism_builder`) is converted to coordinates, rows and forces, with an exact
 !> gamma and exact gradient blocks.
 !>
 !> q contains the bodies in their order: (x, y, angle) in the plane, (r, Euler parameters) in space, the position only for a point
@@ -16,11 +16,11 @@ module tandem_mechanism
     use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass, set_single_masses
     use tandem_mechanism_coordinate, only: coordinate_type
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
-    use tandem_mechanism_dot, only: differentiate_dots, evaluate_dots
-    use tandem_mechanism_drawing, only: drawing_type
+    use tandem_mechanism_perpendicular, only: differentiate_perpendiculars, evaluate_perpendiculars
+    use tandem_mechanism_builder, only: builder_type
     use tandem_mechanism_force, only: add_bushings, add_press_directions, add_springs, add_torsions, bushing_energy, &
         differentiate_bushings, differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
-    use tandem_mechanism_glide, only: differentiate_glides, evaluate_glides
+    use tandem_mechanism_velocity_joint, only: differentiate_velocity_joints, evaluate_velocity_joints
     use tandem_mechanism_hinge, only: evaluate_hinges, hinge_type
     use tandem_mechanism_hinge_group, only: evaluate_hinge_groups, hinge_group_type
     use tandem_mechanism_load, only: add_loads, differentiate_loads
@@ -28,10 +28,11 @@ module tandem_mechanism
     use tandem_mechanism_pin, only: angles_type, evaluate_pins, pin_type
     use tandem_mechanism_pose, only: pose_type, set_angle, set_curve, set_place, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
-    use tandem_mechanism_rolling, only: differentiate_edges, differentiate_rollers, evaluate_edges, evaluate_rollers
+    use tandem_mechanism_rolling, only: differentiate_knife_edges, differentiate_rollers, evaluate_knife_edges, evaluate_rollers
     use tandem_mechanism_formula, only: is_joint
     use tandem_mechanism_sensor, only: pack_sensor, sensed_joint
-    use tandem_mechanism_span, only: differentiate_distances, differentiate_meetings, evaluate_distances, evaluate_meetings
+    use tandem_mechanism_point_vector, only: differentiate_distances, differentiate_coincidences, evaluate_distances, &
+        evaluate_coincidences
     use tandem_mechanism_turning, only: add_inertia_forces, evaluate_norms, set_masses, turning_group_type
     use tandem_model, only: label_length, model_type, quantity_type
     use tandem_model_affine_motion, only: affine_motion_type
@@ -48,7 +49,7 @@ module tandem_mechanism
     public :: mechanism_type
 
     !> Add bodies, joints and forces, and call `define`; then `start` returns the state of the reference configuration.
-    type, extends(drawing_type) :: mechanism_type
+    type, extends(builder_type) :: mechanism_type
         !> Poses at the last point: 0 is the ground, then bodies, then sliding parts that are not bodies, whose positions have one
         !> coordinate; values and derivatives of the functions of time.
         type(pose_type), allocatable, private :: pose(:)
@@ -62,7 +63,7 @@ module tandem_mechanism
         !> Hinges in space, single or in groups, and the indices of the remaining coincident points and perpendicularity rows.
         type(hinge_type), allocatable, private :: hinges(:)
         type(hinge_group_type), allocatable, private :: hinge_groups(:)
-        integer, allocatable, private :: loose_meetings(:), loose_dots(:)
+        integer, allocatable, private :: loose_coincidences(:), loose_perpendiculars(:)
         !> In the plane all coincident points as pins, and the angles of bodies.
         type(pin_type), allocatable, private :: pins(:)
         type(angles_type), private :: angles_of_bodies
@@ -366,8 +367,9 @@ contains
         if (has_forces(self)) self%provides = self%provides + need_force
         if (self%n_holonomic > 0) self%provides = self%provides + need_phi
         if (self%n_constraints() > 0) self%provides = self%provides + need_jacobian + need_gamma
-        if (any([self%dots%motion, self%angles%motion, self%distances%motion, self%couplings%motion, self%glides%motion, &
-            self%rollers%rise, self%rollers%turn, self%rollers%slide, self%massless_wheels%steer, self%massless_wheels%rise, &
+        if (any([self%perpendiculars%motion, self%angles%motion, self%distances%motion, self%couplings%motion, &
+            self%velocity_joints%motion, &
+            self%rollers%rise, self%rollers%rotation, self%rollers%slide, self%massless_wheels%steer, self%massless_wheels%rise, &
             self%rate_rows%rhs] > 0)) then
           self%provides = self%provides + need_nu
         end if
@@ -524,17 +526,19 @@ contains
                 call self%angles_of_bodies%set(self%n, q)
                 call evaluate_pins(self%pins, need, self%angles_of_bodies, self%n, q, qd, terms)
             end if
-            if (size(self%loose_meetings) > 0) call evaluate_meetings(self%loose_meetings, self%meetings, need, self%pose, terms)
-            if (size(self%loose_dots) > 0) call evaluate_dots(self%loose_dots, self%dots, need, self%pose, self%f, terms)
+            if (size(self%loose_coincidences) > 0) call evaluate_coincidences(self%loose_coincidences, self%coincidences, need, &
+                self%pose, terms)
+            if (size(self%loose_perpendiculars) > 0) call evaluate_perpendiculars(self%loose_perpendiculars, &
+                self%perpendiculars, need, self%pose, self%f, terms)
             if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%pose, self%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
             if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, q, self%pose, &
                 self%f, terms)
-            if (size(self%edges) > 0) call evaluate_edges(self%edges, need, self%pose, self%f, terms)
+            if (size(self%knife_edges) > 0) call evaluate_knife_edges(self%knife_edges, need, self%pose, self%f, terms)
             if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%pose, self%f, terms, stat)
             if (size(self%massless_wheels) > 0) call evaluate_massless_wheels(self%massless_wheels, need, self%pose, self%f, &
                 terms, stat)
-            if (size(self%glides) > 0) call evaluate_glides(self%glides, need, self%pose, self%f, terms)
+            if (size(self%velocity_joints) > 0) call evaluate_velocity_joints(self%velocity_joints, need, self%pose, self%f, terms)
             if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%pose, qd, self%formulas, &
                 self%coordinates, terms)
             if (size(self%turning_groups) > 0) call evaluate_norms(self%turning_groups, need, self%n, q, qd, terms)

@@ -175,8 +175,8 @@ contains
             call put_behind(self%massless_wheels(i)%slide)
         end do
         do i = 1, size(self%sensors)
-            call put_behind(self%sensors(i)%span%second)
-            call renumber(self%sensors(i)%way)
+            call put_behind(self%sensors(i)%vector%second)
+            call renumber(self%sensors(i)%displacement)
         end do
         do i = 1, size(self%coordinates)
             call renumber(self%coordinates(i))
@@ -220,9 +220,9 @@ contains
         self%n_holonomic = self%before_norms + size(self%turning)
         self%n_nonholonomic = self%rolling%n
         self%rows_may_repeat = .true.
-        self%glides%row = self%glides%row + self%n_holonomic
+        self%velocity_joints%row = self%velocity_joints%row + self%n_holonomic
         self%rate_rows%row = self%rate_rows%row + self%n_holonomic
-        self%edges%row = self%edges%row + self%n_holonomic
+        self%knife_edges%row = self%knife_edges%row + self%n_holonomic
         self%rollers%row = self%rollers%row + self%n_holonomic
         self%massless_wheels%row = self%massless_wheels%row + self%n_holonomic
     end procedure number_rows
@@ -233,8 +233,8 @@ contains
         type(hinge_type), allocatable :: hinges(:)
         integer :: i
 
-        call gather_hinges(self%meetings, self%dots, self%pose, self%before_norms, self%hinges, self%loose_meetings, &
-            self%loose_dots)
+        call gather_hinges(self%coincidences, self%perpendiculars, self%pose, self%before_norms, self%hinges, &
+            self%loose_coincidences, self%loose_perpendiculars)
         allocate (hinges(0))
         if (size(self%hinges) >= many) then
             call move_alloc(self%hinges, hinges)
@@ -252,14 +252,15 @@ contains
         end if
         call self%angles_of_bodies%gather(self%pose)
         if (self%planar) then
-            call gather_pins(self%meetings, self%pose, self%angles_of_bodies, self%pins)
-            self%loose_meetings = [integer ::]
+            call gather_pins(self%coincidences, self%pose, self%angles_of_bodies, self%pins)
+            self%loose_coincidences = [integer ::]
         else
             allocate (self%pins(0))
         end if
-        self%takes_poses = max(self%n_turning_alone, size(self%hinges), size(self%loose_meetings), size(self%loose_dots), &
-            size(self%distances), size(self%angles), size(self%couplings), size(self%edges), size(self%rollers), &
-            size(self%massless_wheels), size(self%glides), size(self%rate_rows), size(self%springs), size(self%torsions), &
+        self%takes_poses = max(self%n_turning_alone, size(self%hinges), size(self%loose_coincidences), &
+            size(self%loose_perpendiculars), &
+            size(self%distances), size(self%angles), size(self%couplings), size(self%knife_edges), size(self%rollers), &
+            size(self%massless_wheels), size(self%velocity_joints), size(self%rate_rows), size(self%springs), size(self%torsions), &
             size(self%bushings), size(self%loads)) > 0
         self%keeps_poses = self%takes_poses .or. size(self%sensors) > 0
     end procedure form_groups

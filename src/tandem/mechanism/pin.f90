@@ -5,7 +5,7 @@
 module tandem_mechanism_pin
     use tandem_kinds, only: lane, wp
     use tandem_mechanism_pose, only: pose_type
-    use tandem_mechanism_span, only: span_type
+    use tandem_mechanism_point_vector, only: point_vector_type
     use tandem_model_pattern, only: pattern_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_phi, terms_type
     use tandem_rigid_angle_lanes, only: set_cosines_and_sines
@@ -82,8 +82,8 @@ contains
     end subroutine set_angles
 
     !> Collect the pins of a mechanism in the plane.
-    pure subroutine gather_pins(meetings, pose, angles, pins)
-        type(span_type), intent(in) :: meetings(:)
+    pure subroutine gather_pins(coincidences, pose, angles, pins)
+        type(point_vector_type), intent(in) :: coincidences(:)
         !> Poses of the bodies, whose coordinates are numbered; 0 is the ground.
         type(pose_type), intent(in) :: pose(0:)
         type(angles_type), intent(in) :: angles
@@ -94,16 +94,16 @@ contains
         do i = 1, angles%n
             number(angles%body(i)) = i
         end do
-        allocate (pins(size(meetings)))
-        do i = 1, size(meetings)
-            associate (span => meetings(i), pin => pins(i))
-                pin%row = span%row
-                pin%body = [span%first, span%second]
+        allocate (pins(size(coincidences)))
+        do i = 1, size(coincidences)
+            associate (vector => coincidences(i), pin => pins(i))
+                pin%row = vector%row
+                pin%body = [vector%first, vector%second]
                 pin%is_body = pin%body > 0
-                pin%angle = [number(span%first), number(span%second)]
-                pin%before = [pose(span%first)%place, pose(span%second)%place] - 1
-                pin%arm(:, 1) = -span%s1(:2)
-                pin%arm(:, 2) = span%s2(:2)
+                pin%angle = [number(vector%first), number(vector%second)]
+                pin%before = [pose(vector%first)%place, pose(vector%second)%place] - 1
+                pin%arm(:, 1) = -vector%s1(:2)
+                pin%arm(:, 2) = vector%s2(:2)
             end associate
         end do
     end subroutine gather_pins

@@ -11,7 +11,7 @@
 !> y. The ellipsoid with semi-axes A has its contact at A^2 m/|A m| from its centre, m the downward normal in the body.
 module tandem_mechanism_rolling
     use tandem_kinds, only: wp
-    use tandem_mechanism_glide, only: put_nonholonomic, spin_of, spinning_part, turning_part
+    use tandem_mechanism_velocity_joint, only: put_nonholonomic, spin_of, spinning_part, turning_part
     use tandem_mechanism_pair, only: columns, n_local, put_holonomic, place_1, turn_1
     use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turned
     use tandem_mechanism_vector, only: cross
@@ -21,11 +21,11 @@ module tandem_mechanism_rolling
     implicit none (type, external)
     private
 
-    public :: edge_type, evaluate_edges, differentiate_edges
+    public :: knife_edge_type, evaluate_knife_edges, differentiate_knife_edges
     public :: roller_type, find_contact, evaluate_rollers, differentiate_rollers
 
     !> The velocity of a point of a body along a direction fixed to it (across the edge, along the axle of a wheel) is zero.
-    type :: edge_type
+    type :: knife_edge_type
         integer :: body = 0
         !> Row of C.
         integer :: row = 0
@@ -36,7 +36,7 @@ module tandem_mechanism_rolling
         real(wp) :: towards(3) = 0.0_wp
         !> Last steering angle, its cosine and its sine.
         real(wp) :: angle = 0.0_wp, cosine = 1.0_wp, sine = 0.0_wp
-    end type edge_type
+    end type knife_edge_type
 
     !> A disk, a sphere (zero `axis`), or an ellipsoid.
     type :: roller_type
@@ -53,7 +53,7 @@ module tandem_mechanism_rolling
         real(wp) :: tangent(3, 2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp], [3, 2])
         !> Indices of the functions by which the plane rises, turns and slides, 0 if none; pivot of its rotation, and direction of
         !> its sliding.
-        integer :: rise = 0, turn = 0, slide = 0
+        integer :: rise = 0, rotation = 0, slide = 0
         real(wp) :: pivot(3) = 0.0_wp, along(3) = 0.0_wp
     end type roller_type
 
@@ -63,8 +63,8 @@ module tandem_mechanism_rolling
 contains
 
     !> V = a.rd + 2 (s' x a').G(p) pd, in the plane a.rd + (s' x a')_z times the angle's rate.
-    pure subroutine evaluate_edges(edges, need, pose, f, terms)
-        type(edge_type), intent(inout) :: edges(:)
+    pure subroutine evaluate_knife_edges(knife_edges, need, pose, f, terms)
+        type(knife_edge_type), intent(inout) :: knife_edges(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
         !> Values and derivatives of the functions of time.
@@ -73,8 +73,8 @@ contains
         real(wp) :: a(3), e_p(4), across(3), moment(3), across_t(3), moment_t(3)
         integer :: i, k
 
-        do i = 1, size(edges)
-            associate (edge => edges(i), body => pose(edges(i)%body))
+        do i = 1, size(knife_edges)
+            associate (edge => knife_edges(i), body => pose(knife_edges(i)%body))
                 across = edge%across
                 moment = edge%moment
                 if (edge%steer > 0) call steer(edge, f, across, moment, across_t, moment_t)
@@ -101,11 +101,11 @@ contains
                 end if
             end associate
         end do
-    end subroutine evaluate_edges
+    end subroutine evaluate_knife_edges
 
     !> a' and s' x a' of a steered edge, with their derivatives with respect to time.
     pure subroutine steer(edge, f, across, moment, across_t, moment_t)
-        type(edge_type), intent(inout) :: edge
+        type(knife_edge_type), intent(inout) :: edge
         real(wp), intent(in), contiguous :: f(0:, :)
         real(wp), intent(out) :: across(3), moment(3), across_t(3), moment_t(3)
 
@@ -121,8 +121,8 @@ contains
     end subroutine steer
 
     !> Add the requested gradient blocks of knife edges.
-    pure subroutine differentiate_edges(edges, need, pose, f, lambda, derivatives)
-        type(edge_type), intent(inout) :: edges(:)
+    pure subroutine differentiate_knife_edges(knife_edges, need, pose, f, lambda, derivatives)
+        type(knife_edge_type), intent(inout) :: knife_edges(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in), contiguous :: f(0:, :)
@@ -132,8 +132,8 @@ contains
         real(wp) :: across(3), moment(3), across_t(3), moment_t(3)
         integer :: c(n_local), i, j, k, l
 
-        do i = 1, size(edges)
-            associate (edge => edges(i), body => pose(edges(i)%body), d => derivatives%dynamics_q)
+        do i = 1, size(knife_edges)
+            associate (edge => knife_edges(i), body => pose(knife_edges(i)%body), d => derivatives%dynamics_q)
                 across = edge%across
                 moment = edge%moment
                 across_t = 0.0_wp
@@ -170,7 +170,7 @@ contains
                 end do
             end associate
         end do
-    end subroutine differentiate_edges
+    end subroutine differentiate_knife_edges
 
     !> Vector from a body's centre of mass to the contact point, at a pose with given position and rotation.
     pure subroutine find_contact(roller, body, y)
@@ -256,7 +256,7 @@ contains
                     terms%gamma(roller%row + 1) = sum(z*roller%tangent(:, 2))
                     terms%gamma(roller%height_row) = lift
                 end if
-                if (roller%rise + roller%turn + roller%slide > 0) call add_plane(roller, need, body, f, y, y1, terms)
+                if (roller%rise + roller%rotation + roller%slide > 0) call add_plane(roller, need, body, f, y, y1, terms)
             end associate
         end do
     end subroutine evaluate_rollers
@@ -361,7 +361,7 @@ contains
         turn = 0.0_wp
         slide = 0.0_wp
         if (roller%rise > 0) rise = f(:, roller%rise)
-        if (roller%turn > 0) turn = f(:, roller%turn)
+        if (roller%rotation > 0) turn = f(:, roller%rotation)
         if (roller%slide > 0) slide = f(:, roller%slide)
     end subroutine plane_motion
 

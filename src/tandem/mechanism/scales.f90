@@ -3,7 +3,7 @@
 submodule(tandem_mechanism) tandem_mechanism_scales
     use tandem_mechanism_coordinate, only: is_angle, is_tilt, pi
     use tandem_mechanism_coupling, only: coupling_type
-    use tandem_mechanism_span, only: span_type
+    use tandem_mechanism_point_vector, only: point_vector_type
     implicit none (type, external)
 
     !> Accumulator of a geometric mean.
@@ -92,8 +92,8 @@ contains
         integer :: i
 
         rate = 0.0_wp
-        do i = 1, size(self%dots)
-            call add(self%dots(i)%motion, self%size_of_bodies)
+        do i = 1, size(self%perpendiculars)
+            call add(self%perpendiculars(i)%motion, self%size_of_bodies)
         end do
         do i = 1, size(self%distances)
             call add(self%distances(i)%motion, self%size_of_bodies)
@@ -212,29 +212,30 @@ contains
                 extents(i) = sqrt(max(maxval([(body%inertia(j, j), j=1, 3)]), 0.0_wp)/body%mass)
             end associate
         end do
-        do i = 1, size(self%meetings)
-            call extend(self%meetings(i))
+        do i = 1, size(self%coincidences)
+            call extend(self%coincidences(i))
         end do
         do i = 1, size(self%distances)
             call extend(self%distances(i))
         end do
         do i = 1, size(self%springs)
-            call extend(self%springs(i)%span)
+            call extend(self%springs(i)%vector)
         end do
-        do i = 1, size(self%dots)
-            associate (dot => self%dots(i))
-                if (dot%is_point) extents(dot%second) = max(extents(dot%second), norm2(dot%b))
+        do i = 1, size(self%perpendiculars)
+            associate (perpendicular => self%perpendiculars(i))
+                if (perpendicular%is_point) extents(perpendicular%second) = max(extents(perpendicular%second), &
+                    norm2(perpendicular%b))
             end associate
         end do
         do i = 1, size(self%bodies)
             call add(extents(i))
         end do
         do i = 1, size(self%distances)
-            call add(self%drawn_length(self%distances(i)))
+            call add(self%reference_length(self%distances(i)))
         end do
         if (mean%n == 0) then
             do i = 1, size(self%springs)
-                call add(self%drawn_length(self%springs(i)%span))
+                call add(self%reference_length(self%springs(i)%vector))
             end do
         end if
         if (mean%n == 0) then
@@ -253,11 +254,11 @@ contains
     contains
 
         !> Extend the sizes of two bodies to their points.
-        subroutine extend(span)
-            type(span_type), intent(in) :: span
+        subroutine extend(vector)
+            type(point_vector_type), intent(in) :: vector
 
-            extents(span%first) = max(extents(span%first), norm2(span%s1))
-            extents(span%second) = max(extents(span%second), norm2(span%s2))
+            extents(vector%first) = max(extents(vector%first), norm2(vector%s1))
+            extents(vector%second) = max(extents(vector%second), norm2(vector%s2))
         end subroutine extend
 
         subroutine add(x)

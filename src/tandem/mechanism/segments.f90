@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Breakpoints of a mechanism: the kinks of its functions of time, laws and expressions are found as a run proceeds, for each from
 !> the time its own search has reached.
-submodule(tandem_mechanism_drawn) tandem_mechanism_segments
+submodule(tandem_mechanism_definition) tandem_mechanism_segments
     use tandem_error, only: set_error, to_text
     use tandem_mechanism_formula, only: formula_type
     use tandem_status, only: status_invalid_model
@@ -41,7 +41,7 @@ contains
 
     !> Search until a number of breakpoints is known or there are no more.
     subroutine search(self, number, most, error)
-        class(drawn_type), intent(inout) :: self
+        class(definition_type), intent(inout) :: self
         integer, intent(in) :: number
         !> Largest number of searches.
         integer, intent(in) :: most
@@ -65,7 +65,7 @@ contains
 
     !> Search for kinks of one function, from the time reached so far.
     subroutine search_function(self, i, places, jumps, error)
-        class(drawn_type), intent(inout) :: self
+        class(definition_type), intent(inout) :: self
         !> Index among motions, laws and formulas, in this order.
         integer, intent(in) :: i
         !> Kinks, and true for each at which qd jumps.
@@ -101,7 +101,7 @@ contains
     !> Move the kinks that no unknown kink can precede to the breakpoints, in their order. Kinks that differ by rounding only are
     !> merged.
     subroutine take_ahead(self)
-        class(drawn_type), intent(inout) :: self
+        class(definition_type), intent(inout) :: self
         real(wp), parameter :: rounding = 64*epsilon(1.0_wp)
         integer, allocatable :: order(:)
         real(wp), allocatable :: places(:)

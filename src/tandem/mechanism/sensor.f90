@@ -5,11 +5,11 @@
 module tandem_mechanism_sensor
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, find_slope
-    use tandem_mechanism_glide, only: spin_of
+    use tandem_mechanism_velocity_joint, only: spin_of
     use tandem_mechanism_joint, only: name_length
     use tandem_mechanism_pair, only: n_local
     use tandem_mechanism_pose, only: pose_type, turned
-    use tandem_mechanism_span, only: span_type, span_way
+    use tandem_mechanism_point_vector, only: point_vector_type, vector_between
     use tandem_model, only: label_length, quantity_type
     use tandem_pack, only: pack_type
     implicit none (type, external)
@@ -17,14 +17,14 @@ module tandem_mechanism_sensor
 
     public :: sensor_type, sensed_point, sensed_joint, sensed_distance, sensed_energy, quantities_of
     public :: begin_sensor, measure_sensor, pack_sensor, sensed_body, sensed_reaction, sensed_force, sensed_balance
-    public :: of_joint, of_wheel, of_edge, of_distance, of_row, of_spring, of_torsion, of_bushing, of_load, &
+    public :: of_joint, of_wheel, of_knife_edge, of_distance, of_row, of_spring, of_torsion, of_bushing, of_load, &
         of_massless_wheel, most_rows
 
     !> Kinds of sensors.
     integer, parameter :: sensed_point = 1, sensed_joint = 2, sensed_distance = 3, sensed_energy = 4, sensed_body = 5
     integer, parameter :: sensed_reaction = 6, sensed_force = 7, sensed_balance = 8
     !> Elements with a reaction or a force; `of_row` is a coupling, or a row by expressions.
-    integer, parameter :: of_joint = 1, of_wheel = 2, of_edge = 3, of_distance = 4, of_row = 5
+    integer, parameter :: of_joint = 1, of_wheel = 2, of_knife_edge = 3, of_distance = 4, of_row = 5
     integer, parameter :: of_spring = 6, of_torsion = 7, of_bushing = 8, of_load = 9, of_massless_wheel = 10
     !> Largest number of rows of an element: six freedoms, driven or not, and the row of a screw.
     integer, parameter :: most_rows = 7
@@ -33,10 +33,10 @@ module tandem_mechanism_sensor
         character(len=name_length) :: name = ''
         integer :: kind = 0
         !> Bodies and points; a single point is the first one.
-        type(span_type) :: span
+        type(point_vector_type) :: vector
         !> Of a joint: true if it has a displacement; true if it has a rotation; copies of its coordinates.
         logical :: slides = .false., turns = .false.
-        type(coordinate_type) :: way, turn
+        type(coordinate_type) :: displacement, rotation
         !> True if both bodies move in the plane, so that their angles include full turns.
         logical :: planar = .false.
         !> Offset of displacement and angle.
@@ -54,7 +54,7 @@ module tandem_mechanism_sensor
         logical :: is_driven = .false., can_be_freed = .false.
         character(len=label_length) :: unit = ''
         !> True for friction on a reaction.
-        logical :: is_pressed = .false.
+        logical :: has_reaction_friction = .false.
         !> Names of the two bodies.
         character(len=label_length) :: between(2) = ''
         !> Of the balance: true once the energy at the start is set; this energy.
@@ -117,7 +117,7 @@ contains
 
         list = [quantity_type :: list, quantity_type(path=trim(sensor%name)//'/'//what, width=width, unit=unit, &
             meaning=meaning, group=sensor%group, between=sensor%between, &
-            of_multipliers=sensor%kind == sensed_reaction .or. sensor%is_pressed, &
+            of_multipliers=sensor%kind == sensed_reaction .or. sensor%has_reaction_friction, &
             of_state=sensor%kind /= sensed_balance .and. what /= 'acceleration')]
     end subroutine add
 
@@ -150,7 +150,7 @@ contains
             call add(sensor, list, 3, 'torque', 'N m', 'torque about the point of the joint, in world axes')
             call add(sensor, list, 3, 'force_body', 'N', 'the force in the axes of the second body')
             call add(sensor, list, 3, 'torque_body', 'N m', 'the torque in the axes of the second body')
-        case (of_wheel, of_edge, of_massless_wheel)
+        case (of_wheel, of_knife_edge, of_massless_wheel)
             call add(sensor, list, 3, 'position', 'm', 'contact point: x, y, z')
             call add(sensor, list, 3, 'force', 'N', 'force on the body there, in world axes')
             call add(sensor, list, 3, 'force_body', 'N', 'force on the body there, in body axes')
@@ -212,22 +212,22 @@ contains
 
         select case (sensor%kind)
         case (sensed_point)
-            associate (body => pose(sensor%span%first))
+            associate (body => pose(sensor%vector%first))
                 do k = 0, 2
-                    values(3*k + 1:3*k + 3) = body%r(:, k) + turned(body, k, sensor%span%s1)
+                    values(3*k + 1:3*k + 3) = body%r(:, k) + turned(body, k, sensor%vector%s1)
                 end do
             end associate
         case (sensed_joint)
             n = 0
             if (sensor%slides) then
-                call find_slope(sensor%way, pose, x, gradient)
+                call find_slope(sensor%displacement, pose, x, gradient)
                 values(1:2) = [sensor%zero + x(0), x(1)]
                 n = 2
             end if
             if (sensor%turns) call measure_angle(sensor, t, pose, f, values(n + 1), values(n + 2))
         case (sensed_distance)
-            d(:, 0) = span_way(sensor%span, pose, 0)
-            d(:, 1) = span_way(sensor%span, pose, 1)
+            d(:, 0) = vector_between(sensor%vector, pose, 0)
+            d(:, 1) = vector_between(sensor%vector, pose, 1)
             values(1) = norm2(d(:, 0))
             values(2) = norm2(d(:, 1))
             if (values(1) > 0.0_wp) values(2) = dot_product(d(:, 0), d(:, 1))/values(1)
@@ -265,10 +265,10 @@ contains
         real(wp), intent(out) :: angle, rate
         real(wp) :: expected, x(0:1), gradient(n_local)
 
-        call find_slope(sensor%turn, pose, x, gradient)
+        call find_slope(sensor%rotation, pose, x, gradient)
         rate = x(1)
-        if (sensor%turn%motion > 0) then
-            expected = f(0, sensor%turn%motion)
+        if (sensor%rotation%motion > 0) then
+            expected = f(0, sensor%rotation%motion)
         else if (sensor%last_time > -huge(t)) then
             expected = sensor%last_angle + (t - sensor%last_time)*(sensor%last_rate + rate)/2
         else

@@ -22,7 +22,7 @@ contains
         do pass = 1, 2
             n = 0
             do i = 1, size(self%springs)
-                call add_pair(self%springs(i)%span%first, self%springs(i)%span%second)
+                call add_pair(self%springs(i)%vector%first, self%springs(i)%vector%second)
             end do
             do i = 1, size(self%torsions)
                 call add_pair(self%torsions(i)%coordinate%first, self%torsions(i)%coordinate%second)
@@ -96,10 +96,10 @@ contains
         call stiffness%clear()
         call self%set_motion(t, q, qd, qdd)
         n_rows = merge(2, 3, self%planar)
-        do i = 1, size(self%meetings)
-            associate (it => self%meetings(i))
+        do i = 1, size(self%coincidences)
+            associate (it => self%coincidences(i))
                 call open_window(self, [it%first, it%second])
-                call differentiate_meetings(self%meetings(i:i), n_rows, need_dynamics_q, self%pose, lambda, self%window)
+                call differentiate_coincidences(self%coincidences(i:i), n_rows, need_dynamics_q, self%pose, lambda, self%window)
                 call close_window(self, [it%first, it%second], stiffness)
             end associate
         end do
@@ -114,7 +114,7 @@ contains
             end associate
         end do
         do i = 1, size(self%springs)
-            associate (it => self%springs(i)%span)
+            associate (it => self%springs(i)%vector)
                 call open_window(self, [it%first, it%second])
                 call differentiate_springs(self%springs(i:i), needed, t, self%pose, self%f, self%laws, self%window)
                 call close_window(self, [it%first, it%second], stiffness)

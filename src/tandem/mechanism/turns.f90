@@ -51,8 +51,8 @@ contains
 
         is_imposed = .false.
         is_angle = .false.
-        do i = 1, size(self%dots)
-            if (self%dots(i)%motion > 0) is_imposed(self%dots(i)%row) = .true.
+        do i = 1, size(self%perpendiculars)
+            if (self%perpendiculars(i)%motion > 0) is_imposed(self%perpendiculars(i)%row) = .true.
         end do
         do i = 1, size(self%distances)
             if (self%distances(i)%motion > 0) is_imposed(self%distances(i)%row) = .true.
@@ -113,7 +113,7 @@ contains
 
         do i = 1, size(self%sensors)
             if (self%sensors(i)%kind == sensed_joint .and. self%sensors(i)%turns) then
-                call visit(self%sensors(i)%turn, self%pose, self%f)
+                call visit(self%sensors(i)%rotation, self%pose, self%f)
             end if
         end do
     end subroutine visit_sensors

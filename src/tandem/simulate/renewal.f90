@@ -47,8 +47,9 @@ contains
         integer :: stat
 
         if (self%renewal%is_done) return
-        if (self%renewal%reason == 0 .and. self%chart%n_dropped > 0 .and. self%lost_rank%is_ahead()) &
-            self%renewal%reason = by_failure
+        if (self%renewal%reason == 0 .and. self%chart%n_dropped > 0) then
+            if (self%lost_rank%is_ahead()) self%renewal%reason = by_failure
+        end if
         if (self%renewal%reason /= 0) then
             call self%renew_chart(self%renewal%reason, error)
             self%renewal%reason = 0

@@ -92,6 +92,8 @@ contains
         if (present(most)) n_most = min(most, most_nodes)
         n_nodes = 0
         do k = 1, self%n_kept
+            ! The shortest steps may have stages at the same time.
+            if (any(abs(self%t(nodes(:n_nodes)) - self%t(k)) <= 0.0_wp)) cycle
             ! Insert into the list of the nearest.
             i = n_nodes + 1
             do while (i > 1)

@@ -264,9 +264,9 @@ contains
         call linearise_text(text, settings, scene, it, error)
         if (allocated(error)) return
         r = scene%q(:3)/norm2(scene%q(:3))
-        call check_count(error, size(scene%settling%rates), 2, 'motions')
+        call check_count(error, size(scene%search%rates), 2, 'motions')
         if (allocated(error)) return
-        associate (rates => scene%settling%rates, spins => scene%settling%symmetry%motions%name == 'top.spin_z')
+        associate (rates => scene%search%rates, spins => scene%search%symmetry%motions%name == 'top.spin_z')
             call check_below(error, abs(sum(rates, spins) - 95.0_wp), 1.0e-12_wp, 'the spin that is held')
             if (allocated(error)) return
             associate (precession => sum(rates, .not. spins))

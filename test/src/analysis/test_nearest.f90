@@ -4,7 +4,7 @@
 module test_nearest
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use linearised, only: linearise_text
-    use tandem, only: failure_type => error_type, linearisation_type, nearest_type, of_motion, settling_type, wp
+    use tandem, only: failure_type => error_type, linearisation_type, nearest_type, of_motion, equilibrium_search_type, wp
     use tandem_io, only: body_motions, read_scene, scene_type
     use tandem_linalg_complex_lu, only: complex_lu_type
     use tandem_linalg_krylov, only: krylov_type, operator_type
@@ -467,19 +467,19 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: n = 100
         type(scene_type), target :: scene
-        type(settling_type) :: settling
+        type(equilibrium_search_type) :: search
         type(failure_type), allocatable :: failure
         real(wp) :: angle
         integer :: i
 
         call read_scene('test.toml', [character(len=26) :: 'gravity.vector=[3, -9.81]'], scene, failure, text=chain(n, 2, &
             'revolute', ''))
-        if (.not. allocated(failure)) call settling%find_equilibrium(scene%model, 0.0_wp, scene%q, failure)
+        if (.not. allocated(failure)) call search%find_equilibrium(scene%model, 0.0_wp, scene%q, failure)
         call check_no_failure(error, failure)
         if (allocated(error)) return
         angle = atan2(3.0_wp, 9.81_wp)
         do i = 1, n
-            call check_close(error, settling%q(3*i - 2:3*i), [(i - 0.5_wp)*sin(angle), -(i - 0.5_wp)*cos(angle), angle], &
+            call check_close(error, search%q(3*i - 2:3*i), [(i - 0.5_wp)*sin(angle), -(i - 0.5_wp)*cos(angle), angle], &
                 1.0e-9_wp, 'a rod')
         end do
     end subroutine test_rest

@@ -6,7 +6,7 @@ module test_sparse_steady
     use asserts, only: check_below, check_failure, check_no_failure, check_true
     use linearised, only: linearise_text
     use tandem, only: failure_type => error_type, find_steady_from_words, in_steady_motion, linearisation_type, nearest_type, &
-        of_motion, settling_type, wp
+        of_motion, equilibrium_search_type, wp
     use tandem_analysis_sparse_steady, only: find_steady_sparsely
     use tandem_io, only: read_scene, scene_type
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -103,7 +103,7 @@ contains
         type(scene_type), intent(inout), target :: scene
         !> Result of the sparse search.
         real(wp), allocatable, intent(out) :: q(:), qd(:)
-        type(settling_type) :: settling
+        type(equilibrium_search_type) :: search
         type(linearisation_type) :: it
         type(failure_type), allocatable :: failure
         character(len=20) :: words(1)
@@ -121,10 +121,10 @@ contains
         call check_no_failure(error, failure)
         call check_true(error, iterations > 1, what//': the start was none')
         if (allocated(error)) return
-        call find_steady_from_words(settling, scene%model, 0.0_wp, scene%q, scene%qd, words, failure)
+        call find_steady_from_words(search, scene%model, 0.0_wp, scene%q, scene%qd, words, failure)
         call check_no_failure(error, failure)
         if (allocated(error)) return
-        call it%make(scene%model, 0.0_wp, settling%q, settling%qd, failure)
+        call it%make(scene%model, 0.0_wp, search%q, search%qd, failure)
         call check_no_failure(error, failure)
         call check_agreement(scene, q, qd, it, shift, k, 1.0e-8_wp, what, error)
     end subroutine check_both

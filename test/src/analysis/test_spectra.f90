@@ -4,7 +4,7 @@ module test_spectra
     use asserts, only: check_below, check_count, check_no_failure, check_true
     use linearised, only: check_eigenvalues, linearise_text
     use tandem, only: at_an_instant, failure_type => error_type, in_steady_motion, linearisation_type, nearest_type, of_motion, &
-        settling_type, wp
+        equilibrium_search_type, wp
     use tandem_io, only: read_scene, scene_type
     use tandem_linalg_random, only: random_vector
     use tandem_mechanism, only: mechanism_type
@@ -198,7 +198,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), target :: scene
         type(linearisation_type) :: it
-        type(settling_type) :: settling
+        type(equilibrium_search_type) :: search
         type(census_type) :: census
         type(failure_type), allocatable :: failure
         complex(wp) :: value
@@ -215,9 +215,9 @@ contains
             call check_count(error, census%position_freedom, 1, 'degrees of freedom')
             call check_count(error, census%velocity_freedom, 1, 'degrees of freedom at velocity level')
         end select
-        call settling%find_equilibrium(scene%model, 0.0_wp, scene%q, failure)
+        call search%find_equilibrium(scene%model, 0.0_wp, scene%q, failure)
         call check_no_failure(error, failure)
-        call check_count(error, settling%n_free, 0, 'directions that lead to other equilibria')
+        call check_count(error, search%n_free, 0, 'directions that lead to other equilibria')
         call linearise_text(links, [character(len=40) :: 'constraint.latch.locked=false'], scene, it, error)
         if (allocated(error)) return
         call check_count(error, count(it%spectrum%cause == of_motion), 4, 'eigenvalues of the free links')

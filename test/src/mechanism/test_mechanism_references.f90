@@ -93,7 +93,7 @@ contains
         call mechanism%add_body('ball', 2.0_wp, place, failure, inertia=spread(0.4_wp*2.0_wp*radius**2, 1, 3), &
             velocity=velocity, omega=omega)
         call check_no_failure(error, failure)
-        call mechanism%add_rolling_sphere('rolling', 'ball', radius, failure, turn=ramp(0.3_wp, rate), pivot=pivot)
+        call mechanism%add_rolling_sphere('rolling', 'ball', radius, failure, rotation=ramp(0.3_wp, rate), pivot=pivot)
         call check_no_failure(error, failure)
         call go(mechanism, 1.0e-11_wp, t, simulation, error)
         if (allocated(error)) return

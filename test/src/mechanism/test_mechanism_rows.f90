@@ -473,18 +473,18 @@ contains
         call mechanism%add_rolling_ellipsoid('egg', 'first', [0.8_wp, 0.5_wp, 0.3_wp], failure, open=.true.)
         call check_no_failure(error, failure)
         call mechanism%add_rolling_ellipsoid('pebble', 'second.tip', [0.3_wp, 0.5_wp, 0.4_wp], failure, normal=normal, &
-            open=.true., turn=law, pivot=at, rise=swing, slide=swing, along=along)
+            open=.true., rotation=law, pivot=at, rise=swing, slide=swing, along=along)
         call check_no_failure(error, failure)
         call verify(mechanism, 'ellipsoids', error)
         call draw(mechanism, .false.)
         call mechanism%add_rolling_disk('tyre', 'first', 0.8_wp, [1.0_wp, 0.2_wp, 0.3_wp], failure, open=.true., crown=0.2_wp)
         call check_no_failure(error, failure)
         call mechanism%add_rolling_disk('wheel', 'second.tip', 0.4_wp, [1.0_wp, 0.2_wp, 0.3_wp], failure, &
-            normal=normal, height=-0.2_wp, open=.true., crown=0.1_wp, turn=law, pivot=at, rise=law, slide=law, along=along)
+            normal=normal, height=-0.2_wp, open=.true., crown=0.1_wp, rotation=law, pivot=at, rise=law, slide=law, along=along)
         call check_no_failure(error, failure)
         call verify(mechanism, 'round rims', error)
         call draw(mechanism, .false.)
-        call mechanism%add_rolling_sphere('ball', 'first.tip', 0.8_wp, failure, open=.true., turn=swing)
+        call mechanism%add_rolling_sphere('ball', 'first.tip', 0.8_wp, failure, open=.true., rotation=swing)
         call check_no_failure(error, failure)
         call verify(mechanism, 'sphere on a turntable', error)
     end subroutine test_rolling

@@ -96,10 +96,12 @@ contains
                 if (is_of_times(kept, plan%inputs(j)%name)) problem = 'has times, which take the name of an input, "'// &
                     trim(plan%inputs(j)%name)//'"; give it a name'
             end do
-            if (any(own_names == kept%name)) problem = 'has the name "'//trim(kept%name)//'", which the table has itself; give '// &
-                'it a name'
-            if (plan%is_for_indices .and. kept%name == 'inputs') &
-                problem = 'has the name "inputs", which is reserved in the table '//'of indices; give it a name'
+            if (any(own_names == kept%name)) then
+                problem = 'has the name "'//trim(kept%name)//'", which is reserved in the table; give it a name'
+            end if
+            if (plan%is_for_indices .and. kept%name == 'inputs') then
+                problem = 'has the name "inputs", which is reserved in the table of indices; give it a name'
+            end if
         end associate
     end function clash_of
 

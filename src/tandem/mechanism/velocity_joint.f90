@@ -5,7 +5,7 @@
 !> With a = A2 a', D = r2 + A2 s' - r1 and n = D x a the row is V = a.(rd2 - rd1) + (s' x a').w2' - n.w1 - e, w1 = 2 E(p1) pd1 in
 !> the world frame, w2' = 2 G(p2) pd2 in the frame of the body. The row of a rotation is V = a'.w2' - n.w1 - e with n = a. V_q, its
 !> derivative along the motion and the derivative of the row's coefficients give the gradient blocks (section 15 of doc/theory.md).
-module tandem_mechanism_glide
+module tandem_mechanism_velocity_joint
     use tandem_kinds, only: wp
     use tandem_mechanism_pair, only: add_block, columns, columns_of_c, n_local, place_1, place_2, put_row, turn_1, turn_2
     use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, turned
@@ -18,18 +18,19 @@ module tandem_mechanism_glide
     implicit none (type, external)
     private
 
-    public :: glide_type, evaluate_glides, differentiate_glides, put_nonholonomic, turning_part, spinning_part, spin_of
+    public :: velocity_joint_type, evaluate_velocity_joints, differentiate_velocity_joints, put_nonholonomic, turning_part, &
+        spinning_part, spin_of
 
-    type :: glide_type
+    type :: velocity_joint_type
         !> Bodies, 0 for the ground, and row of C.
         integer :: first = 0, second = 0, row = 0
         !> True for a displacement, false for a rotation.
-        logical :: is_way = .false.
+        logical :: is_displacement = .false.
         !> a', s', and s' x a' (a' for a rotation), in the frame of the second body.
         real(wp) :: axis(3) = 0.0_wp, point(3) = 0.0_wp, moment(3) = 0.0_wp
         !> Index of the function whose rate is e; 0 if none.
         integer :: motion = 0
-    end type glide_type
+    end type velocity_joint_type
 
 contains
 
@@ -79,8 +80,8 @@ contains
     end function spin_of
 
     !> n and its first derivative.
-    pure subroutine lever(glide, one, two, last, a, d, n)
-        type(glide_type), intent(in) :: glide
+    pure subroutine lever(velocity_joint, one, two, last, a, d, n)
+        type(velocity_joint_type), intent(in) :: velocity_joint
         type(pose_type), intent(in) :: one, two
         integer, intent(in) :: last
         !> a and D.
@@ -88,20 +89,20 @@ contains
         integer :: k
 
         do k = 0, last
-            a(:, k) = turned(two, k, glide%axis)
-            if (.not. glide%is_way) then
+            a(:, k) = turned(two, k, velocity_joint%axis)
+            if (.not. velocity_joint%is_displacement) then
                 n(:, k) = a(:, k)
                 cycle
             end if
-            d(:, k) = two%r(:, k) + turned(two, k, glide%point) - one%r(:, k)
+            d(:, k) = two%r(:, k) + turned(two, k, velocity_joint%point) - one%r(:, k)
             n(:, k) = cross(d(:, 0), a(:, k))
             if (k == 1) n(:, 1) = n(:, 1) + cross(d(:, 1), a(:, 0))
         end do
     end subroutine lever
 
     !> Add the terms of every row.
-    pure subroutine evaluate_glides(glides, need, pose, f, terms)
-        type(glide_type), intent(in) :: glides(:)
+    pure subroutine evaluate_velocity_joints(velocity_joints, need, pose, f, terms)
+        type(velocity_joint_type), intent(in) :: velocity_joints(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
         !> Values and derivatives of the functions of time.
@@ -111,40 +112,42 @@ contains
         integer :: i
 
         if (iand(need, need_jacobian + need_gamma + need_nu) == 0) return
-        do i = 1, size(glides)
-            associate (glide => glides(i), one => pose(glides(i)%first), two => pose(glides(i)%second))
+        do i = 1, size(velocity_joints)
+            associate (velocity_joint => velocity_joints(i), one => pose(velocity_joints(i)%first), &
+                two => pose(velocity_joints(i)%second))
                 if (iand(need, need_jacobian + need_gamma) /= 0) then
-                    call lever(glide, one, two, merge(1, 0, iand(need, need_gamma) /= 0), a, d, n)
+                    call lever(velocity_joint, one, two, merge(1, 0, iand(need, need_gamma) /= 0), a, d, n)
                 end if
                 if (iand(need, need_jacobian) /= 0) then
                     row = 0.0_wp
-                    if (glide%is_way) then
+                    if (velocity_joint%is_displacement) then
                         row(place_1 + 1:place_1 + 3) = -a(:, 0)
                         row(place_2 + 1:place_2 + 3) = a(:, 0)
                     end if
                     row(turn_1 + 1:turn_1 + 4) = -spinning_part(one, 0, n(:, 0))
-                    row(turn_2 + 1:turn_2 + 4) = turning_part(two, 0, glide%moment)
-                    call put_row(columns_of_c(one, two), row, glide%row, terms%jacobian)
+                    row(turn_2 + 1:turn_2 + 4) = turning_part(two, 0, velocity_joint%moment)
+                    call put_row(columns_of_c(one, two), row, velocity_joint%row, terms%jacobian)
                 end if
                 if (iand(need, need_nu) /= 0) then
-                    terms%nu(glide%row) = 0.0_wp
-                    if (glide%motion > 0) terms%nu(glide%row) = f(1, glide%motion)
+                    terms%nu(velocity_joint%row) = 0.0_wp
+                    if (velocity_joint%motion > 0) terms%nu(velocity_joint%row) = f(1, velocity_joint%motion)
                 end if
                 if (iand(need, need_gamma) /= 0) then
                     ! G(pd) pd = 0 and E(pd) pd = 0.
                     w = spin_of(one, 0)
-                    terms%gamma(glide%row) = -sum(n(:, 1)*w)
-                    if (glide%is_way) terms%gamma(glide%row) = terms%gamma(glide%row) + &
+                    terms%gamma(velocity_joint%row) = -sum(n(:, 1)*w)
+                    if (velocity_joint%is_displacement) terms%gamma(velocity_joint%row) = terms%gamma(velocity_joint%row) + &
                         sum(a(:, 1)*(two%r(:, 1) - one%r(:, 1)))
-                    if (glide%motion > 0) terms%gamma(glide%row) = terms%gamma(glide%row) - f(2, glide%motion)
+                    if (velocity_joint%motion > 0) terms%gamma(velocity_joint%row) = terms%gamma(velocity_joint%row) - f(2, &
+                        velocity_joint%motion)
                 end if
             end associate
         end do
-    end subroutine evaluate_glides
+    end subroutine evaluate_velocity_joints
 
     !> Add the gradient blocks of every row.
-    pure subroutine differentiate_glides(glides, need, pose, lambda, derivatives)
-        type(glide_type), intent(in) :: glides(:)
+    pure subroutine differentiate_velocity_joints(velocity_joints, need, pose, lambda, derivatives)
+        type(velocity_joint_type), intent(in) :: velocity_joints(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in) :: lambda(:)
@@ -154,10 +157,11 @@ contains
             column(3)
         integer :: i, j, k, c(n_local)
 
-        do i = 1, size(glides)
-            associate (glide => glides(i), one => pose(glides(i)%first), two => pose(glides(i)%second))
+        do i = 1, size(velocity_joints)
+            associate (velocity_joint => velocity_joints(i), one => pose(velocity_joints(i)%first), &
+                two => pose(velocity_joints(i)%second))
                 c = columns(one, two)
-                call lever(glide, one, two, 1, a, d, n)
+                call lever(velocity_joint, one, two, 1, a, d, n)
                 do k = 0, 1
                     w(:, k) = spin_of(one, k)
                     v(:, k) = two%r(:, k + 1) - one%r(:, k + 1)
@@ -165,7 +169,7 @@ contains
                 v_q = 0.0_wp
                 e_rate = 0.0_wp
                 e_rate(turn_1 + 1:turn_1 + 4) = -spinning_part(one, 1, n(:, 0)) - spinning_part(one, 0, n(:, 1))
-                e_rate(turn_2 + 1:turn_2 + 4) = turning_part(two, 1, glide%moment)
+                e_rate(turn_2 + 1:turn_2 + 4) = turning_part(two, 1, velocity_joint%moment)
                 ! Derivatives of -n.w1 with respect to p1, and of m'.w2' with respect to p2.
                 if (one%n_turn == 4) then
                     v_q(turn_1 + 1:turn_1 + 4, 0) = spinning_part(one, 1, n(:, 0))
@@ -173,10 +177,10 @@ contains
                 end if
                 v_p = 0.0_wp
                 if (two%n_turn == 4) then
-                    v_p(:, 0) = -turning_part(two, 1, glide%moment)
-                    v_p(:, 1) = -turning_part(two, 2, glide%moment)
+                    v_p(:, 0) = -turning_part(two, 1, velocity_joint%moment)
+                    v_p(:, 1) = -turning_part(two, 2, velocity_joint%moment)
                 end if
-                if (glide%is_way) then
+                if (velocity_joint%is_displacement) then
                     e_rate(place_1 + 1:place_1 + 3) = -a(:, 1)
                     e_rate(place_2 + 1:place_2 + 3) = a(:, 1)
                     ! n_q: -w1.(dD x a) = -dD.(a x w1), -w1.(D x da) = -da.(w1 x D).
@@ -188,23 +192,23 @@ contains
                         v_q(place_1 + 1:place_1 + 3, k) = aw(:, k)
                         v_q(place_2 + 1:place_2 + 3, k) = -aw(:, k)
                     end do
-                    call add_turned(two, glide%point, -aw, v_p)
-                    call add_turned(two, glide%axis, wd, v_p)
+                    call add_turned(two, velocity_joint%point, -aw, v_p)
+                    call add_turned(two, velocity_joint%axis, wd, v_p)
                 else
-                    call add_turned(two, glide%axis, -w, v_p)
+                    call add_turned(two, velocity_joint%axis, -w, v_p)
                 end if
                 v_q(turn_2 + 1:turn_2 + 4, :) = v_p
-                call put_nonholonomic(need, glide%row, c, v_q(:, 0), v_q(:, 1), e_rate, derivatives)
+                call put_nonholonomic(need, velocity_joint%row, c, v_q(:, 0), v_q(:, 1), e_rate, derivatives)
                 if (iand(need, need_dynamics_q) == 0) cycle
 
                 ! Derivatives of the coefficients with respect to q.
                 block = 0.0_wp
-                b_a = gradient_matrix(two, 0, glide%axis)
+                b_a = gradient_matrix(two, 0, velocity_joint%axis)
                 b_n = b_a
-                if (glide%is_way) then
+                if (velocity_joint%is_displacement) then
                     block(place_1 + 1:place_1 + 3, turn_2 + 1:turn_2 + 4) = -b_a
                     block(place_2 + 1:place_2 + 3, turn_2 + 1:turn_2 + 4) = b_a
-                    b_n = matmul(skew(d(:, 0)), b_a) - matmul(skew(a(:, 0)), gradient_matrix(two, 0, glide%point))
+                    b_n = matmul(skew(d(:, 0)), b_a) - matmul(skew(a(:, 0)), gradient_matrix(two, 0, velocity_joint%point))
                     do j = 1, 3
                         ! dD x a.
                         column = 0.0_wp
@@ -219,11 +223,11 @@ contains
                     block(turn_1 + 1:turn_1 + 4, turn_2 + j) = -spinning_part(one, 0, b_n(:, j))
                 end do
                 if (one%n_turn == 4) block(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4) = -2*e_transposed_gradient(n(:, 0))
-                if (two%n_turn == 4) block(turn_2 + 1:turn_2 + 4, turn_2 + 1:turn_2 + 4) = 2*t_matrix(glide%moment)
-                call add_block(c, derivatives%column_of(c), lambda(glide%row), block, derivatives%dynamics_q)
+                if (two%n_turn == 4) block(turn_2 + 1:turn_2 + 4, turn_2 + 1:turn_2 + 4) = 2*t_matrix(velocity_joint%moment)
+                call add_block(c, derivatives%column_of(c), lambda(velocity_joint%row), block, derivatives%dynamics_q)
             end associate
         end do
-    end subroutine differentiate_glides
+    end subroutine differentiate_velocity_joints
 
     !> Add x.(A s')_p with its derivative along the motion.
     pure subroutine add_turned(body, s, x, v_p)
@@ -248,4 +252,4 @@ contains
         if (iand(need, need_acceleration_q) /= 0) call put_row(column, v_q_rate, row, derivatives%acceleration_q)
         if (iand(need, need_acceleration_qd) /= 0) call put_row(column, v_q + e_rate, row, derivatives%acceleration_qd)
     end subroutine put_nonholonomic
-end module tandem_mechanism_glide
+end module tandem_mechanism_velocity_joint

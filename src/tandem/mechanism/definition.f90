@@ -1,19 +1,19 @@
 ! SPDX-License-Identifier: MIT
 !> Definition of a mechanism: the lists of its elements, their names and rows, and common procedures of the builder for functions,
 !> laws, expressions, directions, and positions of bodies in the reference configuration.
-module tandem_mechanism_drawn
+module tandem_mechanism_definition
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: body_type, point_type
     use tandem_mechanism_coordinate, only: coordinate_type
     use tandem_mechanism_coupling, only: coupling_type
-    use tandem_mechanism_dot, only: dot_type
+    use tandem_mechanism_perpendicular, only: perpendicular_type
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
     use tandem_mechanism_formula, only: formula_type, is_joint, is_joint_rate, is_place, is_spin, is_time, is_turn, is_turn_rate, &
         is_velocity, variable_name_length, variable_type
     use tandem_mechanism_function, only: function_type
-    use tandem_mechanism_glide, only: glide_type
+    use tandem_mechanism_velocity_joint, only: velocity_joint_type
     use tandem_mechanism_joint, only: joint_type, name_length
     use tandem_mechanism_law, only: law_item_type, law_type
     use tandem_mechanism_load, only: load_type
@@ -21,17 +21,17 @@ module tandem_mechanism_drawn
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_rate_row, only: rate_row_type
     use tandem_mechanism_refusal, only: refuse, take_vector
-    use tandem_mechanism_rolling, only: edge_type, roller_type
+    use tandem_mechanism_rolling, only: knife_edge_type, roller_type
     use tandem_mechanism_row_list, only: row_list_type
     use tandem_mechanism_sensor, only: of_joint, of_massless_wheel, sensor_type
-    use tandem_mechanism_span, only: span_type
+    use tandem_mechanism_point_vector, only: point_vector_type
     use tandem_model, only: model_type
     use tandem_name_index, only: name_index_type
     use tandem_rigid_euler_parameters, only: rotation
     implicit none (type, external)
     private
 
-    public :: drawn_type, motion_type, angle_type
+    public :: definition_type, motion_type, angle_type
 
     !> A function of time, and its derivative whose jump makes qd jump: 1 for a row at position level, 0 for the coefficients of a
     !> row at velocity level, -1 for a force. A lower derivative must not jump.
@@ -51,13 +51,19 @@ module tandem_mechanism_drawn
 
     !> Number of elements of each type.
     type :: numbers_type
-        integer :: bodies = 0, points = 0, joints = 0, motions = 0, dots = 0, meetings = 0, distances = 0, angles = 0, &
+        integer :: bodies = 0, points = 0, joints = 0, motions = 0, perpendiculars = 0, coincidences = 0, distances = 0, &
+            angles = 0, &
             springs = 0, torsions = 0, bushings = 0, loads = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, &
-            glides = 0, edges = 0, rollers = 0, massless_wheels = 0, slides = 0, sensors = 0
+            velocity_joints = 0, knife_edges = 0, rollers = 0, massless_wheels = 0, slides = 0, sensors = 0
     end type numbers_type
 
+    !> Indices by name: of all elements; of points (`body.point`); of sensors; of the first function of time of an element.
+    type :: indices_type
+        type(name_index_type) :: names, points, sensors, motions
+    end type indices_type
+
     !> All elements. `planar` and `gravity` must be set before the first element is added.
-    type, extends(model_type) :: drawn_type
+    type, extends(model_type) :: definition_type
         !> True if bodies move in the plane (x, y, angle).
         logical :: planar = .false.
         !> Acceleration due to gravity (m/s^2).
@@ -72,8 +78,8 @@ module tandem_mechanism_drawn
         type(joint_type), allocatable :: joints(:)
         type(motion_type), allocatable :: motions(:)
         !> Elements by type.
-        type(dot_type), allocatable :: dots(:)
-        type(span_type), allocatable :: meetings(:), distances(:)
+        type(perpendicular_type), allocatable :: perpendiculars(:)
+        type(point_vector_type), allocatable :: coincidences(:), distances(:)
         type(angle_type), allocatable :: angles(:)
         type(spring_type), allocatable :: springs(:)
         type(torsion_type), allocatable :: torsions(:)
@@ -84,16 +90,15 @@ module tandem_mechanism_drawn
         type(formula_type), allocatable :: formulas(:)
         type(coordinate_type), allocatable :: coordinates(:)
         type(coupling_type), allocatable :: couplings(:)
-        type(glide_type), allocatable :: glides(:)
+        type(velocity_joint_type), allocatable :: velocity_joints(:)
         type(rate_row_type), allocatable :: rate_rows(:)
-        type(edge_type), allocatable :: edges(:)
+        type(knife_edge_type), allocatable :: knife_edges(:)
         type(roller_type), allocatable :: rollers(:)
         type(massless_wheel_type), allocatable :: massless_wheels(:)
         type(sensor_type), allocatable :: sensors(:)
         !> Rows so far: at position level without those of Euler parameters, and at velocity level.
         type(row_list_type) :: held, rolling
-        !> Names of all elements; of points (`body.point`); of sensors; the first function of time of an element.
-        type(name_index_type) :: name_index, point_index, sensor_index, motion_index
+        type(indices_type) :: index_of
         !> Type of each element, such as `of_joint`, 0 for a body, and its index in the list of its type.
         integer, allocatable :: types(:), numbers(:)
         !> Times up to which kinks of each function of time, law and formula have been searched, in this order; kinks after
@@ -104,22 +109,22 @@ module tandem_mechanism_drawn
         procedure :: clear, fit, find_body, find_element
         procedure :: keep_name, variable_names, list_variables
         procedure :: take_motion, take_law, take_formula, take_direction
-        procedure :: need_turning_body, find_coordinate, frame_of, angle_of, drawn_length
+        procedure :: need_turning_body, find_coordinate, frame_of, angle_of, reference_length
         procedure :: begin_breakpoints, know_breakpoints, hold_pieces, pieces_hide
-    end type drawn_type
+    end type definition_type
 
     interface
         !> Find the first kinks of functions of time. Steps end at kinks; qd jumps at a kink in the rate of a motion.
         module subroutine begin_breakpoints(self, error)
             implicit none (type, external)
-            class(drawn_type), intent(inout) :: self
+            class(definition_type), intent(inout) :: self
             type(error_type), allocatable, intent(out) :: error
         end subroutine begin_breakpoints
 
         !> Search for kinks until a number of them is known.
         module subroutine know_breakpoints(self, number, error)
             implicit none (type, external)
-            class(drawn_type), intent(inout) :: self
+            class(definition_type), intent(inout) :: self
             integer, intent(in) :: number
             type(error_type), allocatable, intent(out) :: error
         end subroutine know_breakpoints
@@ -127,13 +132,13 @@ module tandem_mechanism_drawn
         !> Set the smooth pieces of all functions to the current segment.
         pure module subroutine hold_pieces(self)
             implicit none (type, external)
-            class(drawn_type), intent(inout) :: self
+            class(definition_type), intent(inout) :: self
         end subroutine hold_pieces
 
         !> True if the current pieces have values between two times that a step does not sample.
         module function pieces_hide(self, from, to, between)
             implicit none (type, external)
-            class(drawn_type), intent(inout) :: self
+            class(definition_type), intent(inout) :: self
             real(wp), intent(in) :: from, to
             !> True if the step evaluates at times between its ends.
             logical, intent(in) :: between
@@ -145,16 +150,16 @@ contains
 
     !> Remove all elements.
     pure subroutine clear(self)
-        class(drawn_type), intent(inout) :: self
+        class(definition_type), intent(inout) :: self
 
         self%bodies = [body_type ::]
         self%points = [point_type ::]
         self%joints = [joint_type ::]
         if (allocated(self%motions)) deallocate (self%motions)
         allocate (self%motions(0))
-        self%dots = [dot_type ::]
-        self%meetings = [span_type ::]
-        self%distances = [span_type ::]
+        self%perpendiculars = [perpendicular_type ::]
+        self%coincidences = [point_vector_type ::]
+        self%distances = [point_vector_type ::]
         self%angles = [angle_type ::]
         self%springs = [spring_type ::]
         self%torsions = [torsion_type ::]
@@ -165,19 +170,19 @@ contains
         allocate (self%laws(0), self%formulas(0))
         self%coordinates = [coordinate_type ::]
         self%couplings = [coupling_type ::]
-        self%glides = [glide_type ::]
+        self%velocity_joints = [velocity_joint_type ::]
         if (allocated(self%rate_rows)) deallocate (self%rate_rows)
         allocate (self%rate_rows(0))
-        self%edges = [edge_type ::]
+        self%knife_edges = [knife_edge_type ::]
         self%rollers = [roller_type ::]
         self%massless_wheels = [massless_wheel_type ::]
         self%sensors = [sensor_type ::]
         if (allocated(self%types)) deallocate (self%types, self%numbers)
         allocate (self%types(16), self%numbers(16))
-        call self%name_index%clear()
-        call self%point_index%clear()
-        call self%sensor_index%clear()
-        call self%motion_index%clear()
+        call self%index_of%names%clear()
+        call self%index_of%points%clear()
+        call self%index_of%sensors%clear()
+        call self%index_of%motions%clear()
         call self%held%clear()
         call self%rolling%clear()
         self%n_of = numbers_type()
@@ -185,61 +190,61 @@ contains
 
     !> Store the name of a new element.
     pure subroutine keep_name(self, name, type_of, number)
-        class(drawn_type), intent(inout) :: self
+        class(definition_type), intent(inout) :: self
         character(len=*), intent(in) :: name
         !> Type of the element, and its index in the list of this type.
         integer, intent(in) :: type_of, number
 
-        if (self%name_index%n == size(self%types)) then
+        if (self%index_of%names%n == size(self%types)) then
             self%types = [self%types, self%types]
             self%numbers = [self%numbers, self%numbers]
         end if
-        call self%name_index%put(name, self%name_index%n + 1)
-        self%types(self%name_index%n) = type_of
-        self%numbers(self%name_index%n) = number
+        call self%index_of%names%put(name, self%index_of%names%n + 1)
+        self%types(self%index_of%names%n) = type_of
+        self%numbers(self%index_of%names%n) = number
     end subroutine keep_name
 
     !> Index of a body, 0 for the ground, -1 if the name is unknown.
     pure integer function find_body(self, name)
-        class(drawn_type), intent(in) :: self
+        class(definition_type), intent(in) :: self
         character(len=*), intent(in) :: name
         integer :: k
 
         find_body = merge(0, -1, name == 'ground')
-        k = self%name_index%get(name)
+        k = self%index_of%names%get(name)
         if (k == 0) return
         if (self%types(k) == 0) find_body = self%numbers(k)
     end function find_body
 
     !> Type of the element of a name, such as `of_joint`, 0 for a body, -1 if unknown; and its index in the list of its type.
     pure subroutine find_element(self, name, type_of, number)
-        class(drawn_type), intent(in) :: self
+        class(definition_type), intent(in) :: self
         character(len=*), intent(in) :: name
         integer, intent(out) :: type_of, number
         integer :: k
 
         type_of = -1
         number = 0
-        k = self%name_index%get(name)
+        k = self%index_of%names%get(name)
         if (k == 0) return
         type_of = self%types(k)
         number = self%numbers(k)
     end subroutine find_element
 
     !> Distance of two points in the reference configuration.
-    pure real(wp) function drawn_length(self, span)
-        class(drawn_type), intent(in) :: self
-        type(span_type), intent(in) :: span
+    pure real(wp) function reference_length(self, vector)
+        class(definition_type), intent(in) :: self
+        type(point_vector_type), intent(in) :: vector
         real(wp) :: r1(3), r2(3), a1(3, 3), a2(3, 3)
 
-        call self%frame_of(span%first, r1, a1)
-        call self%frame_of(span%second, r2, a2)
-        drawn_length = norm2(r2 + matmul(a2, span%s2) - r1 - matmul(a1, span%s1))
-    end function drawn_length
+        call self%frame_of(vector%first, r1, a1)
+        call self%frame_of(vector%second, r2, a2)
+        reference_length = norm2(r2 + matmul(a2, vector%s2) - r1 - matmul(a1, vector%s1))
+    end function reference_length
 
     !> Append a function of time, and return its index.
     subroutine take_motion(self, name, f, jump_order, number)
-        class(drawn_type), intent(inout) :: self
+        class(definition_type), intent(inout) :: self
         !> Name of the element.
         character(len=*), intent(in) :: name
         class(function_type), intent(in) :: f
@@ -253,12 +258,12 @@ contains
         allocate (self%motions(number)%f, source=f)
         self%motions(number)%jump_order = jump_order
         self%motions(number)%name = name
-        call self%motion_index%put(name, number)
+        call self%index_of%motions%put(name, number)
     end subroutine take_motion
 
     !> Allocate room for a number of functions of time.
     subroutine resize_motions(self, room)
-        class(drawn_type), intent(inout) :: self
+        class(definition_type), intent(inout) :: self
         integer, intent(in) :: room
         type(motion_type), allocatable :: others(:)
         integer :: i
@@ -274,7 +279,7 @@ contains
 
     !> Append a law, and return its index.
     subroutine take_law(self, law, number)
-        class(drawn_type), intent(inout) :: self
+        class(definition_type), intent(inout) :: self
         class(law_type), intent(in) :: law
         integer, intent(out) :: number
 
@@ -286,7 +291,7 @@ contains
 
     !> Allocate room for a number of laws.
     subroutine resize_laws(self, room)
-        class(drawn_type), intent(inout) :: self
+        class(definition_type), intent(inout) :: self
         integer, intent(in) :: room
         type(law_item_type), allocatable :: others(:)
         integer :: i
@@ -300,7 +305,7 @@ contains
 
     !> Append an expression of the state, and return its index.
     subroutine take_formula(self, expression, number)
-        class(drawn_type), intent(inout) :: self
+        class(definition_type), intent(inout) :: self
         type(expression_type), intent(in) :: expression
         integer, intent(out) :: number
 
@@ -312,7 +317,7 @@ contains
 
     !> Allocate room for a number of expressions of the state.
     subroutine resize_formulas(self, room)
-        class(drawn_type), intent(inout) :: self
+        class(definition_type), intent(inout) :: self
         integer, intent(in) :: room
         type(formula_type), allocatable :: others(:)
 
@@ -323,14 +328,14 @@ contains
 
     !> Trim the lists to their used lengths.
     subroutine fit(self)
-        class(drawn_type), intent(inout) :: self
+        class(definition_type), intent(inout) :: self
 
         associate (n => self%n_of)
             self%bodies = self%bodies(:n%bodies)
             self%points = self%points(:n%points)
             self%joints = self%joints(:n%joints)
-            self%dots = self%dots(:n%dots)
-            self%meetings = self%meetings(:n%meetings)
+            self%perpendiculars = self%perpendiculars(:n%perpendiculars)
+            self%coincidences = self%coincidences(:n%coincidences)
             self%distances = self%distances(:n%distances)
             self%angles = self%angles(:n%angles)
             self%springs = self%springs(:n%springs)
@@ -339,14 +344,14 @@ contains
             self%loads = self%loads(:n%loads)
             self%coordinates = self%coordinates(:n%coordinates)
             self%couplings = self%couplings(:n%couplings)
-            self%glides = self%glides(:n%glides)
-            self%edges = self%edges(:n%edges)
+            self%velocity_joints = self%velocity_joints(:n%velocity_joints)
+            self%knife_edges = self%knife_edges(:n%knife_edges)
             self%rollers = self%rollers(:n%rollers)
             self%massless_wheels = self%massless_wheels(:n%massless_wheels)
             self%sensors = self%sensors(:n%sensors)
             ! `keep_name` doubles the room.
-            self%types = self%types(:max(1, self%name_index%n))
-            self%numbers = self%numbers(:max(1, self%name_index%n))
+            self%types = self%types(:max(1, self%index_of%names%n))
+            self%numbers = self%numbers(:max(1, self%index_of%names%n))
             call resize_motions(self, n%motions)
             call resize_laws(self, n%laws)
             call resize_formulas(self, n%formulas)
@@ -359,7 +364,7 @@ contains
     !> sliding massless wheel its way and speed. Parse an expression with these names after the elements in it were added, and add
     !> its element before another body or joint.
     function variable_names(self) result(names)
-        class(drawn_type), intent(in) :: self
+        class(definition_type), intent(in) :: self
         character(len=variable_name_length), allocatable :: names(:)
         type(variable_type), allocatable :: variables(:)
 
@@ -369,7 +374,7 @@ contains
 
     !> Definitions of these variables.
     function list_variables(self) result(variables)
-        class(drawn_type), intent(in) :: self
+        class(definition_type), intent(in) :: self
         type(variable_type), allocatable :: variables(:)
         character(len=*), parameter :: axis(3) = ['x', 'y', 'z'], number(4) = ['0', '1', '2', '3']
         integer :: i, k, m, n
@@ -402,7 +407,7 @@ contains
             end associate
         end do
         do i = 1, self%n_of%joints
-            associate (name => trim(self%joints(i)%name)//'.', turn => self%joints(i)%turn, way => self%joints(i)%way)
+            associate (name => trim(self%joints(i)%name)//'.', turn => self%joints(i)%rotation, way => self%joints(i)%displacement)
                 if (turn > 0) then
                     call add(name//'angle', is_joint, turn, 1)
                     call add(name//'rate', is_joint_rate, turn, 1)
@@ -410,10 +415,10 @@ contains
                 if (way > 0) call add_way(name, way)
             end associate
         end do
-        do i = 1, self%name_index%n
+        do i = 1, self%index_of%names%n
             if (self%types(i) /= of_massless_wheel) cycle
-            associate (way => self%massless_wheels(self%numbers(i))%way)
-                if (way > 0) call add_way(self%name_index%name(i)//'.', way)
+            associate (way => self%massless_wheels(self%numbers(i))%displacement)
+                if (way > 0) call add_way(self%index_of%names%name(i)//'.', way)
             end associate
         end do
         variables = variables(:m)
@@ -439,7 +444,7 @@ contains
 
     !> Index of the coordinate of a joint or of a sliding wheel, from `joint`, `joint.angle` or `joint.displacement`.
     subroutine find_coordinate(self, label, text, number, error)
-        class(drawn_type), intent(in) :: self
+        class(definition_type), intent(in) :: self
         character(len=*), intent(in) :: label, text
         integer, intent(out) :: number
         type(error_type), allocatable, intent(inout) :: error
@@ -450,11 +455,11 @@ contains
         if (dot == 0) dot = len_trim(text) + 1
         call self%find_element(text(:dot - 1), type_of, k)
         if (type_of == of_joint) then
-            turn = self%joints(k)%turn
-            way = self%joints(k)%way
+            turn = self%joints(k)%rotation
+            way = self%joints(k)%displacement
         else if (type_of == of_massless_wheel) then
             turn = 0
-            way = self%massless_wheels(k)%way
+            way = self%massless_wheels(k)%displacement
         else
             call refuse(label//': there is no joint '//text(:dot - 1), 'define the joint first', error)
             return
@@ -476,7 +481,7 @@ contains
 
     !> Position and rotation of a body in the reference configuration.
     pure subroutine frame_of(self, body, r, a)
-        class(drawn_type), intent(in) :: self
+        class(definition_type), intent(in) :: self
         integer, intent(in) :: body
         real(wp), intent(out) :: r(3), a(3, 3)
         type(pose_type) :: ground
@@ -497,7 +502,7 @@ contains
 
     !> Angle of a body in the reference configuration.
     pure real(wp) function angle_of(self, body)
-        class(drawn_type), intent(in) :: self
+        class(definition_type), intent(in) :: self
         integer, intent(in) :: body
 
         angle_of = 0.0_wp
@@ -506,7 +511,7 @@ contains
 
     !> Normalise a given direction.
     subroutine take_direction(self, label, what, given, vector, error)
-        class(drawn_type), intent(in) :: self
+        class(definition_type), intent(in) :: self
         character(len=*), intent(in) :: label, what
         real(wp), intent(in) :: given(:)
         real(wp), intent(inout) :: vector(3)
@@ -523,7 +528,7 @@ contains
 
     !> Refuse the ground and point masses.
     subroutine need_turning_body(self, label, body, error)
-        class(drawn_type), intent(in) :: self
+        class(definition_type), intent(in) :: self
         character(len=*), intent(in) :: label
         integer, intent(in) :: body
         type(error_type), allocatable, intent(inout) :: error
@@ -533,4 +538,4 @@ contains
         if (body > 0) turns = self%bodies(body)%turns
         if (.not. turns) call refuse(label//' is on the ground or on a point mass', 'name a body with an inertia', error)
     end subroutine need_turning_body
-end module tandem_mechanism_drawn
+end module tandem_mechanism_definition

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> Builder procedures for bodies and their points.
-submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_bodies
+submodule(tandem_mechanism_builder) tandem_mechanism_builder_bodies
     use tandem_error, only: to_text
     use tandem_mechanism_refusal, only: refuse, take_vector
-    use tandem_mechanism_sensor, only: of_distance, of_edge, of_joint, of_massless_wheel, of_row, of_wheel
+    use tandem_mechanism_sensor, only: of_distance, of_knife_edge, of_joint, of_massless_wheel, of_row, of_wheel
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
 
@@ -70,7 +70,7 @@ contains
                 ' characters without a dot', error)
             return
         end if
-        if (self%point_index%get(trim(body)//'.'//name) > 0) then
+        if (self%index_of%points%get(trim(body)//'.'//name) > 0) then
             call refuse('point '//trim(body)//'.'//trim(name)//' exists already', 'use another name', error)
             return
         end if
@@ -79,7 +79,7 @@ contains
         self%n_of%points = self%n_of%points + 1
         if (self%n_of%points > size(self%points)) self%points = [self%points, self%points, point]
         self%points(self%n_of%points) = point
-        call self%point_index%put(trim(body)//'.'//name, self%n_of%points)
+        call self%index_of%points%put(trim(body)//'.'//name, self%n_of%points)
     end procedure add_point
 
     module procedure check_name
@@ -87,8 +87,8 @@ contains
         if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. index(trim(name), '.') > 0 .or. &
             index(trim(name), ' ') > 0) then
             call refuse(label//': "'//trim(name)//'" is not a valid name', 'use 1 to '//to_text(name_length)// &
-                ' characters without dots and blanks', error)
-        else if (name == 'ground' .or. self%name_index%get(name) > 0) then
+                ' characters without perpendiculars and blanks', error)
+        else if (name == 'ground' .or. self%index_of%names%get(name) > 0) then
             call refuse(label//': there is another "'//trim(name)//'" already, '//trim(kind_of(self, name)), &
                 'use another name: bodies, joints, constraints, wheels and forces share them', error)
         end if
@@ -107,7 +107,7 @@ contains
             return
         end if
         if (.not. is_point) return
-        k = self%point_index%get(trim(text(:dot - 1))//text(dot:))
+        k = self%index_of%points%get(trim(text(:dot - 1))//text(dot:))
         if (k > 0) then
             place = self%points(k)%place
             return
@@ -191,7 +191,7 @@ contains
 
     !> Kind of the element of a name.
     pure function kind_of(self, name) result(kind)
-        class(drawing_type), intent(in) :: self
+        class(builder_type), intent(in) :: self
         character(len=*), intent(in) :: name
         character(len=16) :: kind
         integer :: type_of, number
@@ -204,7 +204,7 @@ contains
             kind = 'a body'
         case (of_joint)
             kind = 'a joint'
-        case (of_wheel, of_edge, of_massless_wheel)
+        case (of_wheel, of_knife_edge, of_massless_wheel)
             kind = 'a wheel or edge'
         case (of_row, of_distance)
             kind = 'a constraint'
@@ -213,4 +213,4 @@ contains
         end select
     end function kind_of
 
-end submodule tandem_mechanism_drawing_bodies
+end submodule tandem_mechanism_builder_bodies

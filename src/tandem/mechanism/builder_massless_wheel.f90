@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> Builder procedure for massless wheels.
-submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_massless_wheel
+submodule(tandem_mechanism_builder) tandem_mechanism_builder_massless_wheel
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_way
+    use tandem_mechanism_coordinate, only: is_displacement
     use tandem_mechanism_massless_wheel, only: find_place
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_refusal, only: refuse
@@ -72,12 +72,12 @@ contains
             ! `define` numbers the poses of sliding parts, which follow those of all bodies.
             self%n_of%slides = self%n_of%slides + 1
             wheel%slide = -self%n_of%slides
-            way = coordinate_type(kind=is_way, second=wheel%slide, one=dot_type(second=wheel%slide, is_point=.true., &
-                a=[1.0_wp, 0.0_wp, 0.0_wp]))
+            way = coordinate_type(kind=is_displacement, second=wheel%slide, one=perpendicular_type(second=wheel%slide, &
+                is_point=.true., a=[1.0_wp, 0.0_wp, 0.0_wp]))
             self%n_of%coordinates = self%n_of%coordinates + 1
             if (self%n_of%coordinates > size(self%coordinates)) self%coordinates = [self%coordinates, self%coordinates, way]
             self%coordinates(self%n_of%coordinates) = way
-            wheel%way = self%n_of%coordinates
+            wheel%displacement = self%n_of%coordinates
         end if
         self%n_of%massless_wheels = self%n_of%massless_wheels + 1
         if (self%n_of%massless_wheels > size(self%massless_wheels)) then
@@ -89,7 +89,7 @@ contains
 
     !> Refuse a wheel that is off its plane in the reference configuration.
     subroutine check_gap(self, label, wheel, error, open, rise, steer)
-        class(drawing_type), intent(in) :: self
+        class(builder_type), intent(in) :: self
         character(len=*), intent(in) :: label
         type(massless_wheel_type), intent(inout) :: wheel
         type(error_type), allocatable, intent(inout) :: error
@@ -118,4 +118,4 @@ contains
             ' m above its plane in the reference configuration', &
             'move it, or assemble the start, in a scene by [initial] assemble = true', error)
     end subroutine check_gap
-end submodule tandem_mechanism_drawing_massless_wheel
+end submodule tandem_mechanism_builder_massless_wheel

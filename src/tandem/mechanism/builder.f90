@@ -4,35 +4,35 @@
 !>
 !> Points are named by text: `crank` is the centre of mass of the body crank, `crank.pin` a point of it, `ground.post` a point of
 !> the ground.
-module tandem_mechanism_drawing
+module tandem_mechanism_builder
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: body_type, point_type
     use tandem_mechanism_coordinate, only: coordinate_type
     use tandem_mechanism_coupling, only: coupling_type
-    use tandem_mechanism_dot, only: dot_type
-    use tandem_mechanism_drawn, only: angle_type, drawn_type, motion_type
+    use tandem_mechanism_perpendicular, only: perpendicular_type
+    use tandem_mechanism_definition, only: angle_type, definition_type, motion_type
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
     use tandem_mechanism_formula, only: variable_type
     use tandem_mechanism_function, only: function_type
-    use tandem_mechanism_glide, only: glide_type
+    use tandem_mechanism_velocity_joint, only: velocity_joint_type
     use tandem_mechanism_joint, only: name_length, placed_joint_type
     use tandem_mechanism_law, only: law_type
     use tandem_mechanism_load, only: load_type
     use tandem_mechanism_massless_wheel, only: massless_wheel_type
     use tandem_mechanism_rate_row, only: rate_row_type
-    use tandem_mechanism_rolling, only: edge_type, roller_type
+    use tandem_mechanism_rolling, only: knife_edge_type, roller_type
     use tandem_mechanism_sensor, only: sensor_type
-    use tandem_mechanism_span, only: span_type
+    use tandem_mechanism_point_vector, only: point_vector_type
     use tandem_model, only: label_length
     implicit none (type, external)
     private
 
-    public :: drawing_type
+    public :: builder_type
 
     !> The builder.
-    type, extends(drawn_type) :: drawing_type
+    type, extends(definition_type) :: builder_type
     contains
         procedure :: add_body, add_point, add_joint, add_distance, add_coupling, add_rate_row
         procedure :: add_spring, add_torsion, add_friction, add_bushing, add_load
@@ -41,7 +41,7 @@ module tandem_mechanism_drawing
         procedure :: add_body_sensor, add_reaction_sensor, add_force_sensor
         procedure :: add_results, add_rolling_ellipsoid
         procedure, private :: check_name, take_point, take_pair, place_joint
-    end type drawing_type
+    end type builder_type
 
     !> Tolerance of coincident points and perpendicular directions in the reference configuration (m, of the sizes of coordinates).
     real(wp), parameter :: tolerance = 1.0e-9_wp
@@ -51,7 +51,7 @@ module tandem_mechanism_drawing
         !> if one side is a point, the other side is at the same position.
         module subroutine add_joint(self, name, kind, first, second, error, at, axis, across, motion, open, pitch, hold, drive)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             !> Name and kind: fixed, revolute, prismatic, cylindrical, spherical, universal, planar, screw, point_on_line,
             !> point_on_plane, primitive; in the plane fixed, revolute, prismatic, point_on_line, primitive.
             character(len=*), intent(in) :: name, kind
@@ -79,7 +79,7 @@ module tandem_mechanism_drawing
         !> Locate a joint or a bushing: its bodies, and its frame on each.
         module subroutine place_joint(self, label, joint, first, second, error, at, axis, across, open)
             implicit none (type, external)
-            class(drawing_type), intent(in) :: self
+            class(builder_type), intent(in) :: self
             character(len=*), intent(in) :: label, first, second
             !> Joint whose kind is set.
             type(placed_joint_type), intent(inout) :: joint
@@ -93,10 +93,10 @@ module tandem_mechanism_drawing
         !> coordinate.
         module subroutine add_coupling(self, name, joints, factors, error, motion, locked)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name
-            !> Joints, at most 4, `joint.angle` or `joint.displacement` for a joint with both coordinates; their factors (the unit of
-            !> the row is the unit of the first factor times that of its coordinate).
+            !> Joints, at most 4, `joint.angle` or `joint.displacement` for a joint with both coordinates; their factors (the unit
+            !> of the row is the unit of the first factor times that of its coordinate).
             character(len=*), intent(in) :: joints(:)
             real(wp), intent(in) :: factors(:)
             type(error_type), allocatable, intent(out) :: error
@@ -110,7 +110,7 @@ module tandem_mechanism_drawing
         !> angles and Euler parameters.
         module subroutine add_rate_row(self, name, velocities, coefficients, error, rhs)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name
             !> The velocities v_i, as `body.vx` or in the plane `body.omega`.
             character(len=*), intent(in) :: velocities(:)
@@ -125,7 +125,7 @@ module tandem_mechanism_drawing
         !> time.
         module subroutine add_distance(self, name, first, second, error, length, motion)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name, first, second
             type(error_type), allocatable, intent(out) :: error
             !> Distance (m), > 0, or a function of time.
@@ -136,7 +136,7 @@ module tandem_mechanism_drawing
         !> Add a spring and damper between two points.
         module subroutine add_spring(self, name, first, second, error, stiffness, damping, length, motion, law)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name, first, second
             type(error_type), allocatable, intent(out) :: error
             !> N/m, N s/m (default 0), and the free length (m), by default that of the reference configuration.
@@ -149,7 +149,7 @@ module tandem_mechanism_drawing
         !> Add a spring and damper along the coordinate of a joint, such as the angle about its axis.
         module subroutine add_torsion(self, name, joint, error, stiffness, damping, angle, motion, law)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             !> Name of the spring; name of the joint, which has an axis of rotation or of sliding, or `joint.angle` or
             !> `joint.displacement` for a joint with both.
             character(len=*), intent(in) :: name, joint
@@ -167,7 +167,7 @@ module tandem_mechanism_drawing
         !> for the reaction of the joint.
         module subroutine add_friction(self, name, joint, error, dynamic, speed, static, viscous, normal, radius, arm)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             !> Name of the friction; name of the joint, as for `add_torsion`.
             character(len=*), intent(in) :: name, joint
             type(error_type), allocatable, intent(out) :: error
@@ -183,7 +183,7 @@ module tandem_mechanism_drawing
         !> Add forces and torques between two frames, which coincide in the reference configuration.
         module subroutine add_bushing(self, name, first, second, error, stiffness, damping, at, axis, across)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             !> Name of the bushing; the two sides, bodies or points of them.
             character(len=*), intent(in) :: name, first, second
             type(error_type), allocatable, intent(out) :: error
@@ -197,7 +197,7 @@ module tandem_mechanism_drawing
         !> Add a force at a point of a body, and a torque.
         module subroutine add_load(self, name, on, error, force, torque, in_body, motion, force_by, torque_by)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             !> Name of the load; the body or the point of it.
             character(len=*), intent(in) :: name, on
             type(error_type), allocatable, intent(out) :: error
@@ -214,7 +214,7 @@ module tandem_mechanism_drawing
         !> Add a knife edge, or a wheel without lateral slip: the point does not move along `across`.
         module subroutine add_knife_edge(self, name, on, across, error, steer, about)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             !> Name; point of a body at which the edge acts.
             character(len=*), intent(in) :: name, on
             !> Lateral direction, along the axle, in the world frame of the reference configuration; it is fixed to the body.
@@ -227,10 +227,10 @@ module tandem_mechanism_drawing
         end subroutine add_knife_edge
 
         !> Add a disk that rolls on a plane, with a sharp or a round rim.
-        module subroutine add_rolling_disk(self, name, centre, radius, axis, error, normal, height, open, rise, turn, pivot, &
+        module subroutine add_rolling_disk(self, name, centre, radius, axis, error, normal, height, open, rise, rotation, pivot, &
             slide, along, crown)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             !> Name of the disk; its centre, a body or a point of it.
             character(len=*), intent(in) :: name, centre
             !> Radius (m), and axis of the disk in the world frame of the reference configuration.
@@ -242,17 +242,17 @@ module tandem_mechanism_drawing
             logical, intent(in), optional :: open
             !> Motion of the plane: rise along its normal (m), rotation about the normal (rad) and point of this rotation (m,
             !> default the origin); displacement (m) along a direction in the plane, which also moves the pivot.
-            class(function_type), intent(in), optional :: rise, turn, slide
+            class(function_type), intent(in), optional :: rise, rotation, slide
             real(wp), intent(in), optional :: pivot(:), along(:)
             !> Radius of the section of the rim, a torus with a middle line of radius `radius - crown` (m, default 0: a sharp rim).
             real(wp), intent(in), optional :: crown
         end subroutine add_rolling_disk
 
         !> Add a sphere that rolls on a plane.
-        module subroutine add_rolling_sphere(self, name, centre, radius, error, normal, height, open, rise, turn, &
+        module subroutine add_rolling_sphere(self, name, centre, radius, error, normal, height, open, rise, rotation, &
             pivot, slide, along)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name, centre
             real(wp), intent(in) :: radius
             type(error_type), allocatable, intent(out) :: error
@@ -262,7 +262,7 @@ module tandem_mechanism_drawing
             logical, intent(in), optional :: open
             !> Motion of the plane: rise along its normal (m), rotation about the normal (rad) and point of this rotation (m,
             !> default the origin); displacement (m) along a direction in the plane, which also moves the pivot.
-            class(function_type), intent(in), optional :: rise, turn, slide
+            class(function_type), intent(in), optional :: rise, rotation, slide
             real(wp), intent(in), optional :: pivot(:), along(:)
         end subroutine add_rolling_sphere
 
@@ -272,7 +272,7 @@ module tandem_mechanism_drawing
         module subroutine add_massless_wheel(self, name, centre, radius, axis, error, along, steer, about, normal, height, open, &
             rise, crown)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             !> Name of the wheel; its centre in the reference configuration, a body or a point of it.
             character(len=*), intent(in) :: name, centre
             !> Radius (m), and axle in the world frame of the reference configuration.
@@ -296,7 +296,7 @@ module tandem_mechanism_drawing
         !> Add a sensor of a point: its position, velocity and acceleration.
         module subroutine add_point_sensor(self, name, on, error)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             !> Name of the sensor in files; the body or the point of it.
             character(len=*), intent(in) :: name, on
             type(error_type), allocatable, intent(out) :: error
@@ -305,7 +305,7 @@ module tandem_mechanism_drawing
         !> Add a sensor of a joint: displacement and angle of its second side, full turns included, and their rates.
         module subroutine add_joint_sensor(self, name, joint, error, zero, group)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             !> Name of the sensor; name of the joint: revolute, prismatic, cylindrical or point_on_line.
             character(len=*), intent(in) :: name, joint
             type(error_type), allocatable, intent(out) :: error
@@ -318,7 +318,7 @@ module tandem_mechanism_drawing
         !> Add a sensor of the distance between two points and its rate.
         module subroutine add_distance_sensor(self, name, first, second, error)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name, first, second
             type(error_type), allocatable, intent(out) :: error
         end subroutine add_distance_sensor
@@ -326,7 +326,7 @@ module tandem_mechanism_drawing
         !> Add a sensor of the kinetic and the potential energy of the whole mechanism.
         module subroutine add_energy_sensor(self, name, error)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name
             type(error_type), allocatable, intent(out) :: error
         end subroutine add_energy_sensor
@@ -334,7 +334,7 @@ module tandem_mechanism_drawing
         !> Add a sensor of the energy balance: both energies, work of motions and of forces without a potential, and residual.
         module subroutine add_balance_sensor(self, name, error, group)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name
             type(error_type), allocatable, intent(out) :: error
             character(len=*), intent(in), optional :: group
@@ -343,7 +343,7 @@ module tandem_mechanism_drawing
         !> Add a sensor of a body: position, orientation, velocities, acceleration, energies.
         module subroutine add_body_sensor(self, name, body, error, group)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name, body
             type(error_type), allocatable, intent(out) :: error
             character(len=*), intent(in), optional :: group
@@ -352,7 +352,7 @@ module tandem_mechanism_drawing
         !> Add a sensor of the reaction of a joint, a wheel, a distance, a coupling or a row, and of the power of its motion.
         module subroutine add_reaction_sensor(self, name, element, error, group)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name, element
             type(error_type), allocatable, intent(out) :: error
             character(len=*), intent(in), optional :: group
@@ -361,7 +361,7 @@ module tandem_mechanism_drawing
         !> Add a sensor of a spring, a torsion, a bushing or a load: force, length, energy, power.
         module subroutine add_force_sensor(self, name, element, error, group)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name, element
             type(error_type), allocatable, intent(out) :: error
             character(len=*), intent(in), optional :: group
@@ -370,7 +370,7 @@ module tandem_mechanism_drawing
         !> Add results of many elements: each is a group of files named after the element, in the group of its kind.
         module subroutine add_results(self, kind, names, error)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             !> bodies, joints, wheels, constraints or forces.
             character(len=*), intent(in) :: kind
             !> Names of elements, or the single name "all".
@@ -379,10 +379,10 @@ module tandem_mechanism_drawing
         end subroutine add_results
 
         !> Add an ellipsoid that rolls on a plane.
-        module subroutine add_rolling_ellipsoid(self, name, centre, semi_axes, error, normal, height, open, rise, turn, &
+        module subroutine add_rolling_ellipsoid(self, name, centre, semi_axes, error, normal, height, open, rise, rotation, &
             pivot, slide, along)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name, centre
             !> Along the axes of the body (m).
             real(wp), intent(in) :: semi_axes(3)
@@ -393,7 +393,7 @@ module tandem_mechanism_drawing
             logical, intent(in), optional :: open
             !> Motion of the plane: rise along its normal (m), rotation about the normal (rad) and point of this rotation (m,
             !> default the origin); displacement (m) along a direction in the plane, which also moves the pivot.
-            class(function_type), intent(in), optional :: rise, turn, slide
+            class(function_type), intent(in), optional :: rise, rotation, slide
             real(wp), intent(in), optional :: pivot(:), along(:)
         end subroutine add_rolling_ellipsoid
     end interface
@@ -402,7 +402,7 @@ module tandem_mechanism_drawing
         !> Add a body. Without an inertia it is a point mass, which has no rotation.
         module subroutine add_body(self, name, mass, position, error, inertia, angle, euler_parameters, velocity, omega)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name
             !> Mass (kg), and centre of mass in the reference configuration (m).
             real(wp), intent(in) :: mass, position(:)
@@ -419,7 +419,7 @@ module tandem_mechanism_drawing
         !> Add a named point of a body or of the ground.
         module subroutine add_point(self, body, name, place, error)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             !> Names of the body and of the point.
             character(len=*), intent(in) :: body, name
             !> In the frame of the body (m).
@@ -430,7 +430,7 @@ module tandem_mechanism_drawing
         !> Check that a name is valid and new.
         module subroutine check_name(self, name, label, error)
             implicit none (type, external)
-            class(drawing_type), intent(inout) :: self
+            class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name, label
             type(error_type), allocatable, intent(out) :: error
         end subroutine check_name
@@ -438,7 +438,7 @@ module tandem_mechanism_drawing
         !> Find a body and a point of it from `body` or `body.point`.
         module subroutine take_point(self, label, text, body, place, is_point, error)
             implicit none (type, external)
-            class(drawing_type), intent(in) :: self
+            class(builder_type), intent(in) :: self
             character(len=*), intent(in) :: label, text
             integer, intent(out) :: body
             !> In the frame of the body.
@@ -451,7 +451,7 @@ module tandem_mechanism_drawing
         !> Find two points of two different bodies.
         module subroutine take_pair(self, label, one, other, first, second, s1, s2, points, error)
             implicit none (type, external)
-            class(drawing_type), intent(in) :: self
+            class(builder_type), intent(in) :: self
             character(len=*), intent(in) :: label, one, other
             integer, intent(out) :: first, second
             real(wp), intent(out) :: s1(3), s2(3)
@@ -459,4 +459,4 @@ module tandem_mechanism_drawing
             type(error_type), allocatable, intent(out) :: error
         end subroutine take_pair
     end interface
-end module tandem_mechanism_drawing
+end module tandem_mechanism_builder

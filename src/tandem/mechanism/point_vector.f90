@@ -2,7 +2,7 @@
 !> The vector d = r2 + A2 s2' - r1 - A1 s1' from a point of one body to a point of another: rows d = 0 of coincident points (two or
 !> three, along the world's axes); row (d.d - l(t)^2)/(2 w) = 0 of a distance, w a length that makes the multiplier a force; and the
 !> length |d| of springs.
-module tandem_mechanism_span
+module tandem_mechanism_point_vector
     use tandem_kinds, only: wp
     use tandem_mechanism_pair, only: columns, columns_of_c, n_local, place_1, place_2, put_holonomic, put_row, turn_1, turn_2
     use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turn, turned
@@ -11,10 +11,10 @@ module tandem_mechanism_span
     implicit none (type, external)
     private
 
-    public :: span_type, span_way, span_gradient, span_second
-    public :: evaluate_meetings, differentiate_meetings, evaluate_distances, differentiate_distances
+    public :: point_vector_type, vector_between, vector_gradient, vector_second
+    public :: evaluate_coincidences, differentiate_coincidences, evaluate_distances, differentiate_distances
 
-    type :: span_type
+    type :: point_vector_type
         !> Bodies, 0 for the ground, and (first) row.
         integer :: first = 0, second = 0, row = 0
         !> Points, each in the frame of its body.
@@ -22,7 +22,7 @@ module tandem_mechanism_span
         !> Length, and index of the function that replaces it, 0 if none; w.
         real(wp) :: length = 0.0_wp, weight = 1.0_wp
         integer :: motion = 0
-    end type span_type
+    end type point_vector_type
 
     real(wp), parameter :: binomial(0:2, 0:2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, &
         1.0_wp, 2.0_wp, 1.0_wp], [3, 3])
@@ -30,19 +30,19 @@ module tandem_mechanism_span
 contains
 
     !> d, or its k-th derivative along the motion.
-    pure function span_way(span, pose, k) result(d)
-        type(span_type), intent(in) :: span
+    pure function vector_between(vector, pose, k) result(d)
+        type(point_vector_type), intent(in) :: vector
         type(pose_type), intent(in) :: pose(0:)
         integer, intent(in) :: k
         real(wp) :: d(3)
 
-        d = pose(span%second)%r(:, k) - pose(span%first)%r(:, k) + turned(pose(span%second), k, span%s2) - &
-            turned(pose(span%first), k, span%s1)
-    end function span_way
+        d = pose(vector%second)%r(:, k) - pose(vector%first)%r(:, k) + turned(pose(vector%second), k, vector%s2) - &
+            turned(pose(vector%first), k, vector%s1)
+    end function vector_between
 
     !> Gradient of d.d/2 with its derivatives along the motion, up to `last`.
-    pure subroutine span_gradient(span, pose, last, d, gradient)
-        type(span_type), intent(in) :: span
+    pure subroutine vector_gradient(vector, pose, last, d, gradient)
+        type(point_vector_type), intent(in) :: vector
         type(pose_type), intent(in) :: pose(0:)
         integer, intent(in) :: last
         !> d with its derivatives.
@@ -56,16 +56,16 @@ contains
             gradient(place_2 + 1:place_2 + 3, k) = d(:, k)
             do l = 0, k
                 gradient(turn_1 + 1:turn_1 + 4, k) = gradient(turn_1 + 1:turn_1 + 4, k) - &
-                    binomial(l, k)*gradient_of(pose(span%first), l, span%s1, d(:, k - l))
+                    binomial(l, k)*gradient_of(pose(vector%first), l, vector%s1, d(:, k - l))
                 gradient(turn_2 + 1:turn_2 + 4, k) = gradient(turn_2 + 1:turn_2 + 4, k) + &
-                    binomial(l, k)*gradient_of(pose(span%second), l, span%s2, d(:, k - l))
+                    binomial(l, k)*gradient_of(pose(vector%second), l, vector%s2, d(:, k - l))
             end do
         end do
-    end subroutine span_gradient
+    end subroutine vector_gradient
 
     !> Second gradient of d.d/2, d_q' d_q + d.d_qq.
-    pure subroutine span_second(span, pose, d, second)
-        type(span_type), intent(in) :: span
+    pure subroutine vector_second(vector, pose, d, second)
+        type(point_vector_type), intent(in) :: vector
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in) :: d(3)
         real(wp), intent(out) :: second(n_local, n_local)
@@ -77,8 +77,8 @@ contains
             d_q(i, place_1 + i) = -1.0_wp
             d_q(i, place_2 + i) = 1.0_wp
         end do
-        d_q(:, turn_1 + 1:turn_1 + 4) = -gradient_matrix(pose(span%first), 0, span%s1)
-        d_q(:, turn_2 + 1:turn_2 + 4) = gradient_matrix(pose(span%second), 0, span%s2)
+        d_q(:, turn_1 + 1:turn_1 + 4) = -gradient_matrix(pose(vector%first), 0, vector%s1)
+        d_q(:, turn_2 + 1:turn_2 + 4) = gradient_matrix(pose(vector%second), 0, vector%s2)
         do j = 1, n_local
             do i = 1, n_local
                 second(i, j) = d_q(1, i)*d_q(1, j) + d_q(2, i)*d_q(2, j) + d_q(3, i)*d_q(3, j)
@@ -86,16 +86,16 @@ contains
         end do
         associate (p1 => second(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4), &
             p2 => second(turn_2 + 1:turn_2 + 4, turn_2 + 1:turn_2 + 4))
-            p1 = p1 - second_gradient(pose(span%first), span%s1, d)
-            p2 = p2 + second_gradient(pose(span%second), span%s2, d)
+            p1 = p1 - second_gradient(pose(vector%first), vector%s1, d)
+            p2 = p2 + second_gradient(pose(vector%second), vector%s2, d)
         end associate
-    end subroutine span_second
+    end subroutine vector_second
 
     !> Coincident points in space: three rows.
-    pure subroutine evaluate_meetings(numbers, meetings, need, pose, terms)
+    pure subroutine evaluate_coincidences(numbers, coincidences, need, pose, terms)
         !> Indices of the rows to evaluate.
         integer, intent(in) :: numbers(:)
-        type(span_type), intent(in) :: meetings(:)
+        type(point_vector_type), intent(in) :: coincidences(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
         type(terms_type), intent(inout) :: terms
@@ -103,31 +103,31 @@ contains
         integer :: i, k
 
         do i = 1, size(numbers)
-            associate (span => meetings(numbers(i)), one => pose(meetings(numbers(i))%first), &
-                two => pose(meetings(numbers(i))%second))
+            associate (vector => coincidences(numbers(i)), one => pose(coincidences(numbers(i))%first), &
+                two => pose(coincidences(numbers(i))%second))
                 if (iand(need, need_phi) /= 0) then
-                    call turn(one%a(:, :, 0), span%s1, v1)
-                    call turn(two%a(:, :, 0), span%s2, v2)
+                    call turn(one%a(:, :, 0), vector%s1, v1)
+                    call turn(two%a(:, :, 0), vector%s2, v2)
                     do k = 1, 3
-                        terms%phi(span%row + k - 1) = two%r(k, 0) - one%r(k, 0) + v2(k) - v1(k)
+                        terms%phi(vector%row + k - 1) = two%r(k, 0) - one%r(k, 0) + v2(k) - v1(k)
                     end do
                 end if
                 if (iand(need, need_jacobian) /= 0) then
                     associate (m => size(terms%jacobian, 1), width => size(terms%jacobian, 2))
-                        call put_end(one, span%s1, -1.0_wp, span%row, m, width, terms%jacobian)
-                        call put_end(two, span%s2, 1.0_wp, span%row, m, width, terms%jacobian)
+                        call put_end(one, vector%s1, -1.0_wp, vector%row, m, width, terms%jacobian)
+                        call put_end(two, vector%s2, 1.0_wp, vector%row, m, width, terms%jacobian)
                     end associate
                 end if
                 if (iand(need, need_gamma) /= 0) then
-                    call turn(one%a(:, :, 2), span%s1, v1)
-                    call turn(two%a(:, :, 2), span%s2, v2)
+                    call turn(one%a(:, :, 2), vector%s1, v1)
+                    call turn(two%a(:, :, 2), vector%s2, v2)
                     do k = 1, 3
-                        terms%gamma(span%row + k - 1) = v2(k) - v1(k)
+                        terms%gamma(vector%row + k - 1) = v2(k) - v1(k)
                     end do
                 end if
             end associate
         end do
-    end subroutine evaluate_meetings
+    end subroutine evaluate_coincidences
 
     !> Set the columns of one end of d.
     pure subroutine put_end(pose, s, sign, row, m, width, jacobian)
@@ -152,8 +152,8 @@ contains
     end subroutine put_end
 
     !> Add the requested gradient blocks of coincident points.
-    pure subroutine differentiate_meetings(meetings, n_rows, need, pose, lambda, derivatives)
-        type(span_type), intent(in) :: meetings(:)
+    pure subroutine differentiate_coincidences(coincidences, n_rows, need, pose, lambda, derivatives)
+        type(point_vector_type), intent(in) :: coincidences(:)
         integer, intent(in) :: n_rows, need
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in) :: lambda(:)
@@ -161,9 +161,9 @@ contains
         real(wp) :: gradient(n_local, 0:2), second(n_local, n_local), along(3)
         integer :: i, k, l, c(n_local)
 
-        do i = 1, size(meetings)
-            associate (span => meetings(i))
-                c = columns(pose(span%first), pose(span%second))
+        do i = 1, size(coincidences)
+            associate (vector => coincidences(i))
+                c = columns(pose(vector%first), pose(vector%second))
                 do k = 1, n_rows
                     along = 0.0_wp
                     along(k) = 1.0_wp
@@ -171,21 +171,21 @@ contains
                     gradient(place_1 + k, 0) = -1.0_wp
                     gradient(place_2 + k, 0) = 1.0_wp
                     do l = 0, 2
-                        gradient(turn_1 + 1:turn_1 + 4, l) = -gradient_of(pose(span%first), l, span%s1, along)
-                        gradient(turn_2 + 1:turn_2 + 4, l) = gradient_of(pose(span%second), l, span%s2, along)
+                        gradient(turn_1 + 1:turn_1 + 4, l) = -gradient_of(pose(vector%first), l, vector%s1, along)
+                        gradient(turn_2 + 1:turn_2 + 4, l) = gradient_of(pose(vector%second), l, vector%s2, along)
                     end do
                     second = 0.0_wp
-                    second(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4) = -second_gradient(pose(span%first), span%s1, along)
-                    second(turn_2 + 1:turn_2 + 4, turn_2 + 1:turn_2 + 4) = second_gradient(pose(span%second), span%s2, along)
-                    call put_holonomic(need, span%row + k - 1, c, gradient, second, lambda(span%row + k - 1), derivatives)
+                    second(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4) = -second_gradient(pose(vector%first), vector%s1, along)
+                    second(turn_2 + 1:turn_2 + 4, turn_2 + 1:turn_2 + 4) = second_gradient(pose(vector%second), vector%s2, along)
+                    call put_holonomic(need, vector%row + k - 1, c, gradient, second, lambda(vector%row + k - 1), derivatives)
                 end do
             end associate
         end do
-    end subroutine differentiate_meetings
+    end subroutine differentiate_coincidences
 
     !> Given distances.
     pure subroutine evaluate_distances(distances, need, pose, f, terms)
-        type(span_type), intent(in) :: distances(:)
+        type(point_vector_type), intent(in) :: distances(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
         !> Values and derivatives of the functions of time.
@@ -195,21 +195,21 @@ contains
         integer :: i
 
         do i = 1, size(distances)
-            associate (span => distances(i))
-                l = [span%length, 0.0_wp, 0.0_wp]
-                if (span%motion > 0) l = f(:, span%motion)
-                d = span_way(span, pose, 0)
-                if (iand(need, need_phi) /= 0) terms%phi(span%row) = (sum(d*d) - l(0)**2)/(2*span%weight)
+            associate (vector => distances(i))
+                l = [vector%length, 0.0_wp, 0.0_wp]
+                if (vector%motion > 0) l = f(:, vector%motion)
+                d = vector_between(vector, pose, 0)
+                if (iand(need, need_phi) /= 0) terms%phi(vector%row) = (sum(d*d) - l(0)**2)/(2*vector%weight)
                 if (iand(need, need_jacobian) /= 0) then
-                    call span_gradient(span, pose, 0, d, gradient)
-                    call put_row(columns_of_c(pose(span%first), pose(span%second)), gradient(:, 0)/span%weight, span%row, &
+                    call vector_gradient(vector, pose, 0, d, gradient)
+                    call put_row(columns_of_c(pose(vector%first), pose(vector%second)), gradient(:, 0)/vector%weight, vector%row, &
                         terms%jacobian)
                 end if
-                if (iand(need, need_nu) /= 0) terms%nu(span%row) = l(0)*l(1)/span%weight
+                if (iand(need, need_nu) /= 0) terms%nu(vector%row) = l(0)*l(1)/vector%weight
                 if (iand(need, need_gamma) /= 0) then
-                    d1 = span_way(span, pose, 1)
-                    d2 = turned(pose(span%second), 2, span%s2) - turned(pose(span%first), 2, span%s1)
-                    terms%gamma(span%row) = (sum(d1*d1) + sum(d*d2) - l(1)**2 - l(0)*l(2))/span%weight
+                    d1 = vector_between(vector, pose, 1)
+                    d2 = turned(pose(vector%second), 2, vector%s2) - turned(pose(vector%first), 2, vector%s1)
+                    terms%gamma(vector%row) = (sum(d1*d1) + sum(d*d2) - l(1)**2 - l(0)*l(2))/vector%weight
                 end if
             end associate
         end do
@@ -217,7 +217,7 @@ contains
 
     !> Add the requested gradient blocks of distances.
     pure subroutine differentiate_distances(distances, need, pose, lambda, derivatives)
-        type(span_type), intent(in) :: distances(:)
+        type(point_vector_type), intent(in) :: distances(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in) :: lambda(:)
@@ -226,15 +226,15 @@ contains
         integer :: i, k
 
         do i = 1, size(distances)
-            associate (span => distances(i))
+            associate (vector => distances(i))
                 do k = 0, 2
-                    d(:, k) = span_way(span, pose, k)
+                    d(:, k) = vector_between(vector, pose, k)
                 end do
-                call span_gradient(span, pose, 2, d, gradient)
-                call span_second(span, pose, d(:, 0), second)
-                call put_holonomic(need, span%row, columns(pose(span%first), pose(span%second)), gradient/span%weight, &
-                    second/span%weight, lambda(span%row), derivatives)
+                call vector_gradient(vector, pose, 2, d, gradient)
+                call vector_second(vector, pose, d(:, 0), second)
+                call put_holonomic(need, vector%row, columns(pose(vector%first), pose(vector%second)), gradient/vector%weight, &
+                    second/vector%weight, lambda(vector%row), derivatives)
             end associate
         end do
     end subroutine differentiate_distances
-end module tandem_mechanism_span
+end module tandem_mechanism_point_vector

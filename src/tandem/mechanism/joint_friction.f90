@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> Friction on the reactions of joints, as charts request it from a model: the force of each friction for a normal force of 1 N, and
 !> the normal forces for given multipliers.
-submodule(tandem_mechanism) tandem_mechanism_rubbing
-    use tandem_mechanism_press, only: normal_force
+submodule(tandem_mechanism) tandem_mechanism_joint_friction
+    use tandem_mechanism_normal_force, only: normal_force
     implicit none (type, external)
 
 contains
@@ -11,12 +11,12 @@ contains
         integer :: i
 
         do i = 1, size(self%torsions)
-            associate (rows => self%torsions(i)%press%rows)
+            associate (rows => self%torsions(i)%reaction%rows)
                 ! Rows at velocity level come after all others.
                 where (rows < 0) rows = self%n_holonomic - rows
             end associate
         end do
-        self%n_frictions = count(self%torsions%press%n > 0)
+        self%n_frictions = count(self%torsions%reaction%n > 0)
     end procedure list_frictions
 
     !> B.
@@ -40,15 +40,15 @@ contains
         gradient = 0.0_wp
         k = 0
         do i = 1, size(self%torsions)
-            associate (press => self%torsions(i)%press)
-                if (press%n == 0) cycle
+            associate (reaction => self%torsions(i)%reaction)
+                if (reaction%n == 0) cycle
                 k = k + 1
-                value(k) = normal_force(press, lambda)
+                value(k) = normal_force(reaction, lambda)
                 if (.not. value(k) > 0.0_wp) cycle
-                do j = 1, press%n
-                    gradient(k, press%rows(j)) = press%weights(j)**2*lambda(press%rows(j))/value(k)
+                do j = 1, reaction%n
+                    gradient(k, reaction%rows(j)) = reaction%weights(j)**2*lambda(reaction%rows(j))/value(k)
                 end do
             end associate
         end do
     end procedure normal_forces
-end submodule tandem_mechanism_rubbing
+end submodule tandem_mechanism_joint_friction

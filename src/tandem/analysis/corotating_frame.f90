@@ -6,7 +6,7 @@
 !> With q = T(t) p, T the flow of X, co-rotating coordinates p are at rest, and in them, with L and T commuting,
 !>
 !>   M p'' + M (L X p + 2 L p') + C' lambda - S(p, X p + p') - Q_A(p, X p + p') = 0,   C (X p + p') = nu.
-module tandem_analysis_comoving
+module tandem_analysis_corotating_frame
     use tandem_analysis_symmetry, only: list_motions
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -17,9 +17,9 @@ module tandem_analysis_comoving
     implicit none (type, external)
     private
 
-    public :: comoving_type, fit_rates
+    public :: corotating_frame_type, fit_rates
 
-    type :: comoving_type
+    type :: corotating_frame_type
         !> True if anything moves.
         logical :: moves = .false.
         !> The motions with rates that are not zero, and their rates (1/s, m/s, rad/s).
@@ -29,7 +29,7 @@ module tandem_analysis_comoving
         type(affine_motion_type), private :: field
     contains
         procedure :: find, set, velocity, turned, carry
-    end type comoving_type
+    end type corotating_frame_type
 
     !> Values below this part of the largest are rounding; limit of velocities that no motion explains.
     real(wp), parameter :: rounding = 1.0e-13_wp, unexplained = 1.0e-9_wp
@@ -38,7 +38,7 @@ contains
 
     !> The motions that compose the velocities at a point. Errors: no_equilibrium if there are none.
     subroutine find(self, model, q, qd, qdd, turns_tell, error)
-        class(comoving_type), intent(out) :: self
+        class(corotating_frame_type), intent(out) :: self
         class(model_type), intent(inout) :: model
         !> (n)
         real(wp), intent(in) :: q(:), qd(:), qdd(:)
@@ -67,7 +67,7 @@ contains
 
     !> Set motions and their rates.
     subroutine set(self, motions, rates)
-        class(comoving_type), intent(inout) :: self
+        class(corotating_frame_type), intent(inout) :: self
         type(affine_motion_type), intent(in) :: motions(:)
         real(wp), intent(in) :: rates(:)
         character(len=motion_name_length), allocatable :: names(:)
@@ -210,7 +210,7 @@ contains
 
     !> X q = L q + c.
     pure function velocity(self, q) result(qd)
-        class(comoving_type), intent(in) :: self
+        class(corotating_frame_type), intent(in) :: self
         real(wp), intent(in) :: q(:)
         real(wp) :: qd(size(q))
 
@@ -220,7 +220,7 @@ contains
 
     !> L x.
     pure function turned(self, x) result(y)
-        class(comoving_type), intent(in) :: self
+        class(corotating_frame_type), intent(in) :: self
         real(wp), intent(in) :: x(:)
         real(wp) :: y(size(x))
 
@@ -231,7 +231,7 @@ contains
     !> Move a state along the flow for a time in which nothing turns by more than half a radian or so: q by the flow, vectors by its
     !> linear part.
     pure subroutine carry(self, time, q, vectors)
-        class(comoving_type), intent(in) :: self
+        class(corotating_frame_type), intent(in) :: self
         real(wp), intent(in) :: time
         !> (n), (n, any)
         real(wp), intent(inout) :: q(:), vectors(:, :)
@@ -251,4 +251,4 @@ contains
             end do
         end do
     end subroutine carry
-end module tandem_analysis_comoving
+end module tandem_analysis_corotating_frame

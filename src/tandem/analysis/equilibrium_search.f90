@@ -9,13 +9,13 @@
 !> Newton's iteration with corrections of least norm leads to the nearest one of a family, stable or not; it is damped by the
 !> natural monotonicity test, in which units do not matter (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 4.4).
 !> If it fails, an equilibrium is sought by steps along the forces, over the absolute curvatures of the potential or, for models
-!> with a pattern, by implicit ones (`sparse_settling.f90`), which finds a stable one from afar; then by Newton's iteration again. A
-!> steady motion is approached by least squares of the residual with a bound on the step (D. W. Marquardt, J. SIAM 11, 1963). From
-!> any steady motion steps along its family lead to the one nearest to the start. The work is bounded.
-module tandem_analysis_settling
-    use tandem_analysis_closeness, only: find_way_nearer, squared_distance
+!> with a pattern, by implicit ones (`sparse_equilibrium.f90`), which finds a stable one from afar; then Newton's iteration again.
+!> A steady motion is approached by least squares of the residual with a bound on the step (D. W. Marquardt, J. SIAM 11, 1963).
+!> From any steady motion steps along its family lead to the one nearest to the start. The work is bounded.
+module tandem_analysis_equilibrium_search
+    use tandem_analysis_closeness, only: find_step_nearer, squared_distance
     use tandem_analysis_point, only: point_type
-    use tandem_analysis_sparse_settling, only: moved_reason, relax_sparsely, settle_sparsely
+    use tandem_analysis_sparse_equilibrium, only: moved_reason, relax_sparsely, settle_sparsely
     use tandem_analysis_sparse_steady, only: find_steady_sparsely
     use tandem_analysis_symmetry, only: symmetry_type
     use tandem_error, only: error_type, set_error, to_text
@@ -29,9 +29,9 @@ module tandem_analysis_settling
     implicit none (type, external)
     private
 
-    public :: settling_type
+    public :: equilibrium_search_type
 
-    type :: settling_type
+    type :: equilibrium_search_type
         !> The solution (n), and the rates of the fields of `symmetry` along which it continues.
         real(wp), allocatable :: q(:), qd(:), rates(:)
         type(symmetry_type) :: symmetry
@@ -50,7 +50,7 @@ module tandem_analysis_settling
     contains
         procedure :: find_equilibrium, find_steady_motion
         procedure, private :: iterate, relax, approach, go_nearer, hold, form, look, refuse
-    end type settling_type
+    end type equilibrium_search_type
 
     !> From the first number of coordinates on the sparse form is used for models that have one, without information about families;
     !> full matrices above the second number take minutes.
@@ -70,7 +70,7 @@ contains
 
     !> The equilibrium near q. Errors: no_equilibrium, invalid_model, and statuses of evaluating the model.
     subroutine find_equilibrium(self, model, t, q, error)
-        class(settling_type), intent(out) :: self
+        class(equilibrium_search_type), intent(out) :: self
         class(model_type), intent(inout), target :: model
         !> Time, at which functions of it are frozen, and coordinates (n), which need not satisfy the constraints.
         real(wp), intent(in) :: t, q(:)
@@ -122,7 +122,7 @@ contains
     !> The steady motion near (q, qd), along all symmetries or along named fields. If none is fixed, their rates stay those of qd,
     !> if possible; else they change too. Of a family it is the one nearest to (q, qd).
     subroutine find_steady_motion(self, model, t, q, qd, error, names, held, held_at)
-        class(settling_type), intent(out) :: self
+        class(equilibrium_search_type), intent(out) :: self
         class(model_type), intent(inout), target :: model
         real(wp), intent(in) :: t, q(:), qd(:)
         type(error_type), allocatable, intent(out) :: error
@@ -195,7 +195,7 @@ contains
 
     !> Fix the rates of fields.
     subroutine hold(self, model, names, values, error)
-        class(settling_type), intent(inout) :: self
+        class(equilibrium_search_type), intent(inout) :: self
         class(model_type), intent(inout) :: model
         character(len=*), intent(in) :: names(:)
         real(wp), intent(in) :: values(:)
@@ -224,7 +224,7 @@ contains
 
     !> Move along the family to the steady motion nearest to (q, qd).
     subroutine go_nearer(self, point, t, q, qd, frees_rates, stat)
-        class(settling_type), intent(inout) :: self
+        class(equilibrium_search_type), intent(inout) :: self
         type(point_type), intent(inout) :: point
         real(wp), intent(in) :: t, q(:), qd(:)
         logical, intent(in) :: frees_rates
@@ -239,7 +239,7 @@ contains
             call self%look(point, t, stat)
             if (stat == status_ok) call self%form(point, k, residual, jacobian, unit, left, stat)
             if (stat /= status_ok) return
-            call find_way_nearer(point, self%symmetry, self%rates, k, jacobian, self%q, self%qd, q, qd, step)
+            call find_step_nearer(point, self%symmetry, self%rates, jacobian, self%q, self%qd, q, qd, step)
             if (maxval(abs(step)) <= no_step*(1 + maxval(abs(self%q/point%scale)))) return
             self%relaxations = self%relaxations + 1
             distance = squared_distance(point, self%q, self%qd, q, qd)
@@ -266,7 +266,7 @@ contains
 
     !> No symmetries: an equilibrium.
     subroutine no_fields(self, n)
-        class(settling_type), intent(inout) :: self
+        class(equilibrium_search_type), intent(inout) :: self
         integer, intent(in) :: n
 
         allocate (self%symmetry%motions(0), self%symmetry%rates(0, 0), self%held(0), self%held_at(0))
@@ -297,7 +297,7 @@ contains
 
     !> Newton's iteration.
     subroutine iterate(self, point, t, frees_rates, stat)
-        class(settling_type), intent(inout) :: self
+        class(equilibrium_search_type), intent(inout) :: self
         type(point_type), intent(inout) :: point
         real(wp), intent(in) :: t
         !> True if the rates change with the coordinates.
@@ -355,7 +355,7 @@ contains
 
     !> Evaluate the model in the motion of the current coordinates and rates.
     subroutine look(self, point, t, stat)
-        class(settling_type), intent(inout) :: self
+        class(equilibrium_search_type), intent(inout) :: self
         type(point_type), intent(inout) :: point
         real(wp), intent(in) :: t
         integer, intent(out) :: stat
@@ -381,7 +381,7 @@ contains
     !> The residual, rows over their lengths and forces over `unit`. Forces at another point are projected, like the derivatives,
     !> along the basis Z of null(C) there for which W'Z = I, with the basis W of the old point.
     subroutine residual_of(self, point, unit, residual, w)
-        class(settling_type), intent(in) :: self
+        class(equilibrium_search_type), intent(in) :: self
         type(point_type), intent(in) :: point
         real(wp), intent(in) :: unit
         real(wp), allocatable, intent(inout) :: residual(:)
@@ -409,7 +409,7 @@ contains
 
     !> The residual and its derivatives with respect to scaled coordinates and the rates of k symmetries times the time scale.
     subroutine form(self, point, k, residual, jacobian, unit, left, stat)
-        class(settling_type), intent(inout) :: self
+        class(equilibrium_search_type), intent(inout) :: self
         type(point_type), intent(inout) :: point
         integer, intent(in) :: k
         real(wp), allocatable, intent(inout) :: residual(:), jacobian(:, :)
@@ -466,7 +466,7 @@ contains
 
     !> Move along the forces to a position where they are nearly in balance.
     subroutine relax(self, point, t, stat)
-        class(settling_type), intent(inout) :: self
+        class(equilibrium_search_type), intent(inout) :: self
         type(point_type), intent(inout) :: point
         real(wp), intent(in) :: t
         integer, intent(out) :: stat
@@ -517,7 +517,7 @@ contains
 
     !> Reduce the residual by changes of coordinates and rates, to a start of Newton's iteration.
     subroutine approach(self, point, t, stat)
-        class(settling_type), intent(inout) :: self
+        class(equilibrium_search_type), intent(inout) :: self
         type(point_type), intent(inout) :: point
         real(wp), intent(in) :: t
         integer, intent(out) :: stat
@@ -576,7 +576,7 @@ contains
 
     !> The size of the residual at the point.
     real(wp) function norm_at(self, point, unit, n) result(norm)
-        class(settling_type), intent(in) :: self
+        class(equilibrium_search_type), intent(in) :: self
         type(point_type), intent(in) :: point
         real(wp), intent(in) :: unit
         !> Its earlier number of entries.
@@ -592,7 +592,7 @@ contains
 
     !> Set the error of a failed search.
     subroutine refuse(self, point, stat, what, error)
-        class(settling_type), intent(in) :: self
+        class(equilibrium_search_type), intent(in) :: self
         type(point_type), intent(in) :: point
         integer, intent(in) :: stat
         character(len=*), intent(in) :: what
@@ -609,4 +609,4 @@ contains
         call set_error(error, stat, 'no '//what//' of the model "'//point%model%name//'" was found in '// &
             to_text(self%iterations)//' iterations and '//to_text(self%relaxations)//' steps along the forces'//reason)
     end subroutine refuse
-end module tandem_analysis_settling
+end module tandem_analysis_equilibrium_search

@@ -6,7 +6,7 @@
 !> rather than positions: with M the far end of a chain would wait until a bend has passed through all of it.
 !>
 !> Rows at velocity level hold: the coordinates move in the directions that these allow.
-module tandem_analysis_sparse_settling
+module tandem_analysis_sparse_equilibrium
     use tandem_analysis_sparse_point, only: most_factor_entries, sparse_point_type
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -334,4 +334,4 @@ contains
             correction = maxval(abs(weight*step))
         end subroutine correct_rows
     end subroutine return_to_rows
-end module tandem_analysis_sparse_settling
+end module tandem_analysis_sparse_equilibrium

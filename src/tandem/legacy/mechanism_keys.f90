@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Problems whose model is a mechanism: keys are set one by one, then the mechanism is built from them and can be queried.
-module tandem_legacy_drawn
+module tandem_legacy_mechanism_keys
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_legacy_description, only: description_type
@@ -13,7 +13,7 @@ module tandem_legacy_drawn
     implicit none (type, external)
     private
 
-    public :: set_key, set_value, define_mechanism, get_drawing, get_name
+    public :: set_key, set_value, define_mechanism, get_reference_state, get_name
 
 contains
 
@@ -98,7 +98,7 @@ contains
     end subroutine define_mechanism
 
     !> Coordinates and velocities of the reference configuration.
-    subroutine get_drawing(problem, q, qd)
+    subroutine get_reference_state(problem, q, qd)
         class(description_type), intent(inout) :: problem
         !> (n)
         real(wp), intent(inout) :: q(*), qd(*)
@@ -109,7 +109,7 @@ contains
             call model%start(q(:model%n), qd(:model%n))
         end select
         call problem%succeed()
-    end subroutine get_drawing
+    end subroutine get_reference_state
 
     !> Name of a coordinate, its unit, or name of a row.
     subroutine get_name(problem, what, i, text)
@@ -150,4 +150,4 @@ contains
         is_complete = problem%is_mechanism .and. associated(problem%model)
         if (.not. is_complete) call problem%refuse('there is no complete mechanism', 'call tandem_define or TDDEFN after its keys')
     end function is_complete
-end module tandem_legacy_drawn
+end module tandem_legacy_mechanism_keys

@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
 !> Builder procedures for sensors, and for the results of bodies, reactions and forces, which are sensors in separate groups.
-submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_sensors
+submodule(tandem_mechanism_builder) tandem_mechanism_builder_sensors
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_way
+    use tandem_mechanism_coordinate, only: is_displacement
     use tandem_mechanism_refusal, only: refuse
-    use tandem_mechanism_sensor, only: of_bushing, of_distance, of_edge, of_joint, of_load, of_massless_wheel, of_row, &
+    use tandem_mechanism_sensor, only: of_bushing, of_distance, of_knife_edge, of_joint, of_load, of_massless_wheel, of_row, &
         of_spring, of_torsion, of_wheel, sensed_balance, sensed_body, sensed_distance, sensed_energy, sensed_force, &
         sensed_joint, sensed_point, sensed_reaction
     use tandem_names, only: question
@@ -19,7 +19,7 @@ contains
         sensor%kind = sensed_point
         call check_sensor(self, name, sensor, error)
         if (allocated(error)) return
-        call self%take_point('sensor '//trim(name), on, sensor%span%first, sensor%span%s1, is_point, error)
+        call self%take_point('sensor '//trim(name), on, sensor%vector%first, sensor%vector%s1, is_point, error)
         if (.not. allocated(error)) call keep_sensor(self, sensor)
     end procedure add_point_sensor
 
@@ -41,8 +41,8 @@ contains
             return
         end if
         associate (its => self%joints(k))
-            sensor%slides = its%way > 0
-            sensor%turns = its%turn > 0
+            sensor%slides = its%displacement > 0
+            sensor%turns = its%rotation > 0
             if (.not. (sensor%slides .or. sensor%turns)) then
                 call refuse('sensor '//trim(name)//': the joint '//trim(joint)//' is '//trim(its%kind_name)// &
                     ', which has no single coordinate', &
@@ -50,8 +50,8 @@ contains
                 return
             end if
             sensor%planar = self%planar
-            if (sensor%slides) sensor%way = self%coordinates(its%way)
-            if (sensor%turns) sensor%turn = self%coordinates(its%turn)
+            if (sensor%slides) sensor%displacement = self%coordinates(its%displacement)
+            if (sensor%turns) sensor%rotation = self%coordinates(its%rotation)
             if (present(zero)) sensor%zero = zero
         end associate
         call keep_sensor(self, sensor)
@@ -59,20 +59,20 @@ contains
 
     !> Add a sensor of the displacement of a massless wheel.
     subroutine add_slide_sensor(self, sensor, wheel, number, error)
-        class(drawing_type), intent(inout) :: self
+        class(builder_type), intent(inout) :: self
         type(sensor_type), intent(inout) :: sensor
         !> Name and index of the wheel.
         character(len=*), intent(in) :: wheel
         integer, intent(in) :: number
         type(error_type), allocatable, intent(inout) :: error
 
-        if (self%massless_wheels(number)%way == 0) then
+        if (self%massless_wheels(number)%displacement == 0) then
             call refuse('sensor '//trim(sensor%name)//': the wheel '//trim(wheel)//' does not slide', &
                 'use a sensor of a point', error)
             return
         end if
         sensor%slides = .true.
-        sensor%way = self%coordinates(self%massless_wheels(number)%way)
+        sensor%displacement = self%coordinates(self%massless_wheels(number)%displacement)
         call keep_sensor(self, sensor)
     end subroutine add_slide_sensor
 
@@ -83,8 +83,9 @@ contains
         sensor%kind = sensed_distance
         call check_sensor(self, name, sensor, error)
         if (allocated(error)) return
-        associate (span => sensor%span)
-            call self%take_pair('sensor '//trim(name), first, second, span%first, span%second, span%s1, span%s2, points, error)
+        associate (vector => sensor%vector)
+            call self%take_pair('sensor '//trim(name), first, second, vector%first, vector%second, vector%s1, vector%s2, points, &
+                error)
         end associate
         if (.not. allocated(error)) call keep_sensor(self, sensor)
     end procedure add_distance_sensor
@@ -125,7 +126,7 @@ contains
     end procedure add_body_sensor
 
     module procedure add_reaction_sensor
-        integer, parameter :: types(6) = [of_joint, of_wheel, of_edge, of_massless_wheel, of_distance, of_row]
+        integer, parameter :: types(6) = [of_joint, of_wheel, of_knife_edge, of_massless_wheel, of_distance, of_row]
         type(sensor_type) :: sensor
         integer :: k
 
@@ -133,7 +134,7 @@ contains
         if (present(group)) sensor%group = group
         call check_sensor(self, name, sensor, error)
         if (allocated(error)) return
-        k = self%name_index%get(element)
+        k = self%index_of%names%get(element)
         if (k > 0) sensor%of = self%types(k)
         if (.not. any(sensor%of == types)) then
             call refuse('sensor '//trim(name)//': '//trim(element)//' is not a joint, wheel or constraint'// &
@@ -142,29 +143,29 @@ contains
         end if
         sensor%number = self%numbers(k)
         call find_rows(self, element, sensor)
-        associate (span => sensor%span)
+        associate (vector => sensor%vector)
             select case (sensor%of)
             case (of_joint)
                 associate (its => self%joints(sensor%number))
-                    span = span_type(first=its%first, second=its%second, s1=its%s1, s2=its%s2)
+                    vector = point_vector_type(first=its%first, second=its%second, s1=its%s1, s2=its%s2)
                 end associate
             case (of_wheel)
-                span%second = self%rollers(sensor%number)%body
+                vector%second = self%rollers(sensor%number)%body
             case (of_massless_wheel)
-                span%second = self%massless_wheels(sensor%number)%body
-            case (of_edge)
-                span%second = self%edges(sensor%number)%body
-                span%s2 = self%edges(sensor%number)%point
+                vector%second = self%massless_wheels(sensor%number)%body
+            case (of_knife_edge)
+                vector%second = self%knife_edges(sensor%number)%body
+                vector%s2 = self%knife_edges(sensor%number)%point
             case (of_distance)
-                span = self%distances(sensor%number)
+                vector = self%distances(sensor%number)
             case default
                 ! Rows of several bodies have no single pair of bodies.
-                span = span_type()
+                vector = point_vector_type()
             end select
-            if (sensor%of /= of_row) sensor%between = [name_of(self, span%first), name_of(self, span%second)]
+            if (sensor%of /= of_row) sensor%between = [name_of(self, vector%first), name_of(self, vector%second)]
         end associate
         if (sensor%of == of_row .and. sensor%number > 0) sensor%can_be_freed = self%couplings(sensor%number)%can_be_freed
-        sensor%is_driven = self%motion_index%get(element) > 0
+        sensor%is_driven = self%index_of%motions%get(element) > 0
         if (sensor%of == of_row .and. sensor%number < 0) sensor%is_driven = self%rate_rows(-sensor%number)%rhs > 0
         call keep_sensor(self, sensor)
     end procedure add_reaction_sensor
@@ -172,7 +173,7 @@ contains
     !> Find the rows of an element, whose names begin with that of the element. Rows at velocity level have negative indices until
     !> `define` moves them after those at position level.
     subroutine find_rows(self, element, sensor)
-        class(drawing_type), intent(in) :: self
+        class(builder_type), intent(in) :: self
         character(len=*), intent(in) :: element
         type(sensor_type), intent(inout) :: sensor
         integer :: i
@@ -209,7 +210,7 @@ contains
         if (present(group)) sensor%group = group
         call check_sensor(self, name, sensor, error)
         if (allocated(error)) return
-        k = self%name_index%get(element)
+        k = self%index_of%names%get(element)
         if (k > 0) sensor%of = self%types(k)
         if (.not. any(sensor%of == types)) then
             call refuse('sensor '//trim(name)//': '//trim(element)//' is not a force'// &
@@ -219,17 +220,17 @@ contains
         sensor%number = self%numbers(k)
         select case (sensor%of)
         case (of_spring)
-            first = self%springs(sensor%number)%span%first
-            second = self%springs(sensor%number)%span%second
+            first = self%springs(sensor%number)%vector%first
+            second = self%springs(sensor%number)%vector%second
         case (of_torsion)
             associate (coordinate => self%torsions(sensor%number)%coordinate)
                 first = coordinate%first
                 second = coordinate%second
                 ! The displacement of a wheel belongs to no body: the force is between the wheel and the body that carries it.
                 if (second < 0) first = self%massless_wheels(findloc(self%massless_wheels%slide, second, dim=1))%body
-                sensor%slides = coordinate%kind == is_way
+                sensor%slides = coordinate%kind == is_displacement
             end associate
-            sensor%is_pressed = self%torsions(sensor%number)%press%n > 0
+            sensor%has_reaction_friction = self%torsions(sensor%number)%reaction%n > 0
         case (of_bushing)
             first = self%bushings(sensor%number)%coordinates(1)%first
             second = self%bushings(sensor%number)%coordinates(1)%second
@@ -259,7 +260,7 @@ contains
             if (names(1) == 'all') list = names_of(self, types)
         end if
         do i = 1, size(list)
-            k = self%name_index%get(list(i))
+            k = self%index_of%names%get(list(i))
             if (k > 0) then
                 if (.not. any(self%types(k) == types)) k = 0
             end if
@@ -275,11 +276,11 @@ contains
                 call self%add_force_sensor(list(i), list(i), error, kind)
             case (of_joint)
                 associate (its => self%joints(self%numbers(k)))
-                    if (max(its%turn, its%way) > 0) call self%add_joint_sensor(list(i), list(i), error, group=kind)
+                    if (max(its%rotation, its%displacement) > 0) call self%add_joint_sensor(list(i), list(i), error, group=kind)
                 end associate
                 if (.not. allocated(error)) call self%add_reaction_sensor(list(i), list(i), error, kind)
             case (of_massless_wheel)
-                if (self%massless_wheels(self%numbers(k))%way > 0) then
+                if (self%massless_wheels(self%numbers(k))%displacement > 0) then
                     call self%add_joint_sensor(list(i), list(i), error, group=kind)
                 end if
                 if (.not. allocated(error)) call self%add_reaction_sensor(list(i), list(i), error, kind)
@@ -301,7 +302,7 @@ contains
         case ('joints')
             types = [of_joint]
         case ('wheels')
-            types = [of_wheel, of_edge, of_massless_wheel]
+            types = [of_wheel, of_knife_edge, of_massless_wheel]
         case ('constraints')
             types = [of_distance, of_row]
         case ('forces')
@@ -313,7 +314,7 @@ contains
 
     !> Name of a body.
     pure function name_of(self, body) result(name)
-        class(drawing_type), intent(in) :: self
+        class(builder_type), intent(in) :: self
         !> 0 for the ground, negative for the sliding part of a massless wheel, which has the name of the wheel.
         integer, intent(in) :: body
         character(len=label_length) :: name
@@ -322,38 +323,38 @@ contains
         name = 'ground'
         if (body > 0) name = self%bodies(body)%name
         if (body >= 0) return
-        do i = 1, self%name_index%n
+        do i = 1, self%index_of%names%n
             if (self%types(i) /= of_massless_wheel) cycle
-            if (self%massless_wheels(self%numbers(i))%slide == body) name = self%name_index%name(i)
+            if (self%massless_wheels(self%numbers(i))%slide == body) name = self%index_of%names%name(i)
         end do
     end function name_of
 
     !> Names of all elements of given types.
     pure function names_of(self, types) result(list)
-        class(drawing_type), intent(in) :: self
+        class(builder_type), intent(in) :: self
         integer, intent(in) :: types(:)
         character(len=name_length), allocatable :: list(:)
         integer :: i, n
 
-        n = count([(any(self%types(i) == types), i=1, self%name_index%n)])
+        n = count([(any(self%types(i) == types), i=1, self%index_of%names%n)])
         allocate (list(n))
         n = 0
-        do i = 1, self%name_index%n
+        do i = 1, self%index_of%names%n
             if (.not. any(self%types(i) == types)) cycle
             n = n + 1
-            list(n) = self%name_index%name(i)
+            list(n) = self%index_of%names%name(i)
         end do
     end function names_of
 
     !> Append a sensor with a valid name.
     subroutine keep_sensor(self, sensor)
-        class(drawing_type), intent(inout) :: self
+        class(builder_type), intent(inout) :: self
         type(sensor_type), intent(in) :: sensor
 
         self%n_of%sensors = self%n_of%sensors + 1
         if (self%n_of%sensors > size(self%sensors)) self%sensors = [self%sensors, self%sensors, sensor]
         self%sensors(self%n_of%sensors) = sensor
-        call self%sensor_index%put(key_of(sensor), self%n_of%sensors)
+        call self%index_of%sensors%put(key_of(sensor), self%n_of%sensors)
     end subroutine keep_sensor
 
     !> Key that must be unique among sensors: group and name, and for the groups of results, in which an element may have several
@@ -367,7 +368,7 @@ contains
 
     !> Check that a name is a valid group name in files and that no other sensor has it.
     subroutine check_sensor(self, name, sensor, error)
-        class(drawing_type), intent(inout) :: self
+        class(builder_type), intent(inout) :: self
         character(len=*), intent(in) :: name
         type(sensor_type), intent(inout) :: sensor
         type(error_type), allocatable, intent(inout) :: error
@@ -376,9 +377,9 @@ contains
         sensor%name = name
         if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. scan(trim(name), './ ') > 0) then
             call refuse('sensor '//trim(name)//': "'//trim(name)//'" is not a valid name', 'use 1 to '//to_text(name_length)// &
-                ' characters without dots, slashes and blanks', error)
-        else if (self%sensor_index%get(key_of(sensor)) > 0) then
+                ' characters without perpendiculars, slashes and blanks', error)
+        else if (self%index_of%sensors%get(key_of(sensor)) > 0) then
             call refuse('sensor '//trim(name)//' exists already', 'use another name', error)
         end if
     end subroutine check_sensor
-end submodule tandem_mechanism_drawing_sensors
+end submodule tandem_mechanism_builder_sensors

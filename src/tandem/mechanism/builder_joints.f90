@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> Builder procedures for joints and distances.
-submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_joints
+submodule(tandem_mechanism_builder) tandem_mechanism_builder_joints
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_angle, is_way
+    use tandem_mechanism_coordinate, only: is_angle, is_displacement
     use tandem_mechanism_coupling, only: max_coupled
     use tandem_mechanism_formula, only: is_place, is_spin, is_time, is_turn, is_turn_rate, is_velocity
     use tandem_mechanism_joint, only: find_kind, kind_names, kind_type
@@ -40,7 +40,7 @@ contains
         if (allocated(error)) return
         call self%place_joint(label, joint, first, second, error, at, axis, across, open)
         if (allocated(error)) return
-        associate (turns => joint%kind%held .or. joint%glides)
+        associate (turns => joint%kind%held .or. joint%at_velocity_level)
             if (any(turns(merge(3, 4, self%planar):merge(3, 6, self%planar))) .or. driven > merge(2, 3, self%planar)) then
                 do k = 1, 2
                     i = merge(joint%first, joint%second, k == 1)
@@ -56,13 +56,13 @@ contains
         self%joints(self%n_of%joints) = joint%joint_type
         call self%keep_name(name, of_joint, self%n_of%joints)
         ! A separate row for the displacement and the angle of the screw.
-        if (present(pitch)) call couple(self, trim(name)//' pitch', [joint%way, joint%turn], &
+        if (present(pitch)) call couple(self, trim(name)//' pitch', [joint%displacement, joint%rotation], &
             [1.0_wp, -pitch/(2*acos(-1.0_wp))], 'N')
     end procedure add_joint
 
     !> Set the freedoms that a primitive constrains.
     subroutine take_freedoms(self, label, joint, driven, is_driven, error, hold, drive)
-        class(drawing_type), intent(in) :: self
+        class(builder_type), intent(in) :: self
         character(len=*), intent(in) :: label
         type(placed_joint_type), intent(inout) :: joint
         integer, intent(inout) :: driven
@@ -83,7 +83,7 @@ contains
             return
         end if
         joint%kind%held(:n) = hold == 1
-        joint%glides(:n) = hold == 2
+        joint%at_velocity_level(:n) = hold == 2
         if (.not. is_driven) return
         driven = 0
         if (present(drive)) driven = drive
@@ -98,7 +98,7 @@ contains
         end if
         ! The row of the motion constrains the driven freedom.
         joint%kind%held(driven) = .false.
-        if (n == 3 .or. driven < 4 .or. joint%glides(driven)) return
+        if (n == 3 .or. driven < 4 .or. joint%at_velocity_level(driven)) return
         if (count(joint%kind%held(4:6)) == 1) call refuse(label//' drives a rotation, and one other rotation is constrained', &
             'constrain both other rotations, or neither', error)
     end subroutine take_freedoms
@@ -144,7 +144,7 @@ contains
     !> Add the coordinates of a joint with one rotation or one displacement, about or along its axis, from the reference
     !> configuration on.
     subroutine add_coordinates(self, joint)
-        class(drawing_type), intent(inout) :: self
+        class(builder_type), intent(inout) :: self
         type(placed_joint_type), intent(inout) :: joint
         type(coordinate_type) :: coordinate
         integer :: axis
@@ -157,15 +157,15 @@ contains
                 if (self%planar) coordinate%offset = self%angle_of(joint%second) - self%angle_of(joint%first)
                 if (joint%driven == merge(3, 6, self%planar)) coordinate%motion = joint%motion
                 call keep_coordinate(self, coordinate)
-                joint%turn = self%n_of%coordinates
+                joint%rotation = self%n_of%coordinates
             end if
             if (.not. held(axis) .and. count(.not. held(:merge(2, 3, self%planar))) == 1) then
-                coordinate = coordinate_type(kind=is_way, first=joint%first, second=joint%second)
-                coordinate%one = dot_type(first=joint%first, second=joint%second, is_point=.true., a=joint%axes1(:, axis), &
-                    b=joint%s2)
-                coordinate%offset = drawn_way(self, joint, axis)
+                coordinate = coordinate_type(kind=is_displacement, first=joint%first, second=joint%second)
+                coordinate%one = perpendicular_type(first=joint%first, second=joint%second, is_point=.true., a=joint%axes1(:, &
+                    axis), b=joint%s2)
+                coordinate%offset = reference_displacement(self, joint, axis)
                 call keep_coordinate(self, coordinate)
-                joint%way = self%n_of%coordinates
+                joint%displacement = self%n_of%coordinates
             end if
         end associate
 
@@ -181,20 +181,20 @@ contains
     end subroutine add_coordinates
 
     !> Displacement of the second body's point from the first one's along an axis of the joint, in the reference configuration.
-    pure real(wp) function drawn_way(self, joint, axis)
-        class(drawing_type), intent(in) :: self
+    pure real(wp) function reference_displacement(self, joint, axis)
+        class(builder_type), intent(in) :: self
         type(placed_joint_type), intent(in) :: joint
         integer, intent(in) :: axis
         real(wp) :: r1(3), r2(3), a1(3, 3), a2(3, 3)
 
         call self%frame_of(joint%first, r1, a1)
         call self%frame_of(joint%second, r2, a2)
-        drawn_way = dot_product(matmul(a1, joint%axes1(:, axis)), r2 + matmul(a2, joint%s2) - r1)
-    end function drawn_way
+        reference_displacement = dot_product(matmul(a1, joint%axes1(:, axis)), r2 + matmul(a2, joint%s2) - r1)
+    end function reference_displacement
 
     !> Append a coordinate.
     subroutine keep_coordinate(self, coordinate)
-        class(drawing_type), intent(inout) :: self
+        class(builder_type), intent(inout) :: self
         type(coordinate_type), intent(in) :: coordinate
 
         self%n_of%coordinates = self%n_of%coordinates + 1
@@ -203,28 +203,29 @@ contains
     end subroutine keep_coordinate
 
     !> Append a perpendicularity row.
-    subroutine keep_dot(self, dot)
-        class(drawing_type), intent(inout) :: self
-        type(dot_type), intent(in) :: dot
+    subroutine keep_perpendicular(self, perpendicular)
+        class(builder_type), intent(inout) :: self
+        type(perpendicular_type), intent(in) :: perpendicular
 
-        self%n_of%dots = self%n_of%dots + 1
-        if (self%n_of%dots > size(self%dots)) self%dots = [self%dots, self%dots, dot]
-        self%dots(self%n_of%dots) = dot
-    end subroutine keep_dot
+        self%n_of%perpendiculars = self%n_of%perpendiculars + 1
+        if (self%n_of%perpendiculars > size(self%perpendiculars)) self%perpendiculars = [self%perpendiculars, &
+            self%perpendiculars, perpendicular]
+        self%perpendiculars(self%n_of%perpendiculars) = perpendicular
+    end subroutine keep_perpendicular
 
     !> Append coincident points.
-    subroutine keep_meeting(self, meeting)
-        class(drawing_type), intent(inout) :: self
-        type(span_type), intent(in) :: meeting
+    subroutine keep_coincidence(self, meeting)
+        class(builder_type), intent(inout) :: self
+        type(point_vector_type), intent(in) :: meeting
 
-        self%n_of%meetings = self%n_of%meetings + 1
-        if (self%n_of%meetings > size(self%meetings)) self%meetings = [self%meetings, self%meetings, meeting]
-        self%meetings(self%n_of%meetings) = meeting
-    end subroutine keep_meeting
+        self%n_of%coincidences = self%n_of%coincidences + 1
+        if (self%n_of%coincidences > size(self%coincidences)) self%coincidences = [self%coincidences, self%coincidences, meeting]
+        self%coincidences(self%n_of%coincidences) = meeting
+    end subroutine keep_coincidence
 
     !> Append a constrained angle.
     subroutine keep_angle(self, angle)
-        class(drawing_type), intent(inout) :: self
+        class(builder_type), intent(inout) :: self
         type(angle_type), intent(in) :: angle
 
         self%n_of%angles = self%n_of%angles + 1
@@ -234,7 +235,7 @@ contains
 
     !> Frame of the joint in the world, axes in columns.
     subroutine take_axes(self, label, kind, axis, across, frame, error)
-        class(drawing_type), intent(in) :: self
+        class(builder_type), intent(in) :: self
         character(len=*), intent(in) :: label
         type(kind_type), intent(in) :: kind
         real(wp), intent(in), optional :: axis(:), across(:)
@@ -278,13 +279,13 @@ contains
 
     !> Add the rows of a joint.
     subroutine add_joint_rows(self, joint, drive, motion)
-        class(drawing_type), intent(inout) :: self
+        class(builder_type), intent(inout) :: self
         type(placed_joint_type), intent(inout) :: joint
         !> Driven freedom; 0 if none.
         integer, intent(in) :: drive
         class(function_type), intent(in), optional :: motion
         character(len=1), parameter :: letter(3) = ['x', 'y', 'z']
-        type(dot_type) :: dot
+        type(perpendicular_type) :: perpendicular
         integer :: k, l, m, n, driven, number, before
         logical :: turn(3)
 
@@ -293,15 +294,16 @@ contains
         driven = drive
         number = 0
         if (present(motion)) call self%take_motion(joint%name, motion, 1, number)
-        if (any(joint%glides)) then
-            call add_glides(self, joint, driven, number)
+        if (any(joint%at_velocity_level)) then
+            call add_velocity_joints(self, joint, driven, number)
             ! Each freedom is driven at one level only.
-            if (driven > 0) driven = merge(0, driven, joint%glides(max(1, driven)))
+            if (driven > 0) driven = merge(0, driven, joint%at_velocity_level(max(1, driven)))
         end if
         joint%driven = driven
         joint%motion = number
         if (all(joint%kind%held(:n))) then
-            call keep_meeting(self, span_type(first=joint%first, second=joint%second, row=before + 1, s1=joint%s1, s2=joint%s2))
+            call keep_coincidence(self, point_vector_type(first=joint%first, second=joint%second, row=before + 1, s1=joint%s1, &
+                s2=joint%s2))
             do k = 1, n
                 call self%held%add(trim(joint%name)//' '//letter(min(k, n)), 'N')
             end do
@@ -309,12 +311,12 @@ contains
             do k = 1, n
                 if (.not. joint%kind%held(k) .and. driven /= k) cycle
                 call self%held%add(trim(joint%name)//merge(' motion', ' '//letter(k)//'     ', driven == k), 'N')
-                dot = dot_type(first=joint%first, second=joint%second, row=self%held%n, is_point=.true., a=joint%axes1(:, k), &
-                    b=joint%s2, c=dot_product(joint%axes1(:, k), joint%s1))
+                perpendicular = perpendicular_type(first=joint%first, second=joint%second, row=self%held%n, is_point=.true., &
+                    a=joint%axes1(:, k), b=joint%s2, c=dot_product(joint%axes1(:, k), joint%s1))
                 ! A motion is measured from the reference configuration, in which the points may be apart along its axis.
-                if (driven == k) dot%c = drawn_way(self, joint, k)
-                if (driven == k) dot%motion = number
-                call keep_dot(self, dot)
+                if (driven == k) perpendicular%c = reference_displacement(self, joint, k)
+                if (driven == k) perpendicular%motion = number
+                call keep_perpendicular(self, perpendicular)
             end do
         end if
         if (self%planar) then
@@ -352,44 +354,45 @@ contains
             integer, intent(in) :: a, b, about
 
             call self%held%add(trim(joint%name)//' rotation '//letter(about), 'N m')
-            call keep_dot(self, dot_type(first=joint%first, second=joint%second, row=self%held%n, a=joint%axes1(:, a), &
-                b=joint%axes2(:, b)))
+            call keep_perpendicular(self, perpendicular_type(first=joint%first, second=joint%second, row=self%held%n, &
+                a=joint%axes1(:, a), b=joint%axes2(:, b)))
         end subroutine add_direction
     end subroutine add_joint_rows
 
     !> Add the rows of a joint at velocity level.
-    subroutine add_glides(self, joint, driven, number)
-        class(drawing_type), intent(inout) :: self
+    subroutine add_velocity_joints(self, joint, driven, number)
+        class(builder_type), intent(inout) :: self
         type(placed_joint_type), intent(in) :: joint
         !> Freedom that a function drives, and the index of the function.
         integer, intent(in) :: driven, number
         character(len=1), parameter :: letter(3) = ['x', 'y', 'z']
-        type(glide_type) :: glide
+        type(velocity_joint_type) :: velocity_joint
         integer :: k, n
 
         n = merge(2, 3, self%planar)
         do k = 1, 6
-            if (.not. joint%glides(k)) cycle
-            glide = glide_type(first=joint%first, second=joint%second)
+            if (.not. joint%at_velocity_level(k)) cycle
+            velocity_joint = velocity_joint_type(first=joint%first, second=joint%second)
             if (k <= n) then
-                glide%is_way = .true.
-                glide%axis = joint%axes2(:, k)
-                glide%point = joint%s2
-                glide%moment = cross(joint%s2, joint%axes2(:, k))
+                velocity_joint%is_displacement = .true.
+                velocity_joint%axis = joint%axes2(:, k)
+                velocity_joint%point = joint%s2
+                velocity_joint%moment = cross(joint%s2, joint%axes2(:, k))
                 call self%rolling%add(trim(joint%name)//' rate '//letter(min(k, n)), 'N')
             else
-                glide%axis = [0.0_wp, 0.0_wp, 1.0_wp]
-                if (.not. self%planar) glide%axis = joint%axes2(:, k - 3)
-                glide%moment = glide%axis
+                velocity_joint%axis = [0.0_wp, 0.0_wp, 1.0_wp]
+                if (.not. self%planar) velocity_joint%axis = joint%axes2(:, k - 3)
+                velocity_joint%moment = velocity_joint%axis
                 call self%rolling%add(trim(joint%name)//' spin '//letter(merge(3, k - 3, self%planar)), 'N m')
             end if
-            if (driven == k) glide%motion = number
-            glide%row = self%rolling%n
-            self%n_of%glides = self%n_of%glides + 1
-            if (self%n_of%glides > size(self%glides)) self%glides = [self%glides, self%glides, glide]
-            self%glides(self%n_of%glides) = glide
+            if (driven == k) velocity_joint%motion = number
+            velocity_joint%row = self%rolling%n
+            self%n_of%velocity_joints = self%n_of%velocity_joints + 1
+            if (self%n_of%velocity_joints > size(self%velocity_joints)) self%velocity_joints = [self%velocity_joints, &
+                self%velocity_joints, velocity_joint]
+            self%velocity_joints(self%n_of%velocity_joints) = velocity_joint
         end do
-    end subroutine add_glides
+    end subroutine add_velocity_joints
 
     module procedure add_coupling
         character(len=:), allocatable :: label
@@ -413,7 +416,7 @@ contains
         motion_number = 0
         if (present(motion)) call self%take_motion(name, motion, 1, motion_number)
         call couple(self, name, numbers(:size(joints)), factors, &
-            merge('N  ', 'N m', self%coordinates(numbers(1))%kind == is_way), motion_number)
+            merge('N  ', 'N m', self%coordinates(numbers(1))%kind == is_displacement), motion_number)
         if (present(locked)) then
             associate (coupling => self%couplings(self%n_of%couplings))
                 coupling%can_be_freed = .true.
@@ -425,7 +428,7 @@ contains
 
     !> Add the row of a coupling.
     subroutine couple(self, name, numbers, factors, unit, motion)
-        class(drawing_type), intent(inout) :: self
+        class(builder_type), intent(inout) :: self
         character(len=*), intent(in) :: name, unit
         !> Indices of the coordinates.
         integer, intent(in) :: numbers(:)
@@ -444,7 +447,7 @@ contains
 
     !> Append a coupling.
     subroutine keep_coupling(self, coupling)
-        class(drawing_type), intent(inout) :: self
+        class(builder_type), intent(inout) :: self
         type(coupling_type), intent(in) :: coupling
 
         self%n_of%couplings = self%n_of%couplings + 1
@@ -478,8 +481,8 @@ contains
         angle%kind = is_angle
         angle%first = joint%first
         angle%second = joint%second
-        angle%one = dot_type(first=joint%first, second=joint%second, a=joint%axes1(:, l), b=joint%axes2(:, l))
-        angle%other = dot_type(first=joint%first, second=joint%second, a=joint%axes1(:, m), b=joint%axes2(:, l))
+        angle%one = perpendicular_type(first=joint%first, second=joint%second, a=joint%axes1(:, l), b=joint%axes2(:, l))
+        angle%other = perpendicular_type(first=joint%first, second=joint%second, a=joint%axes1(:, m), b=joint%axes2(:, l))
     end function angle_in_space
 
     module procedure add_rate_row
@@ -539,7 +542,7 @@ contains
     end procedure add_rate_row
 
     module procedure add_distance
-        type(span_type) :: span
+        type(point_vector_type) :: vector
         character(len=:), allocatable :: label
         real(wp) :: drawn, f(0:2)
         logical :: points(2)
@@ -547,27 +550,27 @@ contains
         label = 'distance '//trim(name)
         call self%check_name(name, label, error)
         if (allocated(error)) return
-        call self%take_pair(label, first, second, span%first, span%second, span%s1, span%s2, points, error)
+        call self%take_pair(label, first, second, vector%first, vector%second, vector%s1, vector%s2, points, error)
         if (allocated(error)) return
-        drawn = self%drawn_length(span)
-        span%length = drawn
-        if (present(length)) span%length = length
+        drawn = self%reference_length(vector)
+        vector%length = drawn
+        if (present(length)) vector%length = length
         if (present(motion)) then
-            call self%take_motion(name, motion, 1, span%motion)
+            call self%take_motion(name, motion, 1, vector%motion)
             call motion%evaluate(self%times(1), f)
-            span%length = f(0)
+            vector%length = f(0)
         end if
-        if (.not. span%length > 0.0_wp) then
-            call refuse(label//' has the length '//to_text(span%length), &
+        if (.not. vector%length > 0.0_wp) then
+            call refuse(label//' has the length '//to_text(vector%length), &
                 'give a length > 0; for coincident points use a spherical or revolute joint', error)
             return
         end if
-        span%weight = span%length
-        span%row = self%held%n + 1
+        vector%weight = vector%length
+        vector%row = self%held%n + 1
         call self%held%add(name, 'N')
         self%n_of%distances = self%n_of%distances + 1
-        if (self%n_of%distances > size(self%distances)) self%distances = [self%distances, self%distances, span]
-        self%distances(self%n_of%distances) = span
+        if (self%n_of%distances > size(self%distances)) self%distances = [self%distances, self%distances, vector]
+        self%distances(self%n_of%distances) = vector
         call self%keep_name(name, of_distance, self%n_of%distances)
     end procedure add_distance
-end submodule tandem_mechanism_drawing_joints
+end submodule tandem_mechanism_builder_joints

@@ -1,17 +1,17 @@
 ! SPDX-License-Identifier: MIT
 !> Reads the request of [initial] for an equilibrium or a steady motion, and moves the start there.
-module tandem_io_scene_settling
+module tandem_io_scene_equilibrium
     use tandem, only: affine_motion_type, any_motion, assemble, assembly_type, error_type, find_steady_from_words, &
-        list_motions, model_type, motion_name_length, reader_type, settling_type, wp
+        list_motions, model_type, motion_name_length, reader_type, equilibrium_search_type, wp
     implicit none (type, external)
     private
 
-    public :: read_settling, settle, any_motion
+    public :: read_equilibrium, move_to_equilibrium, any_motion
 
 contains
 
     !> The keys of the table that is open.
-    subroutine read_settling(reader, model, rests, steady)
+    subroutine read_equilibrium(reader, model, rests, steady)
         class(reader_type), intent(inout) :: reader
         !> The model, defined.
         class(model_type), intent(inout) :: model
@@ -45,17 +45,17 @@ contains
                 '": only the rate of a single motion can be prescribed')
         end do
         if (rests .and. size(steady) > 0) call reader%refuse('steady', 'cannot be combined with equilibrium = true')
-    end subroutine read_settling
+    end subroutine read_equilibrium
 
     !> Move the start to its equilibrium, after its assembly if one is requested.
-    subroutine settle(model, rests, steady, t, q, qd, settling, error, assembly)
+    subroutine move_to_equilibrium(model, rests, steady, t, q, qd, search, error, assembly)
         class(model_type), intent(inout), target :: model
         logical, intent(in) :: rests
         character(len=*), intent(in) :: steady(:)
         real(wp), intent(in) :: t
         real(wp), intent(inout) :: q(:), qd(:)
         !> Result of the equilibrium search.
-        type(settling_type), intent(inout) :: settling
+        type(equilibrium_search_type), intent(inout) :: search
         type(error_type), allocatable, intent(out) :: error
         type(assembly_type), intent(in), optional :: assembly
         type(assembly_type) :: request
@@ -66,12 +66,12 @@ contains
             if (allocated(error)) return
         end if
         if (rests) then
-            call settling%find_equilibrium(model, t, q, error)
+            call search%find_equilibrium(model, t, q, error)
         else
-            call find_steady_from_words(settling, model, t, q, qd, steady, error)
+            call find_steady_from_words(search, model, t, q, qd, steady, error)
         end if
         if (allocated(error)) return
-        q = settling%q
-        qd = settling%qd
-    end subroutine settle
-end module tandem_io_scene_settling
+        q = search%q
+        qd = search%qd
+    end subroutine move_to_equilibrium
+end module tandem_io_scene_equilibrium

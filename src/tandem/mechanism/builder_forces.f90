@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> Builder procedures for springs and loads.
-submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_forces
+submodule(tandem_mechanism_builder) tandem_mechanism_builder_forces
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_angle, is_tilt, is_way
+    use tandem_mechanism_coordinate, only: is_angle, is_tilt, is_displacement
     use tandem_mechanism_joint, only: find_kind
     use tandem_mechanism_law, only: friction_law_type
-    use tandem_mechanism_press, only: press_type
+    use tandem_mechanism_normal_force, only: normal_force_type
     use tandem_mechanism_refusal, only: refuse, take_vector
     use tandem_mechanism_sensor, only: of_bushing, of_load, of_spring, of_torsion
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
@@ -21,11 +21,11 @@ contains
         label = 'spring '//trim(name)
         call self%check_name(name, label, error)
         if (allocated(error)) return
-        associate (span => spring%span)
-            call self%take_pair(label, first, second, span%first, span%second, span%s1, span%s2, points, error)
+        associate (vector => spring%vector)
+            call self%take_pair(label, first, second, vector%first, vector%second, vector%s1, vector%s2, points, error)
         end associate
         if (allocated(error)) return
-        spring%length = self%drawn_length(spring%span)
+        spring%length = self%reference_length(spring%vector)
         if (.not. spring%length > 0.0_wp) then
             call refuse(label//' has length zero in the reference configuration, hence no direction', 'move one of its ends', error)
             return
@@ -65,7 +65,7 @@ contains
 
     module procedure add_friction
         type(friction_law_type) :: law
-        type(press_type) :: press
+        type(normal_force_type) :: reaction
         character(len=:), allocatable :: label
         integer :: k
         logical :: turns
@@ -107,8 +107,8 @@ contains
                     return
                 end if
             end if
-            if (self%coordinates(k)%second >= 0) call find_press(self, joint, press, arm)
-            if (press%n == 0) then
+            if (self%coordinates(k)%second >= 0) call find_normal_force(self, joint, reaction, arm)
+            if (reaction%n == 0) then
                 call refuse(label//': the reaction of the joint has no normal component', 'give a normal force', error)
                 return
             end if
@@ -118,14 +118,14 @@ contains
             return
         end if
         call self%add_torsion(name, joint, error, damping=viscous, law=law)
-        if (.not. allocated(error)) self%torsions(self%n_of%torsions)%press = press
+        if (.not. allocated(error)) self%torsions(self%n_of%torsions)%reaction = reaction
     end procedure add_friction
 
     !> Collect the rows of a joint that contribute to the normal force: all but the row of its motion.
-    subroutine find_press(self, joint, press, arm)
-        class(drawing_type), intent(in) :: self
+    subroutine find_normal_force(self, joint, reaction, arm)
+        class(builder_type), intent(in) :: self
         character(len=*), intent(in) :: joint
-        type(press_type), intent(inout) :: press
+        type(normal_force_type), intent(inout) :: reaction
         real(wp), intent(in), optional :: arm
         character(len=len(joint)) :: head
         integer :: i
@@ -156,11 +156,11 @@ contains
             if (unit == 'N') weight = 1.0_wp
             if (unit == 'N m' .and. present(arm)) weight = 1/arm
             if (.not. weight > 0.0_wp) return
-            press%n = press%n + 1
-            press%rows(press%n) = row
-            press%weights(press%n) = weight
+            reaction%n = reaction%n + 1
+            reaction%rows(reaction%n) = row
+            reaction%weights(reaction%n) = weight
         end subroutine take
-    end subroutine find_press
+    end subroutine find_normal_force
 
     module procedure add_bushing
         type(bushing_type) :: bushing
@@ -184,8 +184,9 @@ contains
         bushing%coordinates%second = joint%second
         do k = 1, merge(2, 3, self%planar)
             associate (way => bushing%coordinates(k))
-                way%kind = is_way
-                way%one = dot_type(first=joint%first, second=joint%second, is_point=.true., a=joint%axes1(:, k), b=joint%s2)
+                way%kind = is_displacement
+                way%one = perpendicular_type(first=joint%first, second=joint%second, is_point=.true., a=joint%axes1(:, k), &
+                    b=joint%s2)
                 way%offset = dot_product(joint%axes1(:, k), joint%s1)
             end associate
         end do
@@ -199,8 +200,9 @@ contains
                 associate (turn => bushing%coordinates(3 + k))
                     ! About k: m1.l2 = sin, l1.m2 = -sin.
                     turn%kind = is_tilt
-                    turn%one = dot_type(first=joint%first, second=joint%second, a=joint%axes1(:, m), b=joint%axes2(:, l))
-                    turn%other = dot_type(first=joint%first, second=joint%second, a=joint%axes1(:, l), b=joint%axes2(:, m))
+                    turn%one = perpendicular_type(first=joint%first, second=joint%second, a=joint%axes1(:, m), b=joint%axes2(:, l))
+                    turn%other = perpendicular_type(first=joint%first, second=joint%second, a=joint%axes1(:, l), &
+                        b=joint%axes2(:, m))
                 end associate
             end do
         end if
@@ -296,4 +298,4 @@ contains
         self%loads(self%n_of%loads) = load
         call self%keep_name(name, of_load, self%n_of%loads)
     end procedure add_load
-end submodule tandem_mechanism_drawing_forces
+end submodule tandem_mechanism_builder_forces

@@ -1,18 +1,18 @@
 ! SPDX-License-Identifier: MIT
 !> Builder procedures for knife edges, and for rolling disks and spheres.
-submodule(tandem_mechanism_drawing) tandem_mechanism_drawing_rolling
+submodule(tandem_mechanism_builder) tandem_mechanism_builder_rolling
     use tandem_error, only: to_text
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_refusal, only: refuse, take_vector
     use tandem_mechanism_rolling, only: find_contact
-    use tandem_mechanism_sensor, only: of_edge, of_wheel
+    use tandem_mechanism_sensor, only: of_knife_edge, of_wheel
     use tandem_mechanism_vector, only: cross, frame_along
     implicit none (type, external)
 
 contains
 
     module procedure add_knife_edge
-        type(edge_type) :: edge
+        type(knife_edge_type) :: edge
         real(wp) :: r(3), a(3, 3), pivot(3)
         character(len=:), allocatable :: label
         logical :: is_point
@@ -41,10 +41,10 @@ contains
         edge%moment = cross(edge%point, edge%across)
         call self%rolling%add(name, 'N')
         edge%row = self%rolling%n
-        self%n_of%edges = self%n_of%edges + 1
-        if (self%n_of%edges > size(self%edges)) self%edges = [self%edges, self%edges, edge]
-        self%edges(self%n_of%edges) = edge
-        call self%keep_name(name, of_edge, self%n_of%edges)
+        self%n_of%knife_edges = self%n_of%knife_edges + 1
+        if (self%n_of%knife_edges > size(self%knife_edges)) self%knife_edges = [self%knife_edges, self%knife_edges, edge]
+        self%knife_edges(self%n_of%knife_edges) = edge
+        call self%keep_name(name, of_knife_edge, self%n_of%knife_edges)
     end procedure add_knife_edge
 
     module procedure add_rolling_disk
@@ -60,8 +60,8 @@ contains
             call refuse(label//' has a radius that is not positive, or a crown that is not between 0 and it', &
                 'give a radius > 0 in m, and a smaller crown >= 0', error)
         end if
-        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, turn, &
-            pivot, slide, along)
+        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, &
+            rotation, pivot, slide, along)
     end procedure add_rolling_disk
 
     module procedure add_rolling_sphere
@@ -72,8 +72,8 @@ contains
         roller%radius = radius
         if (.not. radius > 0.0_wp) call refuse(label//' has a radius that is not positive', 'give a radius > 0 in m', &
             error)
-        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, turn, &
-            pivot, slide, along)
+        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, &
+            rotation, pivot, slide, along)
     end procedure add_rolling_sphere
 
     module procedure add_rolling_ellipsoid
@@ -84,19 +84,19 @@ contains
         roller%is_ellipsoid = .true.
         roller%squares = semi_axes**2
         if (.not. all(semi_axes > 0.0_wp)) call refuse(label//' has a semi-axis that is not positive', 'give three > 0 in m', error)
-        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, turn, &
-            pivot, slide, along)
+        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, &
+            rotation, pivot, slide, along)
     end procedure add_rolling_ellipsoid
 
     !> Add a rolling body and its plane. The shape is set; its axis is in the world frame.
-    subroutine add_roller(self, label, name, centre, roller, error, normal, height, open, rise, turn, pivot, slide, along)
-        class(drawing_type), intent(inout) :: self
+    subroutine add_roller(self, label, name, centre, roller, error, normal, height, open, rise, rotation, pivot, slide, along)
+        class(builder_type), intent(inout) :: self
         character(len=*), intent(in) :: label, name, centre
         type(roller_type), intent(inout) :: roller
         type(error_type), allocatable, intent(out) :: error
         real(wp), intent(in), optional :: normal(:), height
         logical, intent(in), optional :: open
-        class(function_type), intent(in), optional :: rise, turn, slide
+        class(function_type), intent(in), optional :: rise, rotation, slide
         real(wp), intent(in), optional :: pivot(:), along(:)
         type(pose_type) :: pose
         real(wp) :: r(3), a(3, 3), f(3, 3), gap, y(3), level(0:2)
@@ -150,7 +150,7 @@ contains
             return
         end if
         if (present(rise)) call self%take_motion(name, rise, 1, roller%rise)
-        if (present(turn)) call self%take_motion(name, turn, 1, roller%turn)
+        if (present(rotation)) call self%take_motion(name, rotation, 1, roller%rotation)
         if (present(slide)) call self%take_motion(name, slide, 1, roller%slide)
         call self%held%add(trim(name)//' height', 'N')
         roller%height_row = self%held%n
@@ -163,4 +163,4 @@ contains
         self%rollers(self%n_of%rollers) = roller
         call self%keep_name(name, of_wheel, self%n_of%rollers)
     end subroutine add_roller
-end submodule tandem_mechanism_drawing_rolling
+end submodule tandem_mechanism_builder_rolling
