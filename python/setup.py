@@ -48,7 +48,7 @@ def add_files(target):
         built = library.build_portable()
         program = built / "tandem"
     else:
-        flags = ["-O3", "-funroll-loops", *os.environ.get("ARCH", "").split()]
+        flags = ["-O3", "-funroll-loops", "-fno-loop-unroll-and-jam", *os.environ.get("ARCH", "").split()]
         built = library.build_libraries(ROOT / "build" / "library", flags)
         program = ROOT / "build" / "tandem"
         if not program.exists():

@@ -67,7 +67,7 @@ profiles)
 count | record)
     # Without AVX-512, which valgrind does not know, and file by file, since the counts begin at a procedure that must be found;
     # a base line is for one set of flags.
-    build count "-O3 -funroll-loops -fPIC -fno-semantic-interposition -march=x86-64-v3"
+    build count "-O3 -funroll-loops -fno-loop-unroll-and-jam -fPIC -fno-semantic-interposition -march=x86-64-v3"
     [ "$1" = count ] && exec python3 tools/bench_count.py "$out/count"
     exec python3 tools/bench_count.py "$out/count" record
     ;;

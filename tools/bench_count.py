@@ -62,7 +62,7 @@ def tools():
     version = subprocess.run(["valgrind", "--version"], capture_output=True, text=True, check=True).stdout.strip()
     libraries = subprocess.run(["dpkg-query", "-W", "-f", "${Package} ${Version}, ", "libopenblas0", "libc6"],
                                capture_output=True, text=True).stdout.strip(" ,")
-    return f"{compiler}; {version}; {libraries}; -O3 -funroll-loops -fno-semantic-interposition -march=x86-64-v3"
+    return f"{compiler}; {version}; {libraries}; -O3 -funroll-loops -fno-loop-unroll-and-jam -fno-semantic-interposition -march=x86-64-v3"
 
 
 def record(counts):

@@ -493,7 +493,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("action", choices=["build", "install", "uninstall", "archive"])
     parser.add_argument("--build", default=str(ROOT / "build" / "library"))
-    parser.add_argument("--flags", default="-O3 -funroll-loops " + os.environ.get("ARCH", ""))
+    parser.add_argument("--flags", default="-O3 -funroll-loops -fno-loop-unroll-and-jam " + os.environ.get("ARCH", ""))
     parser.add_argument("--prefix", default="/usr/local")
     parser.add_argument("--destdir", default="")
     parser.add_argument("--program", type=Path, default=ROOT / "build" / "optimised" / "tandem")
