@@ -615,7 +615,7 @@ static void test_warnings(void)
     expect("nor-before-the-first", p, tandem_get_warning(p, -1, sizeof text, text), TANDEM_INVALID_OPTION, "no such");
     expect("nor-at-the-largest-integer", p, tandem_get_warning(p, INT_MAX, sizeof text, text), TANDEM_INVALID_OPTION, "no such");
     expect("a-warning-needs-a-place", p, tandem_get_warning(p, 0, 10, NULL), TANDEM_INVALID_OPTION, "NULL");
-    expect("and-room", p, tandem_get_warning(p, 0, 0, text), TANDEM_INVALID_OPTION, "room");
+    expect("and-room", p, tandem_get_warning(p, 0, 0, text), TANDEM_INVALID_OPTION, "capacity");
     tandem_free(p);
 
     b = new_bowl();
@@ -1104,7 +1104,7 @@ static void test_saved(void)
     check("and-it-counts-nothing", again == 0, "not zero");
     expect("nor-to-restore", p, tandem_restore_state(p, count, words), TANDEM_INVALID_OPTION, "tandem_start");
     tandem_start(p, 0, bowl_q, bowl_qd);
-    expect("no-room-for-the-state", p, tandem_save_state(p, 10, words, &again), TANDEM_INVALID_OPTION, "room for 10");
+    expect("no-room-for-the-state", p, tandem_save_state(p, 10, words, &again), TANDEM_INVALID_OPTION, "capacity is 10");
     expect("nowhere-to-save", p, tandem_save_state(p, 10, NULL, NULL), TANDEM_INVALID_OPTION, "NULL");
     expect("no-saved-state", p, tandem_restore_state(p, 10, NULL), TANDEM_INVALID_OPTION, "NULL");
     expect("state-of-another-run", p, tandem_restore_state(p, count, words), TANDEM_INVALID_CHECKPOINT, "stepper");
@@ -1134,7 +1134,7 @@ static void test_mass_blocks(void)
     run_to(p, 1, x);
     for (int i = 0; i < 2 * N; i++) off = fmax(off, fabs(x[i] - y[i]));
     check("blocks-of-the-mass-change-nothing", off < 1e-13, tandem_message(p));
-    expect("half-a-block", p, tandem_set_vector(p, "mass_blocks", 3, half), TANDEM_INVALID_OPTION, "whole numbers");
+    expect("half-a-block", p, tandem_set_vector(p, "mass_blocks", 3, half), TANDEM_INVALID_OPTION, "positive integers");
     tandem_set_vector(p, "mass_blocks", 2, few);
     expect("too-few-blocks", p, tandem_start(p, 0, bowl_q, bowl_qd), TANDEM_INVALID_MODEL, "mass_blocks");
     for (int i = 0; i < 131077; i++) many[i] = i < 131076 ? 32767 : 8;
@@ -1503,7 +1503,7 @@ static void test_mechanism(void)
     check("names-are-cut-where-there-is-no-room", strcmp(name, "piv") == 0, name);
     expect("no-fourth-coordinate", p, tandem_get_name(p, "coordinate", 3, sizeof name, name), TANDEM_INVALID_OPTION, "no such");
     expect("no-other-names", p, tandem_get_name(p, "body", 0, sizeof name, name), TANDEM_INVALID_OPTION, "row");
-    expect("no-room", p, tandem_get_name(p, "row", 0, 0, name), TANDEM_INVALID_OPTION, "room");
+    expect("no-room", p, tandem_get_name(p, "row", 0, 0, name), TANDEM_INVALID_OPTION, "capacity");
     expect("no-functions-of-the-caller", p, tandem_set_position_function(p, "mass_matrix", cart_mass), TANDEM_INVALID_OPTION, "keys");
     expect("no-check-of-them", p, tandem_check(p, 0, q, qd), TANDEM_INVALID_OPTION, "keys");
     expect("the-drawing", p, tandem_get_drawing(p, q, qd), TANDEM_OK, "ok");
@@ -1563,8 +1563,8 @@ static void test_steady_motion(void)
     expect("without-a-rate", p, tandem_find_steady_motion(p, 0, q, qd, NULL), TANDEM_OK, "ok");
     w = (q[0] * qd[1] - q[1] * qd[0]) / (q[0] * q[0] + q[1] * q[1]);
     check("its-rate-stays", fabs(w - 2.2 / 0.6) < 1e-9 && fabs(w * w * -q[2] - 9.81) < 1e-9, "they do not");
-    expect("a-motion-that-there-is-not", p, tandem_find_steady_motion(p, 0, q, qd, "world.rotation_q"), TANDEM_NO_EQUILIBRIUM, "turn_q");
-    expect("a-rate-that-is-none", p, tandem_find_steady_motion(p, 0, q, qd, "world.rotation_z=fast"), TANDEM_INVALID_OPTION, "no number");
+    expect("a-motion-that-there-is-not", p, tandem_find_steady_motion(p, 0, q, qd, "world.rotation_q"), TANDEM_NO_EQUILIBRIUM, "rotation_q");
+    expect("a-rate-that-is-none", p, tandem_find_steady_motion(p, 0, q, qd, "world.rotation_z=fast"), TANDEM_INVALID_OPTION, "not a number");
     expect("a-rate-of-a-group", p, tandem_find_steady_motion(p, 0, q, qd, "world.rotation=1"), TANDEM_INVALID_OPTION, "no rate of");
     expect("no-state", p, tandem_find_steady_motion(p, 0, q, NULL, NULL), TANDEM_INVALID_OPTION, "NULL");
     tandem_free(p);

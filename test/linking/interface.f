@@ -158,7 +158,7 @@ C     A run that is saved goes on in another problem, from another start.
       CALL OK ('a-state-is-counted', JH, IERR)
       CALL TOLD ('and-has-some-integers', NEED .GT. 0 .AND.
      &           NEED .LE. MSAVE)
-      CALL BAD ('no-room-for-a-state', JH, TDEOPT, 'room for 5')
+      CALL BAD ('no-room-for-a-state', JH, TDEOPT, 'capacity is 5')
       CALL TDSAVE (JH, 5, ISAVE, NEED, IERR)
       CALL WAS (JH, IERR)
       NEED = MSAVE
@@ -185,7 +185,7 @@ C     A run that is saved goes on in another problem, from another start.
       CALL BAD ('an-odd-state', KH, TDEOPT, 'odd')
       CALL TDREST (KH, NEED-1, ISAVE, IERR)
       CALL WAS (KH, IERR)
-      CALL BAD ('half-a-state', KH, TDECHK, 'cut off')
+      CALL BAD ('half-a-state', KH, TDECHK, 'truncated')
       CALL TDREST (KH, 2*(NEED/4), ISAVE, IERR)
       CALL WAS (KH, IERR)
       CALL TDFREE (KH, IERR)

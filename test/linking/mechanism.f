@@ -92,7 +92,7 @@ C     Keys are for mechanisms alone.
       CALL TDKNUM (JH, 'body.bob.mass', 2.0D0, IERR)
       CALL TDTEXT (JH, TEXT)
       CALL TOLD ('another-problem-takes-no-keys', IERR .EQ. TDEOPT .AND.
-     &           INDEX (TEXT, 'make it by TDMECH') .GT. 0, NFAIL)
+     &           INDEX (TEXT, 'by TDMECH') .GT. 0, NFAIL)
       CALL TDFREE (JH, IERR)
       CALL STEADY (NFAIL)
       IF (NFAIL .GT. 0) STOP 1
@@ -128,10 +128,11 @@ C     is 9.81/16 m below the pivot.
      &           ABS(Q(3) + 9.81D0/16.0D0) .LT. 1.0D-9, NFAIL)
       CALL TDSTDY (IH, 0.0D0, Q, QD, 'world.rotation', RPAR, IPAR, IERR)
       CALL TOLD ('along-a-group', IERR .EQ. 0, NFAIL)
-      CALL TDSTDY (IH, 0.0D0, Q, QD, 'world.rotation_z=', RPAR, IPAR, IERR)
+      CALL TDSTDY (IH, 0.0D0, Q, QD, 'world.rotation_z=', RPAR, IPAR,
+     &             IERR)
       CALL TDTEXT (IH, TEXT)
       CALL TOLD ('a-rate-that-is-none', IERR .EQ. TDEOPT .AND.
-     &           INDEX (TEXT, 'no number') .GT. 0, NFAIL)
+     &           INDEX (TEXT, 'not a number') .GT. 0, NFAIL)
       CALL TDFREE (IH, IERR)
       END
 C

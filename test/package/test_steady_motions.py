@@ -26,7 +26,7 @@ class SteadyMotions(unittest.TestCase):
         again = run.find_steady_motion("any world.rotation_z=4")
         np.testing.assert_array_equal(again, (q, qd))
         np.testing.assert_array_equal(run.state.q, [0.6, 0, -0.8])
-        with self.assertRaisesRegex(tandem.InvalidInput, "no number"):
+        with self.assertRaisesRegex(tandem.InvalidInput, "not a number"):
             run.find_steady_motion("world.rotation_z=fast")
 
     def test_a_start_there(self):

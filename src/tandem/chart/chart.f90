@@ -61,7 +61,7 @@ module tandem_chart
         procedure(pack_interface), deferred :: pack_state
         procedure :: leave_out_dependent, find_partners, inherit
         procedure, non_overridable :: attach, set_origin, accelerate, project, find_multipliers, find_errors, measure
-        procedure, non_overridable :: is_firm, wants_other_rows, note_independence, inherit_contract, pack_contract
+        procedure, non_overridable :: is_firm, wants_other_rows, note_independence, continue_counts, pack_contract
     end type chart_type
 
     !> Other rows are chosen when the smallest singular value has fallen to this part of its largest value. Errors of an
@@ -341,23 +341,23 @@ contains
         if (associated(self%timer)) call self%timer%end_operation()
     end subroutine measure
 
-    !> Continue the counts of another chart of the same run, and its independence, by which losses are judged. To be called before
-    !> the first origin.
+    !> Continue another chart of the same run. To be called before the first origin.
     subroutine inherit(self, other)
         class(chart_type), intent(inout) :: self
         class(chart_type), intent(in) :: other
 
-        call self%inherit_contract(other)
+        call self%continue_counts(other%counts, other%best_independence)
     end subroutine inherit
 
-    !> What every chart inherits, for its `inherit`.
-    subroutine inherit_contract(self, other)
+    !> Continue the counts of another chart of the same run, and its independence, by which losses are judged.
+    subroutine continue_counts(self, counts, best_independence)
         class(chart_type), intent(inout) :: self
-        class(chart_type), intent(in) :: other
+        type(counts_type), intent(in) :: counts
+        real(wp), intent(in) :: best_independence
 
-        self%counts = other%counts
-        self%best_independence = max(self%best_independence, other%best_independence)
-    end subroutine inherit_contract
+        self%counts = counts
+        self%best_independence = max(self%best_independence, best_independence)
+    end subroutine continue_counts
 
     !> The set of redundant rows that can be left out changes along a motion: true if other rows are to be chosen.
     pure logical function wants_other_rows(self)

@@ -365,12 +365,15 @@ contains
         !> Their numbers, ascending.
         integer, intent(in) :: kept(:)
         type(error_type), allocatable, intent(out) :: error
-        class(chart_type), allocatable :: former
+        type(counts_type) :: counts
+        real(wp) :: best
 
-        call move_alloc(self%chart, former)
+        ! The former chart is released first: both together would take twice the memory.
+        counts = self%chart%counts
+        best = self%chart%best_independence
         call self%allocate_chart()
         call self%chart%attach(self%model, self%options, self%method%implicit, self%method%damps, error, kept)
-        call self%chart%inherit(former)
+        call self%chart%continue_counts(counts, best)
     end subroutine use_rows
 
     !> Warn of nonholonomic rows that are integrable.

@@ -71,7 +71,7 @@ contains
     end procedure measure_rank
 
     module procedure inherit
-        call self%inherit_contract(other)
+        call self%continue_counts(other%counts, other%best_independence)
         select type (other)
         class is (dense_chart_type)
             call self%ties%inherit(other%ties)
