@@ -485,7 +485,8 @@ class ResultFile(Case):
             self.assertEqual(list(q.attrs["units"]), ["m", "m", "rad", "m", "m", "rad"])
             np.testing.assert_allclose(q[-1, :2], [155.873568637815, 4.00289058254929], atol=1e-9)
             np.testing.assert_allclose(file["diagnostics/kinetic_energy"], 337500, rtol=1e-8)
-            self.assertEqual(file["report"].attrs["evaluations_mass"], 1)
+            # Once for the chart, and once for the energies.
+            self.assertEqual(file["report"].attrs["evaluations_mass"], 2)
             self.assertEqual(file["report"].attrs["evaluations_force"], 0)
 
     def test_the_motorcycle(self):
@@ -943,8 +944,8 @@ class SceneErrors(Case):
         self.refused_file("every must be an integer, not a number with a fraction", 6, output="every = 1.5")
         self.refused_file("file must be a string in quotes", 6, output="file = 3")
         self.refused_file("fields must be an array of strings", 6, output='fields = "q"')
-        self.refused_file("fields element 2 must be a text", 6, output='fields = ["q", 1]')
-        self.refused_file("model must be a text", 2, scene="model = 3")
+        self.refused_file("fields element 2 must be a string in quotes", 6, output='fields = ["q", 1]')
+        self.refused_file("model must be a string in quotes", 2, scene="model = 3")
 
     def test_impossible_value(self):
         for table, key, says in [

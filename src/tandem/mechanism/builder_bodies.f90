@@ -87,7 +87,7 @@ contains
         if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. index(trim(name), '.') > 0 .or. &
             index(trim(name), ' ') > 0) then
             call refuse(label//': "'//trim(name)//'" is not a valid name', 'use 1 to '//to_text(name_length)// &
-                ' characters without perpendiculars and blanks', error)
+                ' characters without dots and blanks', error)
         else if (name == 'ground' .or. self%index_of%names%get(name) > 0) then
             call refuse(label//': there is another "'//trim(name)//'" already, '//trim(kind_of(self, name)), &
                 'use another name: bodies, joints, constraints, wheels and forces share them', error)

@@ -377,7 +377,7 @@ contains
         sensor%name = name
         if (len_trim(name) == 0 .or. len_trim(name) > name_length .or. scan(trim(name), './ ') > 0) then
             call refuse('sensor '//trim(name)//': "'//trim(name)//'" is not a valid name', 'use 1 to '//to_text(name_length)// &
-                ' characters without perpendiculars, slashes and blanks', error)
+                ' characters without dots, slashes and blanks', error)
         else if (self%index_of%sensors%get(key_of(sensor)) > 0) then
             call refuse('sensor '//trim(name)//' exists already', 'use another name', error)
         end if
