@@ -738,9 +738,9 @@ WRONG = [
     (HEAD + VARY + '[[keep]]\nquantity = "rx"\nname = "z.times"\n[[keep]]\nquantity = "rz"\nname = "z"\nat = [0.0]\n', "times"),
     (HEAD + VARY + '[[keep]]\nquantity = "rx"\nname = "z@0.0"\n[[keep]]\nquantity = "rz"\nname = "z"\nat = [0.0]\n', "times"),
     (HEAD + "indices = true\ndraws = 8\n" + VARY + '[[keep]]\nquantity = "rz"\nname = "inputs"\n', "reserved in the table of indices"),
-    (HEAD + VARY + '[[keep]]\nquantity = "rz"\nname = "status"\n', "the table has itself"),
+    (HEAD + VARY + '[[keep]]\nquantity = "rz"\nname = "status"\n', "reserved in the table"),
     (HEAD + VARY + '[[keep]]\nquantity = "rz"\nname = "model.mass"\n', "the name of an input"),
-    (HEAD + VARY + 'name = "seconds"\n', "the table has itself"),
+    (HEAD + VARY + 'name = "seconds"\n', "reserved in the table"),
     (HEAD + VARY + '[[keep]]\nquantity = "error:qdd"\n', "is not an error of a run"),
     (HEAD + VARY + '[[keep]]\nquantity = "error:q"\nat = [0.0]\n', "number of the complete run"),
     (HEAD + 'points = "sobol"\nindices = true\ndraws = 8\nset = ["initial.q=[0,0,1,1,0,0,0,0,0]", '

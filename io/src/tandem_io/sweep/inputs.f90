@@ -78,7 +78,8 @@ contains
                 if (problem /= '') call reader%refuse('key', problem)
                 if (len_trim(name) > name_length) call reader%refuse('name', 'must not be longer than '//to_text(name_length))
                 if (index(name, '/') > 0 .or. name == '.') call reader%refuse('name', no_slash)
-                if (any(own_names == name)) call reader%refuse('name', 'must not be "'//trim(name)//'", which the table has itself')
+                if (any(own_names == name)) call reader%refuse('name', 'must not be "'//trim(name)// &
+                    '", which is reserved in the table')
                 input%name = name
                 input%unit = unit
                 if (any(inputs(:n + i - 1)%name == input%name)) then
