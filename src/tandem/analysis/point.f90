@@ -21,6 +21,18 @@ module tandem_analysis_point
 
     public :: point_type
 
+    !> Evaluation of the gradients: the model's own, and differences.
+    type :: gradients_type
+        type(differences_type) :: differences
+        type(derivatives_type) :: derivatives
+    end type gradients_type
+
+    !> Row spaces of Phi_q and of C, and the factor of W' M W.
+    type :: factors_type
+        type(row_space_type) :: of_phi, of_c
+        type(cholesky_type) :: reduced_mass
+    end type factors_type
+
     type :: point_type
         !> Numbers of coordinates, rows of Phi, rows of C, and the dimensions of null(Phi_q) and of null(C).
         integer :: n = 0, nh = 0, m = 0, nv = 0, nw = 0
@@ -48,10 +60,8 @@ module tandem_analysis_point
         !> Number of computed bases: the cost of an analysis, each some n^3.
         integer :: n_bases = 0
         type(evaluator_type), private :: evaluator
-        type(differences_type), private :: differences
-        type(derivatives_type), private :: derivatives
-        type(row_space_type), private :: of_phi, of_c
-        type(cholesky_type), private :: reduced_mass
+        type(gradients_type), private :: gradients
+        type(factors_type), private :: factors
         !> 1 over the length of each row of C.
         real(wp), allocatable :: row_scale(:)
     contains
@@ -83,18 +93,18 @@ contains
         self%lambda = spread(0.0_wp, 1, self%m)
         self%row_scale = self%lambda
         call self%evaluator%initialize(model)
-        call self%differences%initialize(model, self%scale, saves_memory=.true.)
-        self%differences%is_central = .true.
-        call self%derivatives%allocate(self%n, self%m)
+        call self%gradients%differences%initialize(model, self%scale, saves_memory=.true.)
+        self%gradients%differences%is_central = .true.
+        call self%gradients%derivatives%allocate(self%n, self%m)
         self%idle = pack([(i, i=1, self%n)], model%is_idle())
         if (allocated(model%pattern) .and. size(self%idle) == 0) then
-            call self%of_phi%initialize(self%nh, self%n, model%pattern)
-            if (self%m > self%nh) call self%of_c%initialize(self%m, self%n, model%pattern)
+            call self%factors%of_phi%initialize(self%nh, self%n, model%pattern)
+            if (self%m > self%nh) call self%factors%of_c%initialize(self%m, self%n, model%pattern)
         else
-            call self%of_phi%initialize(self%nh + size(self%idle), self%n)
-            if (self%m > self%nh) call self%of_c%initialize(self%m + size(self%idle), self%n)
+            call self%factors%of_phi%initialize(self%nh + size(self%idle), self%n)
+            if (self%m > self%nh) call self%factors%of_c%initialize(self%m + size(self%idle), self%n)
         end if
-        self%has_gradients = self%differences%has_all_derivatives()
+        self%has_gradients = self%gradients%differences%has_all_derivatives()
     end subroutine initialize
 
     !> The terms at a point.
@@ -116,7 +126,7 @@ contains
             self%nu = terms%nu
             self%gamma = terms%gamma
             if (iand(self%evaluator%has, need_gamma) == 0 .and. self%m > 0) then
-                call self%differences%evaluate_gamma(t, self%q, self%qd, self%gamma, self%counts, stat)
+                call self%gradients%differences%evaluate_gamma(t, self%q, self%qd, self%gamma, self%counts, stat)
                 if (stat /= status_ok) return
             end if
             self%jacobian = terms%jacobian
@@ -165,20 +175,20 @@ contains
         class(point_type), intent(inout) :: self
 
         self%n_bases = self%n_bases + 1
-        call self%of_phi%factor(rows_of(self, self%nh), self%model%pattern)
+        call self%factors%of_phi%factor(rows_of(self, self%nh), self%model%pattern)
     end subroutine factor_positions
 
     !> V and W, with Phi_q factored.
     subroutine finish_bases(self)
         class(point_type), intent(inout) :: self
 
-        call self%of_phi%get_null_basis(self%v)
+        call self%factors%of_phi%get_null_basis(self%v)
         self%nv = size(self%v, 2)
         if (self%m == self%nh) then
             self%w = self%v
         else
-            call self%of_c%factor(rows_of(self, self%m), self%model%pattern)
-            call self%of_c%get_null_basis(self%w)
+            call self%factors%of_c%factor(rows_of(self, self%m), self%model%pattern)
+            call self%factors%of_c%get_null_basis(self%w)
         end if
         self%nw = size(self%w, 2)
     end subroutine finish_bases
@@ -211,9 +221,9 @@ contains
         do j = 1, size(b, 2)
             rows(:self%m) = self%row_scale*b(:, j)
             if (self%m == self%nh) then
-                call self%of_phi%solve(rows, x(:, j))
+                call self%factors%of_phi%solve(rows, x(:, j))
             else
-                call self%of_c%solve(rows, x(:, j))
+                call self%factors%of_c%solve(rows, x(:, j))
             end if
         end do
     end subroutine apply_right_inverse
@@ -228,7 +238,7 @@ contains
 
         rows = 0.0_wp
         rows(:self%nh) = self%row_scale(:self%nh)*b
-        call self%of_phi%solve(rows, x)
+        call self%factors%of_phi%solve(rows, x)
     end subroutine apply_position_inverse
 
     !> Bring coordinates onto the position constraints by corrections of least norm; the point and its bases are evaluated there.
@@ -278,9 +288,9 @@ contains
 
         self%qdd = qdd
         if (self%m == self%nh) then
-            call self%of_phi%solve_transposed(self%force - matmul(self%mass, qdd/self%scale), y)
+            call self%factors%of_phi%solve_transposed(self%force - matmul(self%mass, qdd/self%scale), y)
         else
-            call self%of_c%solve_transposed(self%force - matmul(self%mass, qdd/self%scale), y)
+            call self%factors%of_c%solve_transposed(self%force - matmul(self%mass, qdd/self%scale), y)
         end if
         self%lambda = self%row_scale*y(:self%m)
     end subroutine set_acceleration
@@ -291,15 +301,15 @@ contains
         integer, intent(out) :: stat
         real(wp) :: x(self%n, 1), w(self%nw)
 
-        call self%reduced_mass%allocate(self%nw)
-        call self%reduced_mass%factor(matmul(transpose(self%w), matmul(self%mass, self%w)), stat)
+        call self%factors%reduced_mass%allocate(self%nw)
+        call self%factors%reduced_mass%factor(matmul(transpose(self%w), matmul(self%mass, self%w)), stat)
         if (stat /= 0) then
             stat = status_singular_mass
             return
         end if
         call self%apply_right_inverse(reshape(-self%gamma, [self%m, 1]), x)
         w = matmul(transpose(self%w), self%force - matmul(self%mass, x(:, 1)))
-        call self%reduced_mass%solve(w)
+        call self%factors%reduced_mass%solve(w)
         x(:, 1) = x(:, 1) + matmul(self%w, w)
         call self%set_acceleration(self%scale*x(:, 1))
     end subroutine solve_dynamics
@@ -322,7 +332,7 @@ contains
         force = -matmul(transpose(self%w), matmul(self%dynamics_q, dq) + matmul(self%dynamics_qd, dqd) + matmul(self%mass, dqdd))
         if (present(dynamics)) force(:, 1) = force(:, 1) - matmul(dynamics, self%w)
         do j = 1, size(dq, 2)
-            call self%reduced_mass%solve(force(:, j))
+            call self%factors%reduced_mass%solve(force(:, j))
         end do
         dqdd = dqdd + matmul(self%w, force)
     end subroutine vary_acceleration
@@ -340,7 +350,7 @@ contains
         inverse = 0.0_wp
         do j = 1, self%nw
             inverse(j, j) = 1.0_wp
-            call self%reduced_mass%solve(inverse(:, j))
+            call self%factors%reduced_mass%solve(inverse(:, j))
         end do
         ! Models add up the stiffness of balanced forces, which is as large as the forces if these turn with their bodies.
         forces = matmul(abs(self%lambda), abs(self%jacobian)) + abs(self%force)
@@ -370,7 +380,7 @@ contains
         inverse = 0.0_wp
         do j = 1, self%nw
             inverse(j, j) = 1.0_wp
-            call self%reduced_mass%solve(inverse(:, j))
+            call self%factors%reduced_mass%solve(inverse(:, j))
         end do
         associate (w => abs(self%w), mass => abs(self%mass))
             forces = matmul(transpose(w), matmul(mass, matmul(right, matmul(abs(self%acceleration_q), dq) + &
@@ -389,19 +399,19 @@ contains
 
         ! Scaled in place.
         if (allocated(self%velocity_q)) then
-            call move_alloc(self%velocity_q, self%derivatives%velocity_q)
-            call move_alloc(self%acceleration_q, self%derivatives%acceleration_q)
-            call move_alloc(self%acceleration_qd, self%derivatives%acceleration_qd)
-            call move_alloc(self%dynamics_q, self%derivatives%dynamics_q)
-            call move_alloc(self%dynamics_qd, self%derivatives%dynamics_qd)
+            call move_alloc(self%velocity_q, self%gradients%derivatives%velocity_q)
+            call move_alloc(self%acceleration_q, self%gradients%derivatives%acceleration_q)
+            call move_alloc(self%acceleration_qd, self%gradients%derivatives%acceleration_qd)
+            call move_alloc(self%dynamics_q, self%gradients%derivatives%dynamics_q)
+            call move_alloc(self%dynamics_qd, self%gradients%derivatives%dynamics_qd)
         end if
-        call self%differences%evaluate_derivatives(self%t, self%q, self%qd, self%qdd, self%lambda, self%derivatives, self%counts, &
-            stat)
-        call move_alloc(self%derivatives%velocity_q, self%velocity_q)
-        call move_alloc(self%derivatives%acceleration_q, self%acceleration_q)
-        call move_alloc(self%derivatives%acceleration_qd, self%acceleration_qd)
-        call move_alloc(self%derivatives%dynamics_q, self%dynamics_q)
-        call move_alloc(self%derivatives%dynamics_qd, self%dynamics_qd)
+        call self%gradients%differences%evaluate_derivatives(self%t, self%q, self%qd, self%qdd, self%lambda, &
+            self%gradients%derivatives, self%counts, stat)
+        call move_alloc(self%gradients%derivatives%velocity_q, self%velocity_q)
+        call move_alloc(self%gradients%derivatives%acceleration_q, self%acceleration_q)
+        call move_alloc(self%gradients%derivatives%acceleration_qd, self%acceleration_qd)
+        call move_alloc(self%gradients%derivatives%dynamics_q, self%dynamics_q)
+        call move_alloc(self%gradients%derivatives%dynamics_qd, self%dynamics_qd)
         if (stat /= status_ok) return
         call scale_in_place(self%velocity_q, .false.)
         call scale_in_place(self%acceleration_q, .false.)

@@ -20,6 +20,20 @@ module tandem_chart_dense_metric
 
     public :: metric_type
 
+    !> Displacement along the plain complement in a step with `beta` (n), in units of coordinate scales; work space for the next.
+    type :: displacement_type
+        logical :: is_known = .false.
+        real(wp) :: beta = 0.0_wp
+        real(wp), allocatable :: move(:), new_move(:)
+    end type displacement_type
+
+    !> Trial of the metric: steps so far, beta before it; remaining steps for which the outcome of the last trial is assumed, and
+    !> their number after the next trial.
+    type :: trial_type
+        integer :: tried = 0, for_granted = 0, rest = 0
+        real(wp) :: before = 0.0_wp
+    end type trial_type
+
     type :: metric_type
         !> True if complements follow stiff directions.
         logical :: is_on = .false.
@@ -38,14 +52,8 @@ module tandem_chart_dense_metric
         real(wp), private :: tolerance = 0.0_wp
         !> Strain, in tolerances, from which the metric is used without a trial.
         real(wp), private :: many = huge(1.0_wp)
-        !> Displacement along the plain complement in a step with beta = `move_beta` (n), in units of coordinate scales.
-        logical, private :: has_moved = .false.
-        real(wp), private :: move_beta = 0.0_wp
-        real(wp), allocatable, private :: move(:), new_move(:)
-        !> Steps of the trial so far, beta before it; remaining steps for which the outcome of the last trial is assumed, and their
-        !> number after the next trial.
-        integer, private :: tried = 0, for_granted = 0, rest = 0
-        real(wp), private :: before = 0.0_wp
+        type(displacement_type), private :: displacement
+        type(trial_type), private :: trial
         !> beta D + beta^2 K, then the metric G (n, n), its factor and its inverse.
         real(wp), allocatable, private :: matrix(:, :), inverse(:, :)
         type(cholesky_type), private :: factor
@@ -84,9 +92,9 @@ contains
         self%n = n
         self%is_on = .false.
         self%is_unusable = .false.
-        self%has_moved = .false.
-        self%tried = 0
-        self%for_granted = 0
+        self%displacement%is_known = .false.
+        self%trial%tried = 0
+        self%trial%for_granted = 0
         self%drift = 0.0_wp
         self%asked = 0.0_wp
         self%beta = 0.0_wp
@@ -96,10 +104,11 @@ contains
         self%many = merge(huge(1.0_wp), 200.0_wp, tolerance > 0.0_wp)
         if (allocated(self%mass)) deallocate (self%mass, self%damping, self%stiffness, self%matrix, self%gram, self%moved, &
             self%inverse, self%row, self%shift, self%vectors, self%values, self%work, self%row_damping, self%row_stiffness, &
-            self%move, self%new_move, self%unit)
+            self%displacement%move, self%displacement%new_move, self%unit)
         allocate (self%mass(n, n), self%damping(n, n), self%stiffness(n, n), self%matrix(n, n), self%gram(m, m), &
             self%inverse(n, n), self%row(n), self%shift(n*n), self%moved(n, max(m, n - m)), self%vectors(n, n), &
-            self%values(n), self%work(34*n), self%row_damping(n), self%row_stiffness(n), self%move(n), self%new_move(n), &
+            self%values(n), self%work(34*n), self%row_damping(n), self%row_stiffness(n), &
+            self%displacement%move(n), self%displacement%new_move(n), &
             self%unit(n), source=0.0_wp)
         call self%factor%allocate(n)
         call self%position_gram%allocate(nh)
@@ -167,26 +176,26 @@ contains
             self%row(i) = (q(i) - q0(i))/scale(i)
         end do
         if (all(abs(self%row) <= 0.0_wp)) return
-        self%new_move = 0.0_wp
+        self%displacement%new_move = 0.0_wp
         do j = 1, size(complement, 2)
             part = 0.0_wp
             do i = 1, self%n
                 part = part + complement(i, j)*self%row(i)
             end do
             do i = 1, self%n
-                self%new_move(i) = self%new_move(i) + part*complement(i, j)
+                self%displacement%new_move(i) = self%displacement%new_move(i) + part*complement(i, j)
             end do
         end do
-        if (self%has_moved) then
+        if (self%displacement%is_known) then
             ! In one step the displacement grows as beta**2.
-            part = fading*(self%asked/self%move_beta)**2
-            self%move = part*self%move
-            self%move_beta = self%asked
-            if (sum(self%new_move**2) < sum(self%move**2)) return
+            part = fading*(self%asked/self%displacement%beta)**2
+            self%displacement%move = part*self%displacement%move
+            self%displacement%beta = self%asked
+            if (sum(self%displacement%new_move**2) < sum(self%displacement%move**2)) return
         end if
-        self%move = self%new_move
-        self%move_beta = self%asked
-        self%has_moved = .true.
+        self%displacement%move = self%displacement%new_move
+        self%displacement%beta = self%asked
+        self%displacement%is_known = .true.
     end subroutine note_move
 
     !> Form the metric for beta = h a_ii, if complements are to follow it.
@@ -239,11 +248,11 @@ contains
 
         pays = self%is_felt(beta)
         if (.not. pays) return
-        if (.not. self%has_moved) then
+        if (.not. self%displacement%is_known) then
             call self%find_trace(beta, complement, tangent)
             pays = self%trace > felt
-            self%for_granted = 0
-            self%rest = shortest
+            self%trial%for_granted = 0
+            self%trial%rest = shortest
             return
         end if
         call self%measure(beta, strain, dominance)
@@ -254,24 +263,24 @@ contains
         pays = dominance > stiff .or. strain > self%many*self%tolerance
         if (pays .or. .not. strain > few*self%tolerance) then
             ! Steps of a trial have become so short that nothing strains.
-            if (self%tried > 0 .and. .not. pays .and. beta < self%before) call self%end_trial()
-            self%tried = 0
+            if (self%trial%tried > 0 .and. .not. pays .and. beta < self%trial%before) call self%end_trial()
+            self%trial%tried = 0
             ! The plain complement takes over without a trial: it is not assumed to pay for long.
-            if (self%is_on) self%for_granted = min(self%for_granted, shortest)
+            if (self%is_on) self%trial%for_granted = min(self%trial%for_granted, shortest)
             return
         end if
         pays = self%is_on
-        if (self%for_granted > 0) then
-            self%for_granted = self%for_granted - 1
-        else if (self%tried == 0) then
+        if (self%trial%for_granted > 0) then
+            self%trial%for_granted = self%trial%for_granted - 1
+        else if (self%trial%tried == 0) then
             ! If the metric is on, the effect of the plain complement is unknown.
             pays = .not. self%is_on
-            if (pays) self%before = beta
-            if (pays) self%tried = 1
-        else if (self%tried < trial) then
-            self%tried = self%tried + 1
+            if (pays) self%trial%before = beta
+            if (pays) self%trial%tried = 1
+        else if (self%trial%tried < trial) then
+            self%trial%tried = self%trial%tried + 1
         else
-            pays = beta > growth*self%before
+            pays = beta > growth*self%trial%before
             call self%end_trial()
         end if
     end function pays
@@ -281,9 +290,9 @@ contains
         class(metric_type), intent(inout) :: self
         integer, parameter :: longest = 1024
 
-        self%tried = 0
-        self%for_granted = self%rest
-        self%rest = min(2*self%rest, longest)
+        self%trial%tried = 0
+        self%trial%for_granted = self%trial%rest
+        self%trial%rest = min(2*self%trial%rest, longest)
     end subroutine end_trial
 
     !> The velocity by which the plain complement strains stiff directions in a step, as far as the method's stages miss it, in
@@ -308,12 +317,12 @@ contains
             dominance = max(dominance, part)
             force = 0.0_wp
             do j = 1, self%n
-                force = force + self%stiffness(j, i)*self%move(j)
+                force = force + self%stiffness(j, i)*self%displacement%move(j)
             end do
             force = part*beta*force/(self%mean + beta*(self%row_damping(i) + beta*self%row_stiffness(i)))
             strain = strain + (self%unit(i)*force)**2
         end do
-        strain = sqrt(strain)*(beta/self%move_beta)**2
+        strain = sqrt(strain)*(beta/self%displacement%beta)**2
     end subroutine measure
 
     !> True if springs and dampers of a coordinate are more than soft.
@@ -489,11 +498,11 @@ contains
         call pack%item(self%is_on, self%is_unusable)
         call pack%item(self%drift, self%asked, self%beta, self%trace_beta, self%trace)
         call pack%item(self%floor, self%mean)
-        call pack%item(self%has_moved)
-        call pack%item(self%move_beta)
-        call pack%item(self%tried, self%for_granted, self%rest)
-        call pack%item(self%before)
-        call pack%item(self%move, self%unit, self%row_damping, self%row_stiffness)
+        call pack%item(self%displacement%is_known)
+        call pack%item(self%displacement%beta)
+        call pack%item(self%trial%tried, self%trial%for_granted, self%trial%rest)
+        call pack%item(self%trial%before)
+        call pack%item(self%displacement%move, self%unit, self%row_damping, self%row_stiffness)
         call pack%item(self%mass, self%damping, self%stiffness, self%inverse)
     end subroutine pack_state
 end module tandem_chart_dense_metric
