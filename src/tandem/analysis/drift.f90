@@ -78,7 +78,10 @@ contains
         integer, allocatable :: numbers(:)
         integer :: i
 
-        allocate (numbers, source=pack([(i, i=1, n)], symmetry%motions(:n)%turns_world))
+        allocate (numbers(0))
+        do i = 1, n
+            if (symmetry%motions(i)%turns_world) numbers = [numbers, i]
+        end do
     end function world_rotations
 
     !> u(A z) + w x u(z), a row for each coordinate or for each of the corresponding angular velocities.
