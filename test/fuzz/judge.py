@@ -110,7 +110,7 @@ def wrong_message(case, path, status, message):
         return None if 1 <= int(place[2]) <= lines + 1 else f"there is no line {place[2]}: {message}"
     if "--set" in message:
         return None if case.settings else f"blames a setting that there is not: {message}"
-    if re.search(rf"{re.escape(str(path))}( with every default)? is no scene: (line \d+|it has more than|there may be) ", message):
+    if re.search(rf"{re.escape(str(path))}( with every default)? is not a valid scene: (line \d+|it has more than|there may be) ", message):
         return None
     if re.search(rf"(is missing in|-->) \[+\w+\]+ of {re.escape(str(path))}", message):
         return None
