@@ -199,7 +199,7 @@ class Drawn(unittest.TestCase):
         finally:
             called.tandem_free(problem)
         other = Problem(tandem.Model(n=1, mass_matrix=[[1.0]]))
-        with self.assertRaisesRegex(tandem.InvalidInput, "no mechanism"):
+        with self.assertRaisesRegex(tandem.InvalidInput, "not a mechanism"):
             other.call("set_key", b"body.a.mass", b"1")
         with self.assertRaisesRegex(tandem.InvalidInput, "no complete mechanism"):
             other.call("get_drawing", None or start.ctypes.data, start.ctypes.data)

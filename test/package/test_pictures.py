@@ -66,7 +66,7 @@ class Plots(Folder):
 
     def test_what_a_picture_shows(self):
         one = result("slider_crank")
-        figure = tandem.plot.coordinates(one, ["rod.x", "d(rod.x)", "stroke way"])
+        figure = tandem.plot.coordinates(one, ["rod.x", "d(rod.x)", "stroke displacement"])
         panels = figure.axes
         self.assertEqual([axes.get_ylabel() for axes in panels], ["[m]", "d(rod.x) [m/s]"])
         for line, values in ((panels[0].lines[0], one["rod.x"]), (panels[0].lines[1], one.sensors["stroke"]["displacement"].values),
