@@ -180,7 +180,7 @@ check python-example-raises-the-exception-of-a-function python_raises
 python_does_not_guard() { # an unguarded exception makes ctypes return a random status: the term is named
     sed 's/^            raised.append(exception)$//; s/^            return -1$/            raise/' "$tmp/raises.py" >"$tmp/unguarded.py"
     ! python3 "$tmp/unguarded.py" "$prefix/lib/libtandem.so.1" >"$tmp/raised" 2>&1 || { echo "no failure"; return 1; }
-    grep -Eq '(set not all of its value|could not be evaluated) .*term mass' "$tmp/raised" || { cat "$tmp/raised"; return 1; }
+    grep -Eq '(did not set its complete value|could not be evaluated) .*term mass' "$tmp/raised" || { cat "$tmp/raised"; return 1; }
 }
 check an-exception-that-is-not-caught-is-named python_does_not_guard
 
