@@ -33,6 +33,7 @@ module tandem_analysis_point
         type(cholesky_type) :: reduced_mass
     end type factors_type
 
+    !> A point of the motion with its terms, gradients and bases.
     type :: point_type
         !> Numbers of coordinates, rows of Phi, rows of C, and the dimensions of null(Phi_q) and of null(C).
         integer :: n = 0, nh = 0, m = 0, nv = 0, nw = 0

@@ -34,6 +34,7 @@ module tandem_linalg_elimination
         real(wp), allocatable :: row_size(:)
     end type pivots_type
 
+    !> An elimination, and its pivots for the next one.
     type :: elimination_type
         !> m rows, padded to `height`, and n columns.
         integer :: m = 0, n = 0, height = 0

@@ -12,6 +12,7 @@ module tandem_stepper_implicit
 
     public :: implicit_type
 
+    !> Parent of implicit steppers.
     type, abstract, extends(stepper_type) :: implicit_type
     contains
         procedure :: advance, estimate

@@ -34,6 +34,7 @@ module tandem_chart_dense_metric
         real(wp) :: before = 0.0_wp
     end type trial_type
 
+    !> The metric of the complements, and when it is used.
     type :: metric_type
         !> True if complements follow stiff directions.
         logical :: is_on = .false.

@@ -50,6 +50,7 @@ module tandem_chart_dense_newton_matrix
         real(wp), allocatable :: formed_v(:, :), formed_w(:, :), formed_v_basis(:, :), formed_w_basis(:, :), rhs(:)
     end type carry_type
 
+    !> The Newton system of a stage.
     type :: stage_type
         !> The blocks of (76), (77): R1_v (nv, nv), R1_w (nv, nw), R2_v (n, nv), R2_w (n, nw).
         real(wp), allocatable :: r1_v(:, :), r1_w(:, :), r2_v(:, :), r2_w(:, :)

@@ -52,6 +52,7 @@ module tandem_chart_dense_position
         logical :: has_tried = .false.
     end type prediction_type
 
+    !> The position level.
     type :: position_type
         !> diag(s) U (n, width): nh columns, and zeros up to `width`.
         real(wp), allocatable :: u_basis(:, :)

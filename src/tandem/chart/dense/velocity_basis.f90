@@ -31,6 +31,7 @@ module tandem_chart_dense_velocity_basis
         integer :: most_corrections = 0
     end type velocity_basis_memory_type
 
+    !> R and D at a point.
     type :: velocity_basis_type
         !> R (n, m) and D (n, k), k = n - m.
         real(wp), allocatable :: right_inverse(:, :), null_space(:, :)

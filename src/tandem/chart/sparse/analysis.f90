@@ -39,6 +39,7 @@ module tandem_chart_sparse_analysis
         integer :: n_entries = 0
     end type block_type
 
+    !> The symbolic analysis.
     type :: analysis_type
         integer :: n = 0, m = 0, n_bodies = 0, n_nodes = 0
         !> The first coordinate of each body (n_bodies + 1), and of each coordinate's block of M (n); the row that a body owns, and
