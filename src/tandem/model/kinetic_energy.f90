@@ -7,6 +7,7 @@ module tandem_model_kinetic_energy
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_mass
     use tandem_model_timer, only: of_energy, of_kinetic_energy
+    use tandem_pack, only: pack_type
     use tandem_status, only: status_not_finite, status_ok
     implicit none (type, external)
     private
@@ -20,7 +21,8 @@ module tandem_model_kinetic_energy
         !> M qd (n).
         real(wp), allocatable :: momentum(:)
     contains
-        procedure :: find, forget
+        procedure :: find, forget, pack_state
+        procedure, private :: attach
     end type kinetic_energy_type
 
 contains
@@ -61,13 +63,7 @@ contains
         real(wp), intent(inout) :: energy
         integer, intent(out) :: stat
 
-        if (.not. allocated(self%evaluator)) then
-            allocate (self%evaluator)
-            allocate (self%momentum(model%n))
-            self%is_compressed = allocated(model%pattern) .and. iand(model%provides, need_mass) /= 0
-            call self%evaluator%initialize(model, compressed=self%is_compressed, wants_jacobian=.not. self%is_compressed)
-            self%evaluator%mass_is_trusted = .true.
-        end if
+        if (.not. allocated(self%evaluator)) call self%attach(model)
         call self%evaluator%evaluate(need_mass, t, q, qd, counts, stat)
         if (stat /= status_ok) return
         if (self%is_compressed) then
@@ -78,6 +74,37 @@ contains
         energy = 0.5_wp*dot_product(qd, self%momentum)
         if (.not. abs(energy) <= huge(1.0_wp)) stat = status_not_finite
     end subroutine find_by_mass
+
+    !> Allocate for a model, before the first energy.
+    subroutine attach(self, model)
+        class(kinetic_energy_type), intent(inout) :: self
+        class(model_type), intent(inout), target :: model
+
+        allocate (self%evaluator)
+        allocate (self%momentum(model%n))
+        self%is_compressed = allocated(model%pattern) .and. iand(model%provides, need_mass) /= 0
+        call self%evaluator%initialize(model, compressed=self%is_compressed, wants_jacobian=.not. self%is_compressed)
+        self%evaluator%mass_is_trusted = .true.
+    end subroutine attach
+
+    !> A constant mass matrix, if it was evaluated. A restored state may have other parameters than the run before.
+    subroutine pack_state(self, model, pack)
+        class(kinetic_energy_type), intent(inout) :: self
+        class(model_type), intent(inout), target :: model
+        type(pack_type), intent(inout) :: pack
+        logical :: is_known
+
+        is_known = .false.
+        if (allocated(self%evaluator)) is_known = self%evaluator%mass_is_known
+        call pack%item(is_known)
+        if (is_known) then
+            if (.not. allocated(self%evaluator)) call self%attach(model)
+            call pack%item(self%evaluator%terms%mass)
+            self%evaluator%mass_is_known = .true.
+        else
+            call self%forget()
+        end if
+    end subroutine pack_state
 
     !> Parameters of the model have changed.
     subroutine forget(self)

@@ -245,6 +245,7 @@ contains
         call pack%item(self%t_start)
         call pack%fixed(self%errors)
         call self%chart%pack_state(pack)
+        call self%energy%pack_state(self%model, pack)
         call pack%item(self%renewal%is_done)
         call pack%item(self%renewal%reason)
         call self%lost_rank%pack_state(pack)

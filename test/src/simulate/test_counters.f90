@@ -57,6 +57,7 @@ contains
             new_unittest('model-without-force-evaluates-none', test_no_force), &
             new_unittest('nobody-asks-for-multipliers-and-energies', test_not_asked), &
             new_unittest('multipliers-and-energies-are-computed-as-often-as-asked', test_asked), &
+            new_unittest('energies-of-a-restored-state-have-its-mass', test_restored_mass), &
             new_unittest('a-chart-every-step-evaluates-no-point-twice', test_no_point_twice), &
             new_unittest('counters-agree-with-the-calls', test_calls), &
             new_unittest('fused-procedure-is-preferred', test_fused), &
@@ -324,6 +325,28 @@ contains
         if (any(after%terms /= expected)) call test_failed(error, 'asking cost evaluations of other terms')
         call check_close(error, asked%state%q, silent%state%q, 0.0_wp, 'q')
     end subroutine test_asked
+
+    !> A restored state may have other parameters than the run that it replaces: a constant mass matrix is evaluated again.
+    subroutine test_restored_mass(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(pendulum_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        integer(long), allocatable :: words(:)
+        real(wp) :: q(2), qd(2), before, after
+        integer :: stat
+
+        call model%define()
+        call model%start(0.3_wp, 1.0_wp, q, qd)
+        call simulation%initialize(model, choose(step=1.0e-2_wp), 0.0_wp, q, qd, failure)
+        if (.not. allocated(failure)) call simulation%save_state(words, failure)
+        call simulation%kinetic_energy(before, stat)
+        model%m = 2*model%m
+        if (.not. allocated(failure)) call simulation%restore_state(words, failure)
+        call simulation%kinetic_energy(after, stat)
+        call check_no_failure(error, failure)
+        call check_close(error, [after], [2*before], 1.0e-14_wp, 'kinetic energy')
+    end subroutine test_restored_mass
 
     !> Three stages and the end of each step, and the start: C is evaluated once at each, although a chart is made there.
     subroutine test_no_point_twice(error)
