@@ -41,7 +41,8 @@ module tandem
     use tandem_options, only: basis_methods, chart_kinds, chart_policies, default_rtol, default_step, option_row_type, &
         option_visitor_type, options_type, projections, refresh_modes, steppers_without_estimate
     use tandem_pack, only: pack_type
-    use tandem_chart, only: chart_type
+    use tandem_chart, only: chart_memory_type, chart_type, goal_type, measure_type, step_end
+    use tandem_chart_implicit, only: implicit_chart_type
     use tandem_profile_ledger, only: mark_type, profile_type
     use tandem_profile_observer, only: profiled_observer_type
     use tandem_profile_parts, only: n_part_groups, n_parts, part_blocks, part_checkpoint, part_group, part_group_name, part_name, &
@@ -59,6 +60,7 @@ module tandem
     use tandem_simulate_step_control, only: step_control_type
     use tandem_stepper, only: properties_type, stepper_type
     use tandem_stepper_explicit, only: explicit_type
+    use tandem_stepper_implicit, only: implicit_type
     use tandem_stepper_factory, only: new_stepper, stepper_choices, stepper_names
     use tandem_stepper_state, only: state_type
     implicit none (type, external)
@@ -80,7 +82,8 @@ module tandem
     public :: bracket_type
     public :: assembly_type, assemble, velocity_metrics
     public :: global_error_type, find_error_warnings, allowed_error, short_run
-    public :: profile_type, mark_type, chart_type, profiled_observer_type
+    public :: profile_type, mark_type, profiled_observer_type
+    public :: chart_type, implicit_chart_type, chart_memory_type, goal_type, measure_type, step_end
     public :: n_parts, part_name, part_group, n_part_groups, part_group_name, terms_of_part
     public :: part_start, part_watch, part_rows, part_blocks, part_checkpoint, part_open
     public :: pack_type
@@ -91,8 +94,8 @@ module tandem
     public :: is_asymptotically_stable, is_marginal, is_unstable, stability_name
     public :: symmetry_type, affine_motion_type, motion_name_length, list_motions, equilibrium_search_type, any_motion, &
         find_steady_from_words
-    public :: properties_type, stepper_type, explicit_type, state_type, step_control_type, new_stepper, stepper_choices, &
-        stepper_names
+    public :: properties_type, stepper_type, explicit_type, implicit_type, state_type, step_control_type, new_stepper, &
+        stepper_choices, stepper_names
     public :: expression_type, parse_expression, check_name, resolve_parameters, table_type, table_kinds, table_ends
     public :: entries_type, entry_type, value_type, atom_type, is_number, is_text, is_truth, is_other, build_mechanism, shown_type
     public :: reader_type, fault_type, anything, positive, not_negative
