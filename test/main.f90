@@ -44,7 +44,9 @@ program main
     use test_linalg_basis, only: collect_linalg_basis
     use test_linalg_elimination, only: collect_linalg_elimination
     use test_linalg_row_space, only: collect_linalg_row_space
+    use test_linalg_orthogonal, only: collect_linalg_orthogonal
     use test_linalg_singular, only: collect_linalg_singular
+    use test_saddle, only: collect_saddle
     use test_linalg_solvers, only: collect_linalg_solvers
     use test_mass_blocks, only: collect_mass_blocks
     use test_massless_wheel, only: collect_massless_wheel
@@ -114,7 +116,9 @@ program main
         new_testsuite('linalg_solvers', collect_linalg_solvers), &
         new_testsuite('linalg_elimination', collect_linalg_elimination), &
         new_testsuite('linalg_row_space', collect_linalg_row_space), &
+        new_testsuite('linalg_orthogonal', collect_linalg_orthogonal), &
         new_testsuite('linalg_singular', collect_linalg_singular), &
+        new_testsuite('saddle', collect_saddle), &
         new_testsuite('large', collect_large), &
         new_testsuite('euler_parameters', collect_euler_parameters), &
         new_testsuite('rigid', collect_rigid), &

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Search for equilibria and steady motions near a state: at rest, or in a motion that continues unchanged.
+!> Search for equilibria (`equilibrium.f90`) and steady motions near a state: at rest, or in a motion that continues unchanged.
 !>
 !> A steady motion follows fields X of symmetries at constant rates, an equilibrium none. Unknowns are the coordinates, and rates
 !> unless they are fixed:
@@ -8,21 +8,19 @@
 !>
 !> Newton's iteration with corrections of least norm leads to the nearest one of a family, stable or not; it is damped by the
 !> natural monotonicity test, in which units do not matter (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 4.4).
-!> If it fails, an equilibrium is sought by steps along the forces, over the absolute curvatures of the potential or, for models
-!> with a pattern, by implicit ones (`sparse_equilibrium.f90`), which finds a stable one from afar; then Newton's iteration again.
 !> A steady motion is approached by least squares of the residual with a bound on the step (D. W. Marquardt, J. SIAM 11, 1963).
 !> From any steady motion steps along its family lead to the one nearest to the start. The work is bounded.
 module tandem_analysis_equilibrium_search
     use tandem_analysis_closeness, only: find_step_nearer, squared_distance
+    use tandem_analysis_equilibrium, only: moved_reason, settle
     use tandem_analysis_point, only: point_type
-    use tandem_analysis_sparse_equilibrium, only: moved_reason, relax_sparsely, settle_sparsely
     use tandem_analysis_sparse_steady, only: find_steady_sparsely
     use tandem_analysis_symmetry, only: symmetry_type
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_linalg_cholesky, only: cholesky_type
     use tandem_linalg_lu, only: lu_type
-    use tandem_linalg_singular, only: decompose_symmetric, singular_type
+    use tandem_linalg_singular, only: singular_type
     use tandem_model, only: model_type
     use tandem_model_check, only: check_model
     use tandem_status, only: status_invalid_option, status_no_equilibrium, status_ok
@@ -49,14 +47,14 @@ module tandem_analysis_equilibrium_search
         real(wp), allocatable, private :: row_scale(:), rate_row_scale(:)
     contains
         procedure :: find_equilibrium, find_steady_motion
-        procedure, private :: iterate, relax, approach, go_nearer, hold, form, look, refuse
+        procedure, private :: iterate, approach, go_nearer, hold, form, look, refuse
     end type equilibrium_search_type
 
     !> From the first number of coordinates on the sparse form is used for models that have one, without information about families;
     !> full matrices above the second number take minutes.
     integer, parameter :: large = 250, most_full = 1000
-    !> Most iterations, steps along the forces, and along a family.
-    integer, parameter :: most_iterations = 60, most_relaxations = 400
+    !> Most iterations, and steps along a family.
+    integer, parameter :: most_iterations = 60
     integer, parameter :: most_steps_nearer = 100
     !> Bases and factors of many coordinates are expensive: their number is limited to this over n^2, and at least to `least_bases`.
     real(wp), parameter :: most_bases = 2.0e7_wp
@@ -75,48 +73,14 @@ contains
         !> Time, at which functions of it are frozen, and coordinates (n), which need not satisfy the constraints.
         real(wp), intent(in) :: t, q(:)
         type(error_type), allocatable, intent(out) :: error
-        type(point_type), allocatable :: point
-        integer :: stat
-        logical :: has_form
 
         call check_model(model, error)
         if (allocated(error)) return
         call no_fields(self, model%n)
         call model%set_time_scale(t, q, self%qd)
         self%q = q
-        if (model%n >= large .and. allocated(model%pattern)) then
-            call settle_sparsely(model, t, self%q, self%iterations, self%relaxations, has_form, error)
-            if (.not. allocated(error)) self%moved = maxval(abs((self%q - q)/model%scales()))
-            if (has_form .or. model%n > most_full) return
-            deallocate (error)
-            self%q = q
-        end if
-        allocate (point)
-        call point%initialize(model)
-        call self%iterate(point, t, .false., stat)
-        if (stat == status_no_equilibrium) then
-            self%q = q
-            ! Each part has its own limit.
-            point%n_bases = 0
-            has_form = allocated(model%pattern)
-            if (has_form) call relax_sparsely(model, t, self%q, self%relaxations, has_form, stat)
-            if (.not. has_form .or. stat == status_no_equilibrium) then
-                self%q = q
-                self%relaxations = 0
-                call self%relax(point, t, stat)
-            end if
-            if (stat == status_ok) then
-                point%n_bases = 0
-                call self%iterate(point, t, .false., stat)
-            end if
-            ! If the start is evaluable, a failing point was reached by the search itself.
-            if (stat /= status_ok .and. self%relaxations > 1) stat = status_no_equilibrium
-        end if
-        if (stat /= status_ok) then
-            call self%refuse(point, stat, 'equilibrium', error)
-            return
-        end if
-        self%moved = maxval(abs((self%q - q)/point%scale))
+        call settle(model, t, self%q, self%iterations, self%relaxations, self%n_free, error)
+        if (.not. allocated(error)) self%moved = maxval(abs((self%q - q)/model%scales()))
     end subroutine find_equilibrium
 
     !> The steady motion near (q, qd), along all symmetries or along named fields. If none is fixed, their rates stay those of qd,
@@ -463,57 +427,6 @@ contains
         left = maxval([0.0_wp, abs(residual(:nh + m))/(1 + maxval(abs(self%q/point%scale))), abs(residual(last + 1:)), &
             abs(residual(nh + m + 1:last))*unit/max(matmul(transpose(abs(point%w)), sizes), tiny(1.0_wp))])
     end subroutine form
-
-    !> Move along the forces to a position where they are nearly in balance.
-    subroutine relax(self, point, t, stat)
-        class(equilibrium_search_type), intent(inout) :: self
-        type(point_type), intent(inout) :: point
-        real(wp), intent(in) :: t
-        integer, intent(out) :: stat
-        real(wp), allocatable :: force(:), stiffness(:, :), values(:), step(:), w(:, :), q(:)
-        integer, parameter :: most_halvings = 30
-        real(wp) :: radius, length, before
-        integer :: i, tries
-
-        radius = longest/4
-        call point%restore_position(t, self%qd, self%q, stat)
-        do i = 1, most_relaxations
-            if (stat /= status_ok) exit
-            self%relaxations = self%relaxations + 1
-            if (is_spent(point)) exit
-            ! At rest, with the bases of the restored position.
-            call point%set_acceleration(self%qd)
-            call point%differentiate(stat)
-            if (stat /= status_ok) exit
-            w = point%w
-            force = matmul(transpose(w), point%force)
-            stiffness = matmul(transpose(w), matmul(point%dynamics_q, w))
-            stiffness = (stiffness + transpose(stiffness))/2
-            values = force
-            call decompose_symmetric(stiffness, values)
-            ! Over the absolute curvature: downhill along every direction, and never further than the radius.
-            step = matmul(force, stiffness)
-            values = max(abs(values), norm2(step)/radius)
-            if (.not. maxval([values, 0.0_wp]) > 0.0_wp) return
-            step = matmul(stiffness, step/values)
-            length = norm2(step)
-            if (length <= 1.0e-7_wp) return
-            before = dot_product(force, step)
-            q = self%q
-            do tries = 1, most_halvings
-                self%q = q + point%scale*matmul(w, step)
-                call point%restore_position(t, self%qd, self%q, stat)
-                if (is_spent(point)) exit
-                if (stat == status_ok) then
-                    ! Opposing forces at the end that exceed half of the driving ones: too far.
-                    if (dot_product(point%force, matmul(w, step)) >= -0.5_wp*before) exit
-                end if
-                step = step/2
-            end do
-            radius = min(longest, 1.5_wp*max(norm2(step), 1.0e-3_wp))
-        end do
-        if (stat == status_ok) stat = status_no_equilibrium
-    end subroutine relax
 
     !> Reduce the residual by changes of coordinates and rates, to a start of Newton's iteration.
     subroutine approach(self, point, t, stat)

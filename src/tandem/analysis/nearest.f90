@@ -13,15 +13,15 @@
 module tandem_analysis_nearest
     use tandem_analysis_corotating_frame, only: corotating_frame_type
     use tandem_analysis_nearest_errors, only: bound_errors
-    use tandem_analysis_sparse_point, only: most_factor_entries, sparse_point_type
+    use tandem_analysis_sparse_point, only: sparse_point_type
     use tandem_analysis_steadiness, only: check_rows, check_symmetry
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_linalg_krylov, only: krylov_type, operator_type
     use tandem_linalg_random, only: random_vector
-    use tandem_linalg_sparse_lu, only: sparse_lu_type, sparse_matrix_type
     use tandem_model, only: model_type
     use tandem_model_check, only: check_model
+    use tandem_saddle_sparse, only: most_factor_entries, sparse_saddle_type
     use tandem_status, only: status_inconsistent_start, status_invalid_option, status_no_equilibrium, status_ok, status_work_limit
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
@@ -59,19 +59,11 @@ module tandem_analysis_nearest
     !> (A - sigma)^-1.
     type, extends(operator_type) :: inverse_type
         type(sparse_point_type) :: point
-        type(sparse_matrix_type) :: matrix
-        type(sparse_lu_type) :: lu
         complex(wp) :: shift = (0.0_wp, 0.0_wp)
-        real(wp) :: unit = 1.0_wp
-        !> Reciprocals of the lengths of rows that take part, and their numbers.
-        real(wp), allocatable :: weight(:)
-        integer, allocatable :: rows(:)
-        !> Work space: unknowns, coordinates.
-        complex(wp), allocatable :: b(:), y(:), x(:), f(:)
-        !> [M, C'; C, 0] with the rows of Phi, and with all rows.
-        type(sparse_matrix_type) :: ties(2)
-        type(sparse_lu_type) :: factors(2)
-        real(wp) :: units(2) = 1.0_wp
+        !> H = s^2 M + s D + K at the shift s; H = M with the rows of Phi, and with all rows.
+        type(sparse_saddle_type) :: saddle, ties(2)
+        !> Work space: coordinates, rows.
+        complex(wp), allocatable :: x(:), f(:), g(:), lambda(:)
     contains
         procedure :: apply, factor, draw, factor_ties
     end type inverse_type
@@ -136,7 +128,7 @@ contains
         call inverse%factor(shift, error)
         if (allocated(error)) return
         self%shift = inverse%shift
-        self%factor_entries = inverse%lu%n_entries()
+        self%factor_entries = inverse%saddle%lu%n_entries()
         call inverse%factor_ties(stat)
         if (stat == 0) call krylov%find(inverse, k, tolerance, stat)
         if (stat /= 0) then
@@ -235,22 +227,19 @@ contains
         real(wp), parameter :: beside(4) = [0.0_wp, 1.0e-2_wp, 3.0e-2_wp, 0.1_wp]
         !> The matrix is numerically singular if a pivot falls to this part of its column.
         real(wp), parameter :: least = 1.0e-12_wp
-        integer, allocatable :: order(:)
-        integer :: i, k, stat
+        integer :: k, stat
 
         associate (point => self%point)
             self%n = 2*point%n
-            self%rows = pack([(i, i=1, point%m)], .not. point%is_out)
-            self%weight = [(1/point%row_length(self%rows(k)), k=1, size(self%rows))]
-            if (allocated(self%b)) deallocate (self%b, self%y, self%x, self%f)
-            allocate (self%b(point%n + size(self%rows)), self%y(point%n + size(self%rows)), self%x(point%n), self%f(point%n))
+            if (allocated(self%x)) deallocate (self%x, self%f, self%g, self%lambda)
+            allocate (self%x(point%n), self%f(point%n), self%g(point%m), self%lambda(point%m))
             do k = 1, size(beside)
                 self%shift = shift + beside(k)*max(abs(shift), 1.0_wp)
                 if (point%m > point%nh .and. .not. abs(self%shift) > 0.0_wp) cycle
-                call point%assemble([self%shift**2, self%shift, (1.0_wp, 0.0_wp)], self%matrix, order, self%unit)
-                call self%lu%factor(self%matrix, order, most_factor_entries, stat)
+                call point%load([self%shift**2, self%shift, (1.0_wp, 0.0_wp)], self%saddle)
+                call self%saddle%factor(stat)
                 if (stat < 0) exit
-                if (stat == 0 .and. self%lu%least > least) return
+                if (stat == 0 .and. self%saddle%independence() > least) return
             end do
             if (stat < 0) then
                 call set_error(error, status_work_limit, 'the factors of the model "'//point%model%name//'" would fill more '// &
@@ -269,14 +258,13 @@ contains
         integer, intent(out) :: stat
         complex(wp), parameter :: mass_only(3) = [(1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)]
         logical :: is_out(self%point%m)
-        integer, allocatable :: order(:)
         integer :: l
 
         is_out = self%point%is_out
         do l = 1, 2
             if (l == 1) self%point%is_out(self%point%nh + 1:) = .true.
-            call self%point%assemble(mass_only, self%ties(l), order, self%units(l))
-            call self%factors(l)%factor(self%ties(l), order, most_factor_entries, stat)
+            call self%point%load(mass_only, self%ties(l))
+            call self%ties(l)%factor(stat)
             self%point%is_out = is_out
             if (stat /= 0) return
         end do
@@ -289,29 +277,24 @@ contains
         complex(wp), intent(out) :: x(:)
         real(wp), dimension(self%point%n) :: none, change
         real(wp) :: g(self%point%m), unused(self%point%m)
-        logical :: is_out(self%point%m)
         integer :: i, l
 
         associate (point => self%point, n => self%point%n)
             none = 0.0_wp
-            is_out = point%is_out
             x(:n) = point%scale*random_vector(seed, n)
             x(n + 1:) = max(abs(self%shift), 1.0_wp)*point%scale*random_vector(seed, n)
             ! Twice, because of rounding.
             do l = 1, 4
-                point%is_out = is_out
                 if (modulo(l, 2) == 1) then
                     g = [(-real(point%row_times(i, x(:n)), wp), i=1, point%m)]
-                    point%is_out(point%nh + 1:) = .true.
-                    call point%solve(self%ties(1), self%factors(1), self%units(1), none, g, change, unused)
+                    call self%ties(1)%solve(none, g, change, unused)
                     x(:n) = x(:n) + change
                 else
                     g = [(-real(point%row_times(i, x(n + 1:)) + point%turning_times(i, x(:n)), wp), i=1, point%m)]
-                    call point%solve(self%ties(2), self%factors(2), self%units(2), none, g, change, unused)
+                    call self%ties(2)%solve(none, g, change, unused)
                     x(n + 1:) = x(n + 1:) + change
                 end if
             end do
-            point%is_out = is_out
         end associate
     end subroutine draw
 
@@ -320,22 +303,19 @@ contains
         class(inverse_type), intent(inout) :: self
         complex(wp), intent(in), contiguous :: x(:)
         complex(wp), intent(out), contiguous :: y(:)
-        integer :: i, k
+        integer :: i
 
-        associate (point => self%point, n => self%point%n, b => self%b, shift => self%shift)
+        associate (point => self%point, n => self%point%n, f => self%f, g => self%g, shift => self%shift)
             self%x = shift*x(:n) + x(n + 1:)
-            call point%multiply([(1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)], self%x, self%f)
-            b(:n) = -self%f/self%unit
-            call point%multiply([(0.0_wp, 0.0_wp), (1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)], x(:n), self%f)
-            b(:n) = b(:n) - self%f/self%unit
-            do k = 1, size(self%rows)
-                i = self%rows(k)
-                b(n + k) = (0.0_wp, 0.0_wp)
-                if (i > point%nh) b(n + k) = -self%weight(k)*point%row_times(i, x(:n))/shift
+            call point%multiply([(1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)], self%x, f)
+            call point%multiply([(0.0_wp, 0.0_wp), (1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)], x(:n), self%x)
+            f = -f - self%x
+            g = (0.0_wp, 0.0_wp)
+            do i = point%nh + 1, point%m
+                g(i) = -point%row_times(i, x(:n))/shift
             end do
-            call self%lu%solve_refined(self%matrix, b, self%y)
-            y(:n) = self%y(:n)
-            y(n + 1:) = shift*self%y(:n) + x(:n)
+            call self%saddle%solve_complex(f, g, y(:n), self%lambda)
+            y(n + 1:) = shift*y(:n) + x(:n)
         end associate
     end subroutine apply
 

@@ -11,10 +11,10 @@
 !> by e |p'| there, and p has as many zeros as before within the circle of radius r for which r prod |1 - r/g| exceeds e (Rouché),
 !> with the distances g to eigenvalues whose vectors are parallel.
 module tandem_analysis_nearest_errors
-    use tandem_analysis_sparse_point, only: most_factor_entries, rounding_of_differences, sparse_point_type
+    use tandem_analysis_sparse_point, only: rounding_of_differences, sparse_point_type
     use tandem_kinds, only: wp
     use tandem_linalg_random, only: random_vector
-    use tandem_linalg_sparse_lu, only: sparse_lu_type, sparse_matrix_type
+    use tandem_saddle_sparse, only: sparse_saddle_type
     implicit none (type, external)
     private
 
@@ -101,78 +101,43 @@ contains
         integer, parameter :: iterations = 3
         !> A correction reduces the distance to an eigenvalue of a Jordan block only by one over its order.
         real(wp), parameter :: largest_block = 4.0_wp
-        type(sparse_matrix_type) :: a
-        type(sparse_lu_type) :: lu
-        complex(wp), allocatable :: z(:), b(:)
-        complex(wp) :: near, f(point%n), residual, slope
-        real(wp) :: unit, sizes(point%n), of_error
-        integer, allocatable :: order(:)
+        type(sparse_saddle_type) :: saddle
+        complex(wp) :: near, f(point%n), z(point%n), none(point%m), lambda(point%m), residual, slope
+        real(wp) :: sizes(point%n), of_error, start(point%n + count(.not. point%is_out))
         integer :: i, k, n
 
         n = point%n
+        saddle%is_transposed = .true.
         do k = 1, most
             near = value + step*further**(k - 1)
-            call point%assemble([near**2, near, (1.0_wp, 0.0_wp)], a, order, unit)
-            call transpose_in_place(a)
-            call lu%factor(a, order, most_factor_entries, stat)
+            call point%load([near**2, near, (1.0_wp, 0.0_wp)], saddle)
+            call saddle%factor(stat)
             if (stat <= 0) exit
         end do
         if (stat /= 0) return
-        allocate (b(a%n))
-        z = cmplx(random_vector(seed, a%n), 0.0_wp, wp)
+        start = random_vector(seed, size(start))
+        z = start(:n)
+        none = (0.0_wp, 0.0_wp)
         do k = 1, iterations
             ! With C z = 0, so that nu is not needed.
-            b(:n) = z(:n)/maxval(abs(z))
-            b(n + 1:) = (0.0_wp, 0.0_wp)
-            call lu%solve_refined(a, b, z)
+            f = z*(saddle%unit/maxval(abs(z)))
+            call saddle%solve_complex(f, none, z, lambda)
         end do
-        z = z/maxval(abs(z))
         call point%multiply([value**2, value, (1.0_wp, 0.0_wp)], q, f)
-        residual = sum(z(:n)*f)/unit
+        residual = sum(z*f)
         call point%multiply([2*value, (1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)], q, f)
-        slope = sum(z(:n)*f)/unit
+        slope = sum(z*f)
         call point%size_errors(abs(value), rounding + imbalance, abs(q), sizes)
-        of_error = sum(abs(z(:n))*sizes)/unit
-        k = n
+        of_error = sum(abs(z)*sizes)
         do i = 1, point%m
             if (point%is_out(i)) cycle
-            k = k + 1
-            residual = residual + z(k)*point%row_times(i, q, near)/point%row_length(i)
-            slope = slope - z(k)*point%turning_times(i, q)/near**2/point%row_length(i)
-            of_error = of_error + abs(z(k))*(rounding + merge(rounding_of_differences, 0.0_wp, i > point%nh .and. &
-                point%frame%moves))*point%row_size(i, q)/point%row_length(i)
+            residual = residual + lambda(i)*point%row_times(i, q, near)
+            slope = slope - lambda(i)*point%turning_times(i, q)/near**2
+            of_error = of_error + abs(lambda(i))*(rounding + merge(rounding_of_differences, 0.0_wp, i > point%nh .and. &
+                point%frame%moves))*point%row_size(i, q)
         end do
         error = (of_error + largest_block*abs(residual))/max(abs(slope), tiny(1.0_wp)**0.25_wp) + epsilon(1.0_wp)*abs(value)
     end subroutine bound_to_first_order
-
-    !> A := A'.
-    subroutine transpose_in_place(a)
-        type(sparse_matrix_type), intent(inout) :: a
-        type(sparse_matrix_type) :: b
-        integer :: next(a%n + 1), j, k
-
-        b%n = a%n
-        allocate (b%start(a%n + 1), b%row(size(a%row)), b%value(size(a%value)))
-        next = 0
-        do k = 1, a%start(a%n + 1) - 1
-            next(a%row(k)) = next(a%row(k)) + 1
-        end do
-        b%start(1) = 1
-        do j = 1, a%n
-            b%start(j + 1) = b%start(j) + next(j)
-        end do
-        next = b%start
-        do j = 1, a%n
-            do k = a%start(j), a%start(j + 1) - 1
-                b%row(next(a%row(k))) = j
-                b%value(next(a%row(k))) = a%value(k)
-                next(a%row(k)) = next(a%row(k)) + 1
-            end do
-        end do
-        call move_alloc(b%start, a%start)
-        call move_alloc(b%row, a%row)
-        call move_alloc(b%value, a%value)
-    end subroutine transpose_in_place
 
     !> The bound of one of several eigenvalues whose vectors are parallel.
     pure subroutine bound_in_block(values, vectors, i, error)

@@ -176,7 +176,7 @@ contains
         class(point_type), intent(inout) :: self
 
         self%n_bases = self%n_bases + 1
-        call self%factors%of_phi%factor(rows_of(self, self%nh), self%model%pattern)
+        call self%factors%of_phi%factor(rows_of(self, self%nh))
     end subroutine factor_positions
 
     !> V and W, with Phi_q factored.
@@ -188,7 +188,7 @@ contains
         if (self%m == self%nh) then
             self%w = self%v
         else
-            call self%factors%of_c%factor(rows_of(self, self%m), self%model%pattern)
+            call self%factors%of_c%factor(rows_of(self, self%m))
             call self%factors%of_c%get_null_basis(self%w)
         end if
         self%nw = size(self%w, 2)

@@ -1,12 +1,14 @@
 ! SPDX-License-Identifier: MIT
-!> The rows of Phi_q or of C at a point: solutions of least norm, an orthonormal basis of their null space, their rank. By singular
-!> values, or, for many coordinates with a pattern and independent rows, by sparse factors and projections of random vectors.
+!> Rows of Phi_q or of C at a point: solutions of least norm, an orthonormal basis of their null space, their rank. By orthogonal
+!> decomposition, or, for many coordinates with a pattern and independent rows, by the saddle-point system [I, A'; A, 0] and
+!> projections of random vectors.
 module tandem_analysis_row_space
     use tandem_kinds, only: wp
+    use tandem_linalg_orthogonal, only: orthogonal_type
     use tandem_linalg_random, only: random_vector
-    use tandem_linalg_singular, only: orthonormalise, singular_type
+    use tandem_linalg_singular, only: orthonormalise
     use tandem_model_pattern, only: pattern_type
-    use tandem_model_sparse_rows, only: sparse_rows_type
+    use tandem_saddle_sparse, only: sparse_saddle_type
     implicit none (type, external)
     private
 
@@ -16,8 +18,8 @@ module tandem_analysis_row_space
         integer :: rank = 0
         integer, private :: m = 0, n = 0
         logical, private :: tries_sparse = .false., is_sparse = .false.
-        type(singular_type), allocatable, private :: singular
-        type(sparse_rows_type), private :: sparse
+        type(orthogonal_type), private :: orthogonal
+        type(sparse_saddle_type), private :: sparse
     contains
         procedure :: initialize, factor, solve, solve_transposed, get_null_basis
     end type row_space_type
@@ -33,40 +35,33 @@ contains
     subroutine initialize(self, m, n, pattern)
         class(row_space_type), intent(inout) :: self
         integer, intent(in) :: m, n
-        type(pattern_type), intent(in), optional :: pattern
+        !> It must outlive the rows.
+        type(pattern_type), intent(in), target, optional :: pattern
 
         self%m = m
         self%n = n
         self%tries_sparse = .false.
-        if (allocated(self%singular)) deallocate (self%singular)
         if (.not. present(pattern) .or. n < large) return
         self%tries_sparse = .true.
-        call self%sparse%initialize(pattern)
+        call self%sparse%analyse(pattern, spread(1.0_wp, 1, n))
     end subroutine initialize
 
     !> Factor a matrix of finite numbers, whose rows should be of about the same length.
-    subroutine factor(self, a, pattern)
+    subroutine factor(self, a)
         class(row_space_type), intent(inout) :: self
         real(wp), intent(in) :: a(:, :)
-        !> The pattern given to `initialize`.
-        type(pattern_type), intent(in), optional :: pattern
-        real(wp) :: ones(self%n)
-        integer :: j, stat
+        integer :: stat
 
         self%is_sparse = .false.
-        if (self%tries_sparse .and. present(pattern)) then
-            ones = 1.0_wp
-            call self%sparse%factor(pattern, a, [(j, j=1, self%n)], ones, self%m, stat)
-            self%is_sparse = stat == 0 .and. self%sparse%rank == self%m .and. self%sparse%least > clearly
+        if (self%tries_sparse) then
+            call self%sparse%load_rows(a, is_full=.true.)
+            call self%sparse%factor(stat, drops_dependent=.true.)
+            self%is_sparse = stat == 0 .and. .not. any(self%sparse%is_out(:self%m)) .and. self%sparse%independence() > clearly
             self%rank = self%m
             if (self%is_sparse) return
         end if
-        if (.not. allocated(self%singular)) then
-            allocate (self%singular)
-            call self%singular%allocate(self%m, self%n)
-        end if
-        call self%singular%factor(a)
-        self%rank = self%singular%rank
+        call self%orthogonal%factor(a)
+        self%rank = self%orthogonal%rank
     end subroutine factor
 
     !> The x (n) of smallest norm that minimises |A x - b|.
@@ -74,11 +69,14 @@ contains
         class(row_space_type), intent(in) :: self
         real(wp), intent(in) :: b(:)
         real(wp), intent(out) :: x(:)
+        real(wp), dimension(self%sparse%m) :: all_rows, unused
 
         if (self%is_sparse) then
-            call self%sparse%solve(b, x)
+            all_rows = 0.0_wp
+            all_rows(:self%m) = b
+            call self%sparse%solve(spread(0.0_wp, 1, self%n), all_rows, x, unused)
         else
-            call self%singular%solve(b, x)
+            call self%orthogonal%solve(b, x)
         end if
     end subroutine solve
 
@@ -87,11 +85,13 @@ contains
         class(row_space_type), intent(in) :: self
         real(wp), intent(in) :: g(:)
         real(wp), intent(out) :: y(:)
+        real(wp) :: all_rows(self%sparse%m), unused(self%n)
 
         if (self%is_sparse) then
-            call self%sparse%solve_transposed(g, y)
+            call self%sparse%solve(g, spread(0.0_wp, 1, self%sparse%m), unused, all_rows)
+            y = all_rows(:self%m)
         else
-            call self%singular%solve_transposed(g, y)
+            call self%orthogonal%solve_transposed(g, y)
         end if
     end subroutine solve_transposed
 
@@ -99,13 +99,16 @@ contains
     subroutine get_null_basis(self, z)
         class(row_space_type), intent(in) :: self
         real(wp), allocatable, intent(out) :: z(:, :)
+        real(wp), dimension(self%sparse%m) :: none, unused
+        real(wp) :: column(self%n)
         integer :: i, j, seed
 
         if (.not. self%is_sparse) then
-            call self%singular%get_null_basis(z)
+            call self%orthogonal%get_null_basis(z)
             return
         end if
         allocate (z(self%n, self%n - self%rank))
+        none = 0.0_wp
         seed = 60013
         do j = 1, size(z, 2)
             z(:, j) = random_vector(seed, self%n)
@@ -113,7 +116,8 @@ contains
         ! The second pass removes the errors of the first one and of small angles between the projections.
         do i = 1, 2
             do j = 1, size(z, 2)
-                call self%sparse%project(z(:, j))
+                column = z(:, j)
+                call self%sparse%solve(column, none, z(:, j), unused)
             end do
             call orthonormalise(z)
         end do

@@ -66,8 +66,8 @@ contains
         end if
         do j = 1, self%n
             if (.not. direction(j) > 0.0_wp) cycle
-            do k = self%start(j), self%start(j + 1) - 1
-                columns(k) = change(self%row(k))/self%scale(j)
+            do k = self%columns%start(j), self%columns%start(j + 1) - 1
+                columns(k) = change(self%columns%row(k))/self%scale(j)
             end do
         end do
     end subroutine difference
@@ -126,7 +126,7 @@ contains
         direction = self%scale*random_vector(seed, self%n)
         call difference_along(self, direction, step/8, .false., .false., change, rows, stat)
         if (stat == status_ok) then
-            call multiply_columns(self, self%stiffness, direction, product, sizes)
+            call self%columns%multiply(self%stiffness, direction, product, sizes)
             sizes = sizes + self%sizes
             if (any(abs(product - change) > bound*max(sizes, 1.0e-6_wp*maxval(sizes)))) then
                 call refuse('the forces of the model "'//self%model%name//'" depend on coordinates of bodies that it does '// &
@@ -145,7 +145,7 @@ contains
             call difference_along(self, direction, step/8, .true., .false., change, rows, stat)
         end if
         if (stat == status_ok) then
-            call multiply_columns(self, self%damping, direction, product, sizes)
+            call self%columns%multiply(self%damping, direction, product, sizes)
             sizes = sizes + self%sizes
             if (any(abs(product - change) > bound*max(sizes, 1.0e-6_wp*maxval(sizes)))) then
                 call refuse('the forces of the model "'//self%model%name//'" depend on velocities of bodies that it does '// &

@@ -12,7 +12,7 @@
 !> A. Björck, Numerical Methods for Least Squares Problems, 1996, section 2.7).
 module tandem_analysis_sparse_steady
     use tandem_analysis_corotating_frame, only: fit_rates
-    use tandem_analysis_sparse_point, only: most_factor_entries, sparse_point_type
+    use tandem_analysis_sparse_point, only: sparse_point_type
     use tandem_analysis_steadiness, only: check_rows, check_symmetry
     use tandem_analysis_symmetry, only: is_named, list_motions, symmetry_type
     use tandem_error, only: error_type, set_error, to_text
@@ -20,7 +20,10 @@ module tandem_analysis_sparse_steady
     use tandem_linalg_singular, only: singular_type
     use tandem_linalg_sparse_lu, only: sparse_lu_type, sparse_matrix_type
     use tandem_model, only: model_type
+    use tandem_linalg_order, only: list_type
     use tandem_model_affine_motion, only: affine_motion_type
+    use tandem_model_neighbours, only: find_neighbours, order_unknowns
+    use tandem_saddle_sparse, only: most_factor_entries
     use tandem_status, only: status_invalid_option, status_no_equilibrium, status_ok, status_work_limit
     implicit none (type, external)
     private
@@ -34,6 +37,8 @@ module tandem_analysis_sparse_steady
         type(affine_motion_type), allocatable :: motions(:)
         real(wp), allocatable :: rates(:)
         integer, allocatable :: free(:)
+        !> Order of elimination of coordinates and rows (n + m).
+        integer, allocatable :: order(:)
         !> Units of forces and of velocities; the lengths of rows in scaled coordinates (m).
         real(wp) :: unit = 1.0_wp, speed = 1.0_wp
         real(wp), allocatable :: length(:)
@@ -66,6 +71,7 @@ contains
         character(len=*), intent(in), optional :: names(:), held(:)
         real(wp), intent(in), optional :: held_at(:)
         type(problem_type), allocatable :: problem
+        type(list_type), allocatable :: neighbours(:)
         real(wp), allocatable :: rates(:)
         integer, allocatable :: free(:)
         integer :: attempt, stat
@@ -73,6 +79,8 @@ contains
         allocate (problem)
         call problem%point%initialize(model, error)
         if (allocated(error)) return
+        call find_neighbours(model%pattern, neighbours)
+        call order_unknowns(model%pattern, neighbours, problem%order)
         call choose_motions(problem, q, qd, error, names, held, held_at)
         if (allocated(error)) return
         allocate (rates, source=problem%rates)
@@ -375,8 +383,8 @@ contains
         associate (point => self%point, pattern => self%point%pattern)
             self%unit = 0.0_wp
             do j = 1, point%n
-                do k = point%start(j), point%start(j + 1) - 1
-                    self%unit = max(self%unit, abs(point%scale(point%row(k))*point%stiffness(k)*point%scale(j)))
+                do k = point%columns%start(j), point%columns%start(j + 1) - 1
+                    self%unit = max(self%unit, abs(point%scale(point%columns%row(k))*point%stiffness(k)*point%scale(j)))
                 end do
             end do
             if (.not. self%unit > 0.0_wp) self%unit = 1.0_wp
@@ -409,8 +417,8 @@ contains
             a%n = 2*total + size(self%free)
             allocate (order(a%n))
             do k = 1, total
-                order(2*k - 1) = point%order(k)
-                order(2*k) = total + point%order(k)
+                order(2*k - 1) = self%order(k)
+                order(2*k) = total + self%order(k)
             end do
             do k = 1, size(self%free)
                 order(2*total + k) = 2*total + k
@@ -422,8 +430,9 @@ contains
                     call put(total + i, total + i, -delta)
                 end do
                 do j = 1, n
-                    do k = point%start(j), point%start(j + 1) - 1
-                        call put_both(point%row(k), j, point%scale(point%row(k))*point%stiffness(k)*point%scale(j)/self%unit)
+                    do k = point%columns%start(j), point%columns%start(j + 1) - 1
+                        i = point%columns%row(k)
+                        call put_both(i, j, point%scale(i)*point%stiffness(k)*point%scale(j)/self%unit)
                     end do
                 end do
                 do i = 1, point%m

@@ -2,11 +2,11 @@
 !> Check that a large mechanism moves steadily along its field X: its velocities satisfy the constraints, its acceleration is L X q,
 !> and a neighbouring state keeps its accelerations when moved along X, so that X does not change the equations.
 module tandem_analysis_steadiness
-    use tandem_analysis_sparse_point, only: most_factor_entries, sparse_point_type
+    use tandem_analysis_sparse_point, only: sparse_point_type
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_linalg_random, only: random_vector
-    use tandem_linalg_sparse_lu, only: sparse_lu_type, sparse_matrix_type
+    use tandem_saddle_sparse, only: sparse_saddle_type
     use tandem_status, only: status_inconsistent_start, status_no_equilibrium, status_ok
     implicit none (type, external)
     private
@@ -118,16 +118,14 @@ contains
         integer, intent(out) :: stat
         complex(wp), parameter :: mass_only(3) = [(1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)]
         integer, parameter :: most = 30
-        type(sparse_matrix_type) :: a
-        type(sparse_lu_type) :: lu
-        integer, allocatable :: order(:)
+        type(sparse_saddle_type) :: saddle
         real(wp), dimension(point%n) :: change, none
-        real(wp) :: unit, g(point%m), unused(point%m)
+        real(wp) :: g(point%m), unused(point%m)
         integer :: i
 
         none = 0.0_wp
-        call point%assemble(mass_only, a, order, unit)
-        call lu%factor(a, order, most_factor_entries, stat)
+        call point%load(mass_only, saddle)
+        call saddle%factor(stat)
         if (stat /= 0) return
         q = point%q + beside*point%scale*random_vector(seed, point%n)
         do i = 1, most
@@ -135,7 +133,7 @@ contains
             if (stat /= status_ok) return
             g = 0.0_wp
             g(:point%nh) = -point%evaluator%terms%phi
-            call point%solve(a, lu, unit, none, g, change, unused)
+            call saddle%solve(none, g, change, unused)
             q = q + change
             if (maxval(abs(change/point%scale)) < 1.0e-13_wp*(1 + maxval(abs(q/point%scale)))) exit
         end do
@@ -143,11 +141,11 @@ contains
         qd = qd + beside*maxval(abs(qd/point%scale))*point%scale*random_vector(seed, point%n)
         call point%look(point%t, q, stat, qd)
         if (stat /= status_ok) return
-        call point%assemble(mass_only, a, order, unit)
-        call lu%factor(a, order, most_factor_entries, stat)
+        call point%load(mass_only, saddle)
+        call saddle%factor(stat)
         if (stat /= 0) return
         call velocity_rows(point, qd, g, unused)
-        call point%solve(a, lu, unit, none, -g, change, unused)
+        call saddle%solve(none, -g, change, unused)
         qd = qd + change
     end subroutine go_beside
 end module tandem_analysis_steadiness

@@ -6,8 +6,8 @@ module tandem_mechanism_census
     use tandem_linalg_dependence, only: split_rows
     use tandem_mechanism, only: mechanism_type
     use tandem_mechanism_joint, only: name_length
-    use tandem_model_sparse_rows, only: sparse_rows_type
     use tandem_model_terms, only: need_jacobian, terms_type
+    use tandem_saddle_sparse, only: sparse_saddle_type
     implicit none (type, external)
     private
 
@@ -72,13 +72,13 @@ contains
     !> The ranks of Phi_q and of C, and which rows repeat others. Sparse factors say at once that there are none; those that
     !> there are, are chosen by full matrices, as long as these are not too large.
     subroutine find_redundant(mechanism, t, q, qd, rank_of_phi, rank, is_redundant, stat)
-        class(mechanism_type), intent(inout) :: mechanism
+        class(mechanism_type), intent(inout), target :: mechanism
         real(wp), intent(in) :: t, q(:), qd(:)
         integer, intent(out) :: rank_of_phi, rank
         logical, allocatable, intent(out) :: is_redundant(:)
         integer, intent(out) :: stat
         type(terms_type) :: terms
-        type(sparse_rows_type) :: rows
+        type(sparse_saddle_type) :: rows
         real(wp) :: ones(mechanism%n)
         logical :: is_known
 
@@ -90,21 +90,21 @@ contains
             terms%is_compressed = .true.
             call mechanism%evaluate(need_jacobian, t, q, qd, terms, stat)
             if (stat /= 0) return
-            associate (pattern => mechanism%pattern)
-                call rows%initialize(pattern)
-                call rows%factor(pattern, terms%jacobian, pattern%column, ones, mechanism%n_constraints(), stat)
-                is_known = stat == 0 .and. (mechanism%n > most_full .or. (rows%rank == mechanism%n_constraints() .and. &
-                    rows%least > clearly))
-                if (is_known) then
-                    is_redundant = rows%is_out
-                    rank = rows%rank
-                    rank_of_phi = mechanism%n_holonomic
-                    if (rank < mechanism%n_constraints()) then
-                        call rows%factor(pattern, terms%jacobian, pattern%column, ones, mechanism%n_holonomic, stat)
-                        rank_of_phi = rows%rank
-                    end if
+            call rows%analyse(mechanism%pattern, ones)
+            call rows%load_rows(terms%jacobian, is_full=.false.)
+            call rows%factor(stat, drops_dependent=.true.)
+            is_known = stat == 0 .and. (mechanism%n > most_full .or. (.not. any(rows%is_out) .and. &
+                rows%independence() > clearly))
+            if (is_known) then
+                is_redundant = rows%is_out
+                rank = count(.not. is_redundant)
+                rank_of_phi = mechanism%n_holonomic
+                if (any(is_redundant)) then
+                    call rows%load_rows(terms%jacobian(:rank_of_phi, :), is_full=.false.)
+                    call rows%factor(stat, drops_dependent=.true.)
+                    rank_of_phi = count(.not. rows%is_out)
                 end if
-            end associate
+            end if
             deallocate (terms%jacobian)
             stat = 0
         end if

@@ -6,7 +6,7 @@
 !> along the motions that these allow. Works on the rows of the model, without a chart. Used only if a chart finds dependent rows.
 module tandem_model_redundancy
     use tandem_kinds, only: wp
-    use tandem_linalg_dependence, only: solve_least_norm, split_rows
+    use tandem_linalg_dependence, only: count_independent, solve_least_norm, split_rows
     use tandem_model, only: model_type
     use tandem_model_differences, only: differences_type
     use tandem_model_evaluator, only: evaluator_type
@@ -227,8 +227,6 @@ contains
         !> error is about the distance squared and the rank remainder the distance; both are rounding for redundant rows.
         real(wp), parameter :: distance = 1.0e-3_wp, largest_error = 1.0e-9_wp, largest_rest = 1.0e-7_wp
         integer, parameter :: n_states = 3
-        integer, allocatable :: kept(:), dropped(:)
-        real(wp), allocatable :: combination(:, :)
         real(wp) :: direction(size(self%q)), part(size(self%q)), q(size(self%q)), magnitude(size(self%q)), error
         integer :: i, j, nh, row
 
@@ -258,8 +256,8 @@ contains
                 row = 0
                 call self%evaluator%set_magnitudes(q, magnitude)
                 if (nh > 0) call position_errors(terms%phi, terms%jacobian, magnitude, self%scale, error, row)
-                call split_rows(terms%jacobian, self%scale, nh, largest_rest, kept, dropped, combination)
-                if (error <= largest_error .and. size(kept) == size(self%kept)) cycle
+                if (error <= largest_error .and. count_independent(terms%jacobian, self%scale, nh, largest_rest) == &
+                    size(self%kept)) cycle
             end associate
             self%failed_row = self%dropped(1)
             stat = status_rank_deficient
