@@ -159,7 +159,14 @@ contains
         integer, intent(out) :: stat
         real(wp) :: start(size(q))
 
+        !> Error of a violated row that no coordinate changes, such as the length of a rod between coinciding points.
+        real(wp), parameter :: infinite = 1.0e100_wp
+        logical :: has_direction
+
         start = q
+        call self%point%look(t, q, stat)
+        if (stat /= status_ok) return
+        has_direction = self%point%violation() < infinite
         call self%iterate(t, self%is_sparse, q, stat)
         if (stat == status_no_equilibrium) then
             q = start
@@ -172,6 +179,7 @@ contains
             q = start
             call self%iterate(t, .false., q, stat)
         end if
+        if (stat == status_no_equilibrium .and. .not. has_direction) stat = status_not_finite
     end subroutine run
 
     !> Newton's iteration.

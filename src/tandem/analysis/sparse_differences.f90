@@ -23,6 +23,10 @@ contains
         if (self%m > self%nh .and. .not. allocated(self%turning)) allocate (self%turning(self%m, self%pattern%width), &
             source=0.0_wp)
         stat = status_ok
+        if (allocated(self%derivatives)) then
+            call copy_derivatives(self, stat)
+            return
+        end if
         associate (first => self%pattern%first)
             do g = 1, self%n_groups
                 do l = 1, maxval(first(2:) - first(:size(first) - 1), mask=self%group == g)
@@ -35,6 +39,28 @@ contains
         ! Restore the terms of the point itself.
         call self%evaluator%evaluate(need_jacobian + need_force + need_mass, self%t, self%q, self%rest, self%counts, stat)
     end procedure differentiate
+
+    !> K, D and (C X q - nu)_q of a model at rest from its own derivatives.
+    subroutine copy_derivatives(self, stat)
+        type(sparse_point_type), intent(inout) :: self
+        integer, intent(out) :: stat
+        real(wp) :: none(self%n)
+        integer :: j, k
+
+        none = 0.0_wp
+        call self%differences%evaluate_derivatives(self%t, self%q, self%rest, none, self%lambda, self%derivatives, &
+            self%counts, stat)
+        if (stat /= status_ok) return
+        do j = 1, self%n
+            do k = self%columns%start(j), self%columns%start(j + 1) - 1
+                self%stiffness(k) = self%derivatives%dynamics_q(self%columns%row(k), j)
+                self%damping(k) = self%derivatives%dynamics_qd(self%columns%row(k), j)
+            end do
+        end do
+        if (allocated(self%turning)) self%turning = self%derivatives%velocity_q
+        if (.not. sum(abs(self%stiffness)) + sum(abs(self%damping)) + sum(abs(self%derivatives%velocity_q)) <= huge(1.0_wp)) &
+            stat = status_not_finite
+    end subroutine copy_derivatives
 
     !> The columns of coordinate l of the bodies of a group.
     subroutine difference(self, g, l, by_qd, is_rough, columns, stat)

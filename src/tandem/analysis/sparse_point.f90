@@ -16,6 +16,8 @@ module tandem_analysis_sparse_point
     use tandem_linalg_order, only: list_type
     use tandem_model, only: model_type
     use tandem_model_counts, only: counts_type
+    use tandem_model_derivatives, only: derivatives_type
+    use tandem_model_differences, only: differences_type
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_neighbours, only: find_groups, find_neighbours
     use tandem_model_pattern, only: pattern_type
@@ -54,6 +56,9 @@ module tandem_analysis_sparse_point
         real(wp), allocatable :: sizes(:)
         !> The system of the last `find_dependent_rows`.
         class(saddle_type), allocatable :: ties
+        !> The model's own derivatives, used for full matrices.
+        type(differences_type), allocatable, private :: differences
+        type(derivatives_type), allocatable, private :: derivatives
         !> Groups of bodies.
         integer, allocatable, private :: group(:)
         integer, private :: n_groups = 0
@@ -145,6 +150,14 @@ contains
         self%stiffness = spread(0.0_wp, 1, size(self%columns%row))
         self%damping = self%stiffness
         self%mass = self%stiffness
+        if (is_compressed) return
+        allocate (self%differences, self%derivatives)
+        call self%differences%initialize(model, self%scale, saves_memory=.true.)
+        if (self%differences%has_all_derivatives()) then
+            call self%derivatives%allocate(self%n, self%m)
+        else
+            deallocate (self%differences, self%derivatives)
+        end if
     end subroutine attach
 
     !> All terms at rest at a point, or with other velocities, with M in columns.

@@ -21,6 +21,8 @@ module tandem_linalg_basis
     real(wp), parameter :: rank_tolerance = 1.0e-10_wp
     !> A diagonal entry of R below this requires the singular values.
     real(wp), parameter :: suspicion = 1.0e-7_wp
+    !> One below this is rounding: the rows are dependent.
+    real(wp), parameter :: rounding = 1.0e-13_wp
     !> Largest number of coordinates for QR in loops.
     integer, parameter :: few = 32
 
@@ -128,7 +130,12 @@ contains
                 call dorgqr(n, columns, min(self%m, columns), self%q, n, self%tau, self%work, lwork, info)
             end if
         end associate
-        if (.not. self%smallest > suspicion) call self%decide_rank(matrix, scale)
+        if (self%smallest <= rounding) then
+            ! No singular value is needed: the smallest one is at most this, and the largest one at least 1.
+            self%deficient = .true.
+        else if (.not. self%smallest > suspicion) then
+            call self%decide_rank(matrix, scale)
+        end if
         if (.not. self%deficient) self%dependent_row = 0
     end subroutine factor_qr
 

@@ -1,15 +1,16 @@
 ! SPDX-License-Identifier: MIT
-!> Dependent rows: choice of the rows to keep, representation of the others by these, and the solution of least norm of a
-!> rank-deficient system. For starts and after failures, not for steps: these procedures allocate.
+!> Dependent rows: choice of the rows to keep, and representation of the others by these. For starts and after failures, not for
+!> steps: these procedures allocate.
 module tandem_linalg_dependence
     use tandem_kinds, only: wp
-    use tandem_linalg_lapack, only: dgelsy, dgeqp3, dpotrf, dpotri, dsyrk
+    use tandem_linalg_lapack, only: dgeqp3, dpotrf, dpotri, dsyrk
+    use tandem_linalg_orthogonal, only: orthogonal_type
     use tandem_linalg_row_space, only: row_space_type
     use tandem_linalg_singular, only: orthonormalise
     implicit none (type, external)
     private
 
-    public :: count_independent, split_rows, solve_least_norm
+    public :: count_independent, split_rows
 
     !> Smaller coefficients of a vanishing combination are ignored; coefficients that differ by less are equal.
     real(wp), parameter :: counts = 1.0e-2_wp, equal = 1.0e-6_wp
@@ -32,7 +33,8 @@ contains
         integer, allocatable, intent(out) :: kept(:), dropped(:)
         !> matrix(dropped, :) = combination matrix(kept, :).
         real(wp), allocatable, intent(out) :: combination(:, :)
-        real(wp), allocatable :: null(:, :), rows(:, :), length(:), parts(:, :)
+        real(wp), allocatable :: null(:, :), rows(:, :), length(:), parts(:)
+        type(orthogonal_type) :: of_kept
         integer :: i, rank
         logical :: is_kept(size(matrix, 1)), is_clear
 
@@ -48,10 +50,11 @@ contains
         dropped = pack([(i, i=1, size(is_kept))], .not. is_kept)
         allocate (combination(size(dropped), size(kept)), source=0.0_wp)
         if (size(dropped) == 0) return
-        allocate (parts(size(kept), size(dropped)))
-        call solve_all(rows(:, kept), rows(:, dropped), parts)
-        do i = 1, size(kept)
-            if (length(kept(i)) > 0.0_wp) combination(:, i) = parts(i, :)*length(dropped)/length(kept(i))
+        call of_kept%factor(transpose(rows(:, kept)))
+        allocate (parts(size(kept)))
+        do i = 1, size(dropped)
+            call of_kept%solve_transposed(rows(:, dropped(i)), parts)
+            where (length(kept) > 0.0_wp) combination(i, :) = parts*length(dropped(i))/length(kept)
         end do
     end subroutine split_rows
 
@@ -221,38 +224,4 @@ contains
         end do
         are = 1.0_wp > trace*max(clearly, 10*tolerance)**2
     end function are_clearly_independent
-
-    !> Solution of least length of the least-squares problem A x = b; A may have any rank.
-    subroutine solve_least_norm(a, b, x)
-        !> A (m, n), b (m).
-        real(wp), intent(in) :: a(:, :), b(:)
-        !> x (n).
-        real(wp), intent(out) :: x(:)
-        real(wp) :: all_x(size(x), 1)
-
-        call solve_all(a, reshape(b, [size(b), 1]), all_x)
-        x = all_x(:, 1)
-    end subroutine solve_least_norm
-
-    !> The same for several right-hand sides: A (m, n), b (m, k), x (n, k).
-    subroutine solve_all(a, b, x)
-        real(wp), intent(in) :: a(:, :), b(:, :)
-        real(wp), intent(out) :: x(:, :)
-        !> Smaller pivots count as zero; see `rank_tolerance` in `tandem_linalg_basis`.
-        real(wp), parameter :: smallest_pivot = 1.0e-10_wp
-        real(wp) :: matrix(size(a, 1), size(a, 2)), rhs(max(size(a, 1), size(a, 2)), size(b, 2))
-        real(wp) :: work(40*(size(a, 1) + size(a, 2) + size(b, 2)) + 40)
-        integer :: order(size(a, 2)), rank, info, m, n
-
-        m = size(a, 1)
-        n = size(a, 2)
-        x = 0.0_wp
-        if (m == 0 .or. n == 0) return
-        matrix = a
-        rhs = 0.0_wp
-        rhs(:m, :) = b
-        order = 0
-        call dgelsy(m, n, size(b, 2), matrix, m, rhs, size(rhs, 1), order, smallest_pivot, rank, work, size(work), info)
-        if (info == 0) x = rhs(:n, :)
-    end subroutine solve_all
 end module tandem_linalg_dependence

@@ -63,18 +63,6 @@ module tandem_linalg_lapack
             integer, intent(out) :: iwork(*), info
         end subroutine dgesdd
 
-        !> The solution of least norm of a least-squares problem, by a complete orthogonal factorisation.
-        subroutine dgelsy(m, n, nrhs, a, lda, b, ldb, jpvt, rcond, rank, work, lwork, info)
-            import :: wp
-            implicit none (type, external)
-            integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
-            real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-            integer, intent(inout) :: jpvt(*)
-            real(wp), intent(in) :: rcond
-            integer, intent(out) :: rank, info
-            real(wp), intent(out) :: work(*)
-        end subroutine dgelsy
-
         !> Eigenvalues, ascending, and eigenvectors of a symmetric matrix.
         subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
             import :: wp

@@ -26,7 +26,7 @@ module tandem_linalg_orthogonal
         !> Rows in the order of P (m).
         integer, allocatable, private :: order(:)
     contains
-        procedure :: factor, solve, solve_transposed, get_null_basis
+        procedure :: factor, solve, solve_transposed, project, get_null_basis
     end type orthogonal_type
 
 contains
@@ -152,6 +152,16 @@ contains
             y(self%order) = matmul(self%q2, z)
         end if
     end subroutine solve_transposed
+
+    !> Subtract from x (n) its part in the row space.
+    pure subroutine project(self, x)
+        class(orthogonal_type), intent(in) :: self
+        real(wp), intent(inout) :: x(:)
+
+        associate (null => self%q(:, self%rank + 1:))
+            x = matmul(null, matmul(x, null))
+        end associate
+    end subroutine project
 
     !> z := R^-1 z, R upper triangular.
     pure subroutine solve_upper(r, z)

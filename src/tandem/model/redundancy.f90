@@ -6,7 +6,8 @@
 !> along the motions that these allow. Works on the rows of the model, without a chart. Used only if a chart finds dependent rows.
 module tandem_model_redundancy
     use tandem_kinds, only: wp
-    use tandem_linalg_dependence, only: count_independent, solve_least_norm, split_rows
+    use tandem_linalg_dependence, only: count_independent, split_rows
+    use tandem_linalg_orthogonal, only: orthogonal_type
     use tandem_model, only: model_type
     use tandem_model_differences, only: differences_type
     use tandem_model_evaluator, only: evaluator_type
@@ -34,6 +35,9 @@ module tandem_model_redundancy
         integer :: worst_row = 0
         type(evaluator_type), private :: evaluator
         type(differences_type), private :: differences
+        !> Rows of the last correction of `restore`; true if they may be reused nearby.
+        type(orthogonal_type), private :: nearby
+        logical, private :: is_near = .false.
         real(wp), allocatable, private :: scale(:)
         real(wp), private :: rate = 1.0_wp
     contains
@@ -67,6 +71,7 @@ contains
         self%rate = 1.0_wp/model%time_scale
         self%failed_row = 0
         self%failed_level = 0
+        self%is_near = .false.
         self%q = q
         call self%evaluator%initialize(model, wants_mass=.false.)
         ! Allocated on demand, because they need the memory of a model.
@@ -119,7 +124,8 @@ contains
         end associate
     end function partners
 
-    !> Project q onto holonomic rows by steps of least length; stops if the rows are contradictory.
+    !> Project q onto holonomic rows by steps of least length, with the factors of a nearby point as long as these converge fast;
+    !> stops if the rows are contradictory.
     subroutine restore(self, rows, t, q, counts, stat)
         class(redundancy_type), intent(inout) :: self
         !> Rows to satisfy.
@@ -128,13 +134,16 @@ contains
         real(wp), intent(inout), contiguous :: q(:)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        integer, parameter :: most_steps = 8
+        integer, parameter :: most_steps = 12
+        real(wp), parameter :: fast = 0.05_wp
         real(wp) :: step(size(q)), error, last_error, magnitude(size(q)), phi(size(rows)), jacobian(size(rows), size(q))
+        logical :: is_old
         integer :: k, row
 
         stat = status_ok
         if (size(rows) == 0) return
         last_error = huge(1.0_wp)
+        is_old = .true.
         associate (terms => self%evaluator%terms)
             do k = 1, most_steps
                 call self%evaluator%evaluate(need_phi + need_jacobian, t, q, q, counts, stat)
@@ -143,9 +152,15 @@ contains
                 jacobian = terms%jacobian(rows, :)
                 call self%evaluator%set_magnitudes(q, magnitude)
                 call position_errors(phi, jacobian, magnitude, self%scale, error, row)
-                if (error <= 4*epsilon(1.0_wp) .or. .not. error < 0.5_wp*last_error) return
+                if (error <= 4*epsilon(1.0_wp) .or. .not. (error < 0.5_wp*last_error .or. is_old)) return
+                is_old = self%is_near .and. error < fast*last_error
+                if (.not. is_old) then
+                    if (.not. sum(abs(jacobian)) <= huge(1.0_wp)) return
+                    call self%nearby%factor(jacobian*spread(self%scale, 1, size(rows)))
+                    self%is_near = .true.
+                end if
                 last_error = error
-                call solve_least_norm(jacobian*spread(self%scale, 1, size(rows)), -phi, step)
+                call self%nearby%solve(-phi, step)
                 q = q + self%scale*step
             end do
         end associate
@@ -227,19 +242,19 @@ contains
         !> error is about the distance squared and the rank remainder the distance; both are rounding for redundant rows.
         real(wp), parameter :: distance = 1.0e-3_wp, largest_error = 1.0e-9_wp, largest_rest = 1.0e-7_wp
         integer, parameter :: n_states = 3
-        real(wp) :: direction(size(self%q)), part(size(self%q)), q(size(self%q)), magnitude(size(self%q)), error
+        type(orthogonal_type) :: of_kept
+        real(wp) :: direction(size(self%q)), q(size(self%q)), magnitude(size(self%q)), error
         integer :: i, j, nh, row
 
         stat = status_ok
         if (size(self%kept) == size(self%q)) return
         nh = size(self%evaluator%terms%phi)
+        call of_kept%factor(jacobian(self%kept, :)*spread(self%scale, 1, size(self%kept)))
+        self%is_near = .false.
         do i = 1, n_states
             ! A direction without preference, minus its component in the rows.
             direction = [(sin(real(i + j*(i + 1), wp)), j=1, size(direction))]
-            associate (rows => jacobian(self%kept, :)*spread(self%scale, 1, size(self%kept)))
-                call solve_least_norm(rows, matmul(rows, direction), part)
-            end associate
-            direction = direction - part
+            call of_kept%project(direction)
             if (.not. norm2(direction) > 0.0_wp) cycle
             q = self%q + distance*self%scale*direction/norm2(direction)
             call self%restore(pack(self%kept, self%kept <= nh), t, q, counts, stat)

@@ -7,7 +7,8 @@
 !> in the violation of each row, so that the parts of the rows add up to the move.
 module tandem_simulate_nearest_velocity
     use tandem_kinds, only: wp
-    use tandem_linalg_singular, only: decompose_symmetric, singular_type
+    use tandem_linalg_orthogonal, only: orthogonal_type
+    use tandem_linalg_singular, only: decompose_symmetric
     use tandem_model_evaluator, only: evaluator_type
     use tandem_model_terms, only: need_jacobian, need_mass, need_nu
     use tandem_status, only: status_inconsistent_start, status_not_finite, status_ok
@@ -33,7 +34,7 @@ module tandem_simulate_nearest_velocity
         real(wp), private :: tolerance = 0.0_wp
         !> C diag(width) of the free entries with rows of unit length (m, free), and their lengths (m).
         real(wp), allocatable, private :: a(:, :), length(:)
-        type(singular_type), private :: singular
+        type(orthogonal_type), private :: rows
         !> Z (free, free - rank), (Z'KZ)^+ and Z'K (free - rank, free).
         real(wp), allocatable, private :: z(:, :), inverse(:, :), coupling(:, :)
     contains
@@ -68,7 +69,6 @@ contains
         allocate (self%a(m, size(self%free)), source=0.0_wp)
         if (allocated(self%pull)) deallocate (self%pull)
         allocate (self%pull(m, size(scale)), source=0.0_wp)
-        call self%singular%allocate(m, size(self%free))
     end subroutine initialize
 
     !> qd := the nearest consistent velocity at (t, q); a consistent one is unchanged bitwise. Statuses: inconsistent_start,
@@ -139,7 +139,7 @@ contains
             if (.not. self%length(i) > 0.0_wp) self%length(i) = 1.0_wp
             self%a(i, :) = self%a(i, :)/self%length(i)
         end do
-        call self%singular%factor(self%a)
+        call self%rows%factor(self%a)
     end subroutine factor
 
     !> (Z'KZ)^+ and Z'K for K = diag(width) M diag(width).
@@ -161,7 +161,7 @@ contains
             model%failed_term = 'mass'
             return
         end if
-        call self%singular%get_null_basis(self%z)
+        call self%rows%get_null_basis(self%z)
         mass = model%terms%mass(self%free, self%free)
         do j = 1, size(self%free)
             mass(:, j) = mass(:, j)*self%width*self%width(j)
@@ -185,7 +185,7 @@ contains
         real(wp), intent(in) :: violation(:)
         real(wp), intent(out) :: y(:)
 
-        call self%singular%solve(violation, y)
+        call self%rows%solve(violation, y)
         if (self%by_mass) y = y - matmul(self%z, matmul(self%inverse, matmul(self%coupling, y)))
     end subroutine respond
 end module tandem_simulate_nearest_velocity
