@@ -28,9 +28,10 @@ module tandem_analysis_equilibrium
 
     !> Largest number of iterations of Newton, and of implicit steps.
     integer, parameter :: most_iterations = 60, most_relaxations = 400
-    !> Full matrices above this number of coordinates take minutes. The number of their factors in each part of a search is limited
-    !> to `most_operations` over n^2, and at least to `least_factors`.
-    integer, parameter :: most_full = 1000, least_factors = 60
+    !> Full matrices above the first number of coordinates take minutes; a search that failed with sparse ones is repeated with full
+    !> ones up to the second number. Their factors in each part of a search are limited to `most_operations` over n^2, and at least
+    !> to `least_factors`.
+    integer, parameter :: most_full = 1000, most_repeated = 500, least_factors = 60
     real(wp), parameter :: most_operations = 2.0e7_wp
     !> The longest step over the size of the coordinates: a long chain swings far.
     real(wp), parameter :: longest = 0.5_wp
@@ -94,7 +95,7 @@ contains
             iterations = search%iterations
             relaxations = search%relaxations
             n_free = search%n_free
-            if (.not. search%is_singular .or. model%n > most_full) exit
+            if (stat /= status_no_equilibrium .or. .not. search%is_singular .or. model%n > most_repeated) exit
         end do
         call refuse(search, stat, error)
     end subroutine settle
