@@ -44,6 +44,7 @@ contains
         if (.not. present(pattern) .or. n < large) return
         self%tries_sparse = .true.
         call self%sparse%analyse(pattern, spread(1.0_wp, 1, n))
+        self%sparse%drops_dependent = .true.
     end subroutine initialize
 
     !> Factor a matrix of finite numbers, whose rows should be of about the same length.
@@ -55,7 +56,7 @@ contains
         self%is_sparse = .false.
         if (self%tries_sparse) then
             call self%sparse%load_rows(a, is_full=.true.)
-            call self%sparse%factor(stat, drops_dependent=.true.)
+            call self%sparse%factor(stat)
             self%is_sparse = stat == 0 .and. .not. any(self%sparse%is_out(:self%m)) .and. self%sparse%independence() > clearly
             self%rank = self%m
             if (self%is_sparse) return

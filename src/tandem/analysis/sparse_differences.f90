@@ -44,7 +44,7 @@ contains
     subroutine copy_derivatives(self, stat)
         type(sparse_point_type), intent(inout) :: self
         integer, intent(out) :: stat
-        real(wp) :: none(self%n)
+        real(wp) :: none(self%n), total
         integer :: j, k
 
         none = 0.0_wp
@@ -58,8 +58,8 @@ contains
             end do
         end do
         if (allocated(self%turning)) self%turning = self%derivatives%velocity_q
-        if (.not. sum(abs(self%stiffness)) + sum(abs(self%damping)) + sum(abs(self%derivatives%velocity_q)) <= huge(1.0_wp)) &
-            stat = status_not_finite
+        total = sum(abs(self%stiffness)) + sum(abs(self%damping)) + sum(abs(self%derivatives%velocity_q))
+        if (.not. total <= huge(1.0_wp)) stat = status_not_finite
     end subroutine copy_derivatives
 
     !> The columns of coordinate l of the bodies of a group.

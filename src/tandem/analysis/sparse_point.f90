@@ -146,6 +146,7 @@ contains
         call find_neighbours(pattern, neighbours)
         call find_groups(neighbours, most_groups, self%group, self%n_groups)
         call self%ties%analyse(pattern, self%scale)
+        self%ties%drops_dependent = .true.
         self%columns = self%ties%columns
         self%stiffness = spread(0.0_wp, 1, size(self%columns%row))
         self%damping = self%stiffness
@@ -265,7 +266,7 @@ contains
             call self%columns%add_diagonal(metric, h)
         end if
         call self%ties%load(h, self%evaluator%terms%jacobian)
-        call self%ties%factor(stat, drops_dependent=.true.)
+        call self%ties%factor(stat)
         if (stat /= 0) then
             stat = merge(status_work_limit, status_singular_mass, stat == saddle_too_large)
             return

@@ -33,16 +33,16 @@ contains
         integer, allocatable, intent(out) :: kept(:), dropped(:)
         !> matrix(dropped, :) = combination matrix(kept, :).
         real(wp), allocatable, intent(out) :: combination(:, :)
-        real(wp), allocatable :: null(:, :), rows(:, :), length(:), parts(:)
+        real(wp), allocatable :: vanishing(:, :), rows(:, :), length(:), parts(:)
         type(orthogonal_type) :: of_kept
         integer :: i, rank
         logical :: is_kept(size(matrix, 1)), is_clear
 
         is_kept = .true.
         call set_unit_rows(matrix, scale, rows, length)
-        call find_vanishing(rows, tolerance, rank, is_clear, null)
+        call find_vanishing(rows, tolerance, rank, is_clear, vanishing)
         if (is_clear) then
-            call choose_rows(null, n_first, is_kept)
+            call choose_rows(vanishing, n_first, is_kept)
             is_clear = are_clearly_independent(rows(:, pack([(i, i=1, size(is_kept))], is_kept)), tolerance)
         end if
         if (.not. is_clear) call drop_in_turn(matrix, scale, n_first, tolerance, is_kept)
@@ -95,7 +95,7 @@ contains
     end subroutine set_unit_rows
 
     !> Rank of rows of unit length by pivoted QR, and an orthonormal basis of the combinations that vanish.
-    subroutine find_vanishing(rows, tolerance, rank, is_clear, null)
+    subroutine find_vanishing(rows, tolerance, rank, is_clear, vanishing)
         !> (n, m)
         real(wp), intent(in) :: rows(:, :)
         real(wp), intent(in) :: tolerance
@@ -103,7 +103,7 @@ contains
         !> True if as many singular values as this exceed the tolerance by far, and all others are below it.
         logical, intent(out) :: is_clear
         !> (m, m - rank)
-        real(wp), allocatable, intent(out), optional :: null(:, :)
+        real(wp), allocatable, intent(out), optional :: vanishing(:, :)
         !> Independent rows have larger diagonal entries of R.
         real(wp), parameter :: clearly = 1.0e-4_wp
         real(wp) :: r(size(rows, 1), size(rows, 2)), tau(size(rows, 2)), work(32*(size(rows, 2) + 1))
@@ -125,9 +125,9 @@ contains
         ! Columns below the diagonal are at most as long as its next entry, which bounds the remaining singular values.
         is_clear = rank == min(n, m)
         if (.not. is_clear) is_clear = abs(r(rank + 1, rank + 1))*sqrt(real(m - rank, wp)) <= 0.1_wp*tolerance
-        if (.not. (present(null) .and. is_clear)) return
+        if (.not. (present(vanishing) .and. is_clear)) return
         ! R11 X + R12 = 0.
-        allocate (basis(m, m - rank), null(m, m - rank), source=0.0_wp)
+        allocate (basis(m, m - rank), vanishing(m, m - rank), source=0.0_wp)
         do j = 1, m - rank
             basis(rank + j, j) = 1.0_wp
             basis(:rank, j) = -r(:rank, rank + j)
@@ -137,34 +137,34 @@ contains
             end do
         end do
         call orthonormalise(basis)
-        null(order, :) = basis
+        vanishing(order, :) = basis
     end subroutine find_vanishing
 
     !> Choose a row for each of the vanishing combinations. Only combinations without dropped rows are left.
-    pure subroutine choose_rows(null, n_first, is_kept)
+    pure subroutine choose_rows(vanishing, n_first, is_kept)
         !> An orthonormal basis (m, any); changed.
-        real(wp), intent(inout) :: null(:, :)
+        real(wp), intent(inout) :: vanishing(:, :)
         integer, intent(in) :: n_first
         !> (m)
         logical, intent(inout) :: is_kept(:)
-        real(wp) :: share(size(is_kept)), part(size(is_kept)), normal(size(null, 2)), length
+        real(wp) :: share(size(is_kept)), part(size(is_kept)), normal(size(vanishing, 2)), length
         integer :: i, j, k, row
 
-        do k = size(null, 2), 1, -1
+        do k = size(vanishing, 2), 1, -1
             do i = 1, size(share)
-                share(i) = merge(norm2(null(i, :k)), 0.0_wp, is_kept(i))
+                share(i) = merge(norm2(vanishing(i, :k)), 0.0_wp, is_kept(i))
             end do
             share = share/maxval(share)
             if (any(share(n_first + 1:) > counts)) share(:n_first) = 0.0_wp
             row = findloc(share >= (1.0_wp - equal)*maxval(share), .true., dim=1, back=.true.)
             is_kept(row) = .false.
             ! A reflection of the basis after which only its last vector contains the row.
-            length = norm2(null(row, :k))
-            normal(:k) = null(row, :k)
+            length = norm2(vanishing(row, :k))
+            normal(:k) = vanishing(row, :k)
             normal(k) = normal(k) + sign(length, normal(k))
-            part = 2*matmul(null(:, :k), normal(:k))/sum(normal(:k)**2)
+            part = 2*matmul(vanishing(:, :k), normal(:k))/sum(normal(:k)**2)
             do j = 1, k
-                null(:, j) = null(:, j) - normal(j)*part
+                vanishing(:, j) = vanishing(:, j) - normal(j)*part
             end do
         end do
     end subroutine choose_rows

@@ -158,8 +158,8 @@ contains
         class(orthogonal_type), intent(in) :: self
         real(wp), intent(inout) :: x(:)
 
-        associate (null => self%q(:, self%rank + 1:))
-            x = matmul(null, matmul(x, null))
+        associate (kernel => self%q(:, self%rank + 1:))
+            x = matmul(kernel, matmul(x, kernel))
         end associate
     end subroutine project
 

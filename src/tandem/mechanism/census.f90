@@ -91,8 +91,9 @@ contains
             call mechanism%evaluate(need_jacobian, t, q, qd, terms, stat)
             if (stat /= 0) return
             call rows%analyse(mechanism%pattern, ones)
+            rows%drops_dependent = .true.
             call rows%load_rows(terms%jacobian, is_full=.false.)
-            call rows%factor(stat, drops_dependent=.true.)
+            call rows%factor(stat)
             is_known = stat == 0 .and. (mechanism%n > most_full .or. (.not. any(rows%is_out) .and. &
                 rows%independence() > clearly))
             if (is_known) then
@@ -101,7 +102,7 @@ contains
                 rank_of_phi = mechanism%n_holonomic
                 if (any(is_redundant)) then
                     call rows%load_rows(terms%jacobian(:rank_of_phi, :), is_full=.false.)
-                    call rows%factor(stat, drops_dependent=.true.)
+                    call rows%factor(stat)
                     rank_of_phi = count(.not. rows%is_out)
                 end if
             end if

@@ -14,6 +14,7 @@ module tandem_saddle_dense
 
     public :: dense_saddle_type
 
+    !> A saddle-point system with full matrices.
     type, extends(saddle_type) :: dense_saddle_type
         private
         !> H in scaled coordinates (n, n), and rows of C, of unit length there (m, n); 1 over their lengths (m).
@@ -97,10 +98,9 @@ contains
     end subroutine load_below
 
     !> Factor the matrix. It may be singular.
-    subroutine factor(self, stat, drops_dependent)
+    subroutine factor(self, stat)
         class(dense_saddle_type), intent(inout) :: self
         integer, intent(out) :: stat
-        logical, intent(in), optional :: drops_dependent
         real(wp), allocatable :: reduced(:, :)
 
         stat = 0
@@ -114,7 +114,6 @@ contains
             reduced = matmul(transpose(self%w), matmul(self%h, self%w))
         end if
         if (.not. sum(abs(reduced)) <= huge(1.0_wp)) stat = saddle_singular
-        if (present(drops_dependent)) continue
         if (stat /= 0) return
         call self%reduced%factor(reduced, self%size_of_h)
         self%n_free = size(reduced, 2) - self%reduced%rank

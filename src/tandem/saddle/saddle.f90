@@ -27,9 +27,11 @@ module tandem_saddle
         type(columns_type) :: columns
         !> Coordinate scales (n): solutions of least norm are those of x/scale.
         real(wp), allocatable :: scale(:)
-        !> Rows that take no part (m): set before `load`, and by `drop_dependent` for rows that depend on others. Their multipliers
+        !> Rows that take no part (m): set before `load`, and by `factor` for rows that depend on others. Their multipliers
         !> are zero. The dense implementation keeps all rows and computes multipliers of least norm, of rows of unit length.
         logical, allocatable :: is_out(:)
+        !> True if rows may depend on others. The dense implementation always expects this.
+        logical :: drops_dependent = .false.
         !> Size of H below which reduced matrices are rounding.
         real(wp) :: size_of_h = 0.0_wp
         !> Dimension of the set of solutions x after `factor`; not zero in the dense implementation alone.
@@ -65,14 +67,12 @@ module tandem_saddle
         end subroutine load_interface
 
         !> Factor the loaded matrix.
-        subroutine factor_interface(self, stat, drops_dependent)
+        subroutine factor_interface(self, stat)
             import :: saddle_type
             implicit none (type, external)
             class(saddle_type), intent(inout) :: self
             !> 0, `saddle_singular` or `saddle_too_large`.
             integer, intent(out) :: stat
-            !> True to search for rows that depend on others.
-            logical, intent(in), optional :: drops_dependent
         end subroutine factor_interface
 
         !> Solve with the last factors. Systems of dependent rows, and singular ones of the dense implementation, have least-squares

@@ -19,6 +19,7 @@ module tandem_saddle_sparse
     !> A row depends on others if its pivot falls to this part of its initial value: an angle of 1e-5, as in the sparse chart.
     real(wp), parameter :: least_pivot = 1.0e-10_wp
 
+    !> A saddle-point system with sparse factors.
     type, extends(saddle_type) :: sparse_saddle_type
         !> Divisor of H; 1 over the length of each row (m).
         real(wp) :: unit = 1.0_wp
@@ -179,15 +180,14 @@ contains
     end subroutine load_rows
 
     !> Factor the matrix, and leave out rows that depend on others.
-    subroutine factor(self, stat, drops_dependent)
+    subroutine factor(self, stat)
         class(sparse_saddle_type), intent(inout) :: self
         integer, intent(out) :: stat
-        logical, intent(in), optional :: drops_dependent
         logical :: may_leave(self%matrix%n)
         integer :: i
 
         may_leave = .false.
-        if (present(drops_dependent)) may_leave(self%n + 1:) = drops_dependent
+        may_leave(self%n + 1:) = self%drops_dependent
         call self%lu%factor(self%matrix, self%order, most_factor_entries, stat, may_leave, least_pivot)
         if (stat == 0) then
             if (size(self%lu%left_rows) == 0) return

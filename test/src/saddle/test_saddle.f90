@@ -50,7 +50,7 @@ contains
         call pattern%build([(1 + width*(b - 1), b=1, n_bodies + 1)], spread(width, 1, n_bodies), m, rows, bodies, spread(0, 1, m))
     end subroutine make_chain
 
-    !> Random full matrices with this pattern, and their entries: H symmetric and positive definite; a second last joint equal to the
+    !> Random full matrices with this pattern, and their entries: H symmetric and positive definite; the last joint twice the second
     !> last one.
     subroutine fill(saddle, is_redundant, h, c, entries, compressed)
         class(saddle_type), intent(in) :: saddle
@@ -113,8 +113,8 @@ contains
         end do
     end subroutine test_equations
 
-    !> A joint that is there twice: x and the sum of its multipliers are those without it; multipliers of least norm if the matrix is
-    !> dense, and a joint that is left out if it is sparse.
+    !> A joint that is there twice: x does not depend on the factors. Multipliers have least norm if the matrix is dense, and the
+    !> joint is left out if it is sparse.
     subroutine test_dependent(error)
         type(error_type), allocatable, intent(out) :: error
         class(saddle_type), allocatable :: saddle
@@ -128,7 +128,8 @@ contains
             call saddle%analyse(pattern, spread(1.0_wp, 1, 5*width))
             call fill(saddle, .true., h, c, entries, compressed)
             call saddle%load(entries, compressed)
-            call saddle%factor(stat, drops_dependent=.true.)
+            saddle%drops_dependent = .true.
+            call saddle%factor(stat)
             call check_count(error, stat, 0, 'status')
             if (allocated(error)) return
             seed = 7
