@@ -83,7 +83,7 @@ contains
         rank = count(diagonal > clearly_nonzero*largest)
         if (rank == size(diagonal)) return
         if (diagonal(rank + 1) <= clearly_zero*largest) return
-        copy = a
+        allocate (copy, source=a)
         call dgesvd('N', 'N', size(a, 1), size(a, 2), copy, size(a, 1), values, no_left, 1, no_right, 1, work, size(work), info)
         rank = 0
         if (info == 0) rank = count(values > rank_tolerance*max(values(1), largest))

@@ -244,7 +244,7 @@ contains
         integer, parameter :: n_states = 3
         type(orthogonal_type) :: of_kept
         real(wp) :: direction(size(self%q)), q(size(self%q)), magnitude(size(self%q)), error
-        integer :: i, j, nh, row
+        integer :: i, j, nh, rank, row
 
         stat = status_ok
         if (size(self%kept) == size(self%q)) return
@@ -271,8 +271,8 @@ contains
                 row = 0
                 call self%evaluator%set_magnitudes(q, magnitude)
                 if (nh > 0) call position_errors(terms%phi, terms%jacobian, magnitude, self%scale, error, row)
-                if (error <= largest_error .and. count_independent(terms%jacobian, self%scale, nh, largest_rest) == &
-                    size(self%kept)) cycle
+                rank = count_independent(terms%jacobian, self%scale, nh, largest_rest)
+                if (error <= largest_error .and. rank == size(self%kept)) cycle
             end associate
             self%failed_row = self%dropped(1)
             stat = status_rank_deficient

@@ -21,14 +21,26 @@ contains
         type(pattern_type), intent(in) :: pattern
         !> Operations on full matrices over n^3, and the time of one with complex numbers and indices over one of these.
         real(wp), parameter :: full = 4.0_wp, slower = 32.0_wp
-        type(list_type), allocatable :: left(:), none(:)
-        integer :: order(pattern%n_bodies), place(pattern%n_bodies), unknowns(pattern%n_bodies), b, i, k
-        real(wp) :: cost, front
+        type(list_type), allocatable :: neighbours(:)
+        real(wp) :: operations
 
-        suits_sparse = .false.
-        if (pattern%n_bodies < 2) return
-        call find_neighbours(pattern, left)
-        allocate (none(pattern%n_bodies))
+        ! gfortran warns of unset bounds without this.
+        allocate (neighbours(0))
+        call find_neighbours(pattern, neighbours)
+        call count_operations(pattern, neighbours, operations)
+        suits_sparse = pattern%n_bodies > 1 .and. slower*operations < full*real(size(pattern%column), wp)**3
+    end function suits_sparse
+
+    !> Number of operations with sparse factors.
+    subroutine count_operations(pattern, left, cost)
+        type(pattern_type), intent(in) :: pattern
+        !> Neighbours of each body; afterwards those that were left when it was eliminated.
+        type(list_type), intent(inout) :: left(:)
+        real(wp), intent(out) :: cost
+        type(list_type) :: none(pattern%n_bodies)
+        integer :: order(pattern%n_bodies), place(pattern%n_bodies), unknowns(pattern%n_bodies), b, i, k
+        real(wp) :: front
+
         call order_nodes(left, none, order)
         do k = 1, pattern%n_bodies
             place(order(k)) = k
@@ -48,8 +60,7 @@ contains
             if (left(b)%n > 0) front = front + sum(unknowns(left(b)%item(:left(b)%n)))
             cost = cost + unknowns(b)*front**2
         end do
-        suits_sparse = slower*cost < full*real(size(pattern%column), wp)**3
-    end function suits_sparse
+    end subroutine count_operations
 
     !> Allocate a sparse or a dense system, which is then to be analysed.
     subroutine allocate_saddle(is_sparse, saddle)

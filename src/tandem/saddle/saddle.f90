@@ -102,7 +102,7 @@ contains
         type(pattern_type), intent(in), target :: pattern
         real(wp), intent(in) :: scale(:)
         !> Of each body.
-        type(list_type), allocatable, intent(out) :: neighbours(:)
+        type(list_type), allocatable, intent(inout) :: neighbours(:)
 
         self%pattern => pattern
         self%n = size(scale)
