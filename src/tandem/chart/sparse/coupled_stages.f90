@@ -109,6 +109,8 @@ contains
         integer, intent(out) :: stat
 
         associate (s => self%system, n => self%n)
+            ! The forces of the residual have the friction of the iterate's own multipliers.
+            if (s%has_friction) s%has_motion = .false.
             call s%move_with(t, q, qd, self%counts, stat)
             if (stat /= status_ok) then
                 self%failure%term = trim(s%model%failed_term)
@@ -119,11 +121,15 @@ contains
             if (self%is_alone()) then
                 call self%begin_multipliers(stage, t)
                 self%stage_qd(:) = qd
-                call find_forces(self, rate_qd, self%lambda, residual)
+                call s%model%add_friction(t, q, qd, self%lambda, stat)
+                if (stat == status_ok) call find_forces(self, rate_qd, self%lambda, residual)
             else
                 call self%begin_stage(stage, t)
-                call find_forces(self, rate_qd, self%lambda_of(:, stage), residual)
+                call s%model%add_friction(t, q, qd, self%lambda_of(:, stage), stat)
+                if (stat == status_ok) call find_forces(self, rate_qd, self%lambda_of(:, stage), residual)
             end if
+            if (s%normal_forces%n > 0) s%has_motion = .false.
+            if (stat /= status_ok) self%failure%term = trim(s%model%failed_term)
         end associate
     end subroutine find_residual_at
 

@@ -87,7 +87,7 @@ contains
         if (allocated(model%pattern%coupled)) pairs = model%pattern%coupled
         call stiffness%build(model%pattern%first, pairs)
         allocate (self%newton)
-        call self%newton%initialize(self%system%analysis, stiffness, model%pattern%mass_width)
+        call self%newton%initialize(self%system%analysis, stiffness, model%pattern%mass_width, model%n_frictions)
         self%force = spread(0.0_wp, 1, model%n)
         self%part = self%force
         self%total = self%force
@@ -120,12 +120,14 @@ contains
         associate (s => self%system)
             call s%move_with(t, q, qd, self%counts, stat)
             if (stat == status_ok) call s%factorize(self%counts, stat)
+            if (stat == status_ok) call s%add_friction(stat)
             if (stat /= status_ok) then
                 call self%fail_here(stat)
                 return
             end if
             s%g(:) = -s%model%terms%gamma
             call s%factor(s%here)%solve(s%analysis, .true., s%model%terms%force, s%g, self%part, s%z)
+            call s%complete(self%part)
             call self%keep_multipliers()
             call s%find_multipliers(self%part, self%lambda)
             call s%model%evaluate_stiffness(t, q, qd, qdd, self%lambda, self%newton%terms%stiffness, self%counts, stat)
@@ -134,6 +136,8 @@ contains
                 return
             end if
             call self%newton%form(s%factor(s%here), s%model%terms%mass)
+            if (size(s%massless) /= size(self%newton%terms%massless)) call self%newton%tell_massless(s%massless, s%added)
+            if (s%normal_forces%n > 0) call self%newton%set_friction(s%model%directions, s%model%normals_gradient)
             call self%newton%factor(ha, stat)
             self%left = 2.0_wp
             self%angle = 1.0_wp

@@ -5,7 +5,7 @@
 !> origin, so that the factor for the acceleration there is reused for all corrections of the step. Neither a basis nor a projector
 !> is formed. Corrections for Phi use no row of E: this complement of the tangent space is as good as others.
 module tandem_chart_sparse_motion
-    use tandem_chart_sparse_partners, only: find_partners_of => find_partners
+    use tandem_chart_sparse_partners, only: choose_independent, find_partners_of => find_partners
     use tandem_chart_sparse_progress, only: is_rounding, is_trusted, largest, learn, progress_type, unknown
     use tandem_chart_sparse_rank, only: rank_type
     use tandem_chart_sparse_secants, only: secants_type
@@ -120,8 +120,6 @@ contains
             obstacle = 'the model''s evaluate does not give the jacobian, the mass matrix and gamma'
         else if (maxval(model%pattern%first(2:) - model%pattern%first(:model%pattern%n_bodies)) > most_coordinates) then
             obstacle = 'a body of the model''s pattern has more than 12 coordinates'
-        else if (model%n_frictions > 0) then
-            obstacle = 'friction on reactions needs the dense chart'
         else if (implicit .and. .not. model%derives_by_bodies) then
             obstacle = 'the model gives no derivatives by bodies (evaluate_stiffness), which implicit steppers need'
         else if (options%chart /= 'every_step') then
@@ -242,9 +240,10 @@ contains
         integer :: i
 
         stat = status_rank_deficient
-        if (self%system%m > self%system%nh) return
+        ! Friction needs reactions, which redundant rows leave undetermined.
+        if (self%system%normal_forces%n > 0) return
         call self%system%visit(t, q, self%counts, stat)
-        if (stat == status_ok) call self%system%choose_rows(self%counts, stat)
+        if (stat == status_ok) call choose_independent(self%system, self%counts, stat)
         if (stat /= status_ok) then
             call self%fail_here(stat)
             return
@@ -520,6 +519,7 @@ contains
                 self%allowed), goal%is_stage), qdd, is_solved)
             if (is_solved) return
             if (stat == status_ok) call s%factorize(self%counts, stat)
+            if (stat == status_ok) call s%add_friction(stat)
             if (stat /= status_ok) then
                 call self%fail_here(stat)
                 return
@@ -527,6 +527,7 @@ contains
             associate (here => s%factor(s%here))
                 s%g(:) = -s%model%terms%gamma
                 call here%solve(s%analysis, .true., s%model%terms%force, s%g, qdd, s%z)
+                call s%complete(qdd)
                 if (.not. s%is_held) call s%nearby%note(t, qdd, s%z)
                 do pass = 1, merge(0, passes(here%least), goal%is_stage)
                     ! Rounding error of C qdd + gamma.
