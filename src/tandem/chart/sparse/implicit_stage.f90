@@ -53,8 +53,8 @@ module tandem_chart_sparse_implicit_stage
     contains
         procedure :: do_attach, do_factor, do_reuse, do_filter, pack_newton
         procedure(expect_interface), deferred :: expect_pairs
-        procedure :: begin_multipliers, find_correction
-        procedure, private :: keep_multipliers, make_tangent
+        procedure :: begin_multipliers, find_correction, make_tangent
+        procedure, private :: keep_multipliers
     end type sparse_implicit_type
 
     abstract interface
@@ -99,6 +99,10 @@ contains
         self%stage_lambda = 0
         self%left = 2.0_wp
         self%iterate_tolerance = options%newton_tolerance()
+        self%follows_stiffness = damps
+        ! Measured on sliders on stiff springs and on the governor.
+        self%after_hard_step = 0.95_wp
+        self%easing = 1.02_wp
         ! Measured on sprung chains.
         self%matrix_cost = 5.0_wp
         self%mu = self%lambda

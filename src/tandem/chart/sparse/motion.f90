@@ -25,7 +25,7 @@ module tandem_chart_sparse_motion
     implicit none (type, external)
     private
 
-    public :: sparse_motion_type, find_obstacle, do_attach
+    public :: sparse_motion_type, find_obstacle, do_attach, take_complement
 
     !> If a correction leaves no more than this, the second derivative predicts an implicit stage; if bodies turn far within a step
     !> it is inaccurate.
@@ -45,6 +45,8 @@ module tandem_chart_sparse_motion
         !> stages.
         real(wp) :: tolerance = 0.0_wp
         real(wp) :: end_tolerance = 0.0_wp, stage_tolerance = 0.0_wp, velocity_tolerance = 0.0_wp, stage_velocity_tolerance = 0.0_wp
+        !> Largest errors of the next iterate of a stage, if they may be larger than those of other points.
+        real(wp) :: loose_position = 0.0_wp, loose_velocity = 0.0_wp
         !> Largest error if rounding prevents a smaller one: positions are judged by the scales at the start of a step here, by
         !> those at its end afterwards.
         real(wp) :: allowed = 0.0_wp
@@ -420,7 +422,7 @@ contains
             if (.not. goal%is_iterate) self%defect_of_delta = 0.0_wp
             if (goal%defect < huge(1.0_wp) .and. self%has_curve) self%delta(:) = goal%defect*self%curve
         end if
-        wanted = merge(self%stage_tolerance, self%end_tolerance, goal%is_stage)
+        wanted = max(merge(self%stage_tolerance, self%end_tolerance, goal%is_stage), self%loose_position)
         first_error = 0.0_wp
         error_before = 0.0_wp
         last_error = unknown
