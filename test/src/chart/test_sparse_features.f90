@@ -5,7 +5,7 @@ module test_sparse_features
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
     use large_runs, only: controlled, go_on
     use tandem, only: failure_type => error_type, long, options_type, simulation_type, statistics_type, wp
-    use tandem_io, only: read_scene, scene_type
+    use tandem_io, only: find_scene, read_scene, scene_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -80,7 +80,8 @@ contains
             new_unittest('friction-on-reactions', test_friction), &
             new_unittest('coordinates-without-mass', test_massless), &
             new_unittest('redundant-rows-at-velocity-level', test_redundant), &
-            new_unittest('couplings-that-can-be-freed', test_coupling)]
+            new_unittest('couplings-that-can-be-freed', test_coupling), &
+            new_unittest('a-stiff-mechanism-that-turns-costs-no-steps', test_governor)]
     end subroutine collect_sparse_features
 
     subroutine test_friction(error)
@@ -107,6 +108,41 @@ contains
         call compare(locked//'true'//nl, 0, error)
         if (.not. allocated(error)) call compare(locked//'false'//nl, 0, error)
     end subroutine test_coupling
+
+    !> Springs of 960 times the frequency of the motion rotate with a governor, by a third of a radian in a step. Both charts take
+    !> nearly the same steps, and end nearly in the same state.
+    subroutine test_governor(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), parameter :: steppers(4) = [character(len=9) :: 'radau5', 'radau5', 'sdirk54', 'trapezoid']
+        real(wp), parameter :: rtols(4) = [1.0e-4_wp, 1.0e-6_wp, 1.0e-3_wp, 1.0e-3_wp]
+        type(simulation_type) :: run
+        type(scene_type), target :: scene
+        type(failure_type), allocatable :: failure
+        type(statistics_type) :: statistics
+        character(len=:), allocatable :: path
+        real(wp), allocatable :: q(:)
+        real(wp) :: attempts(2)
+        integer :: i, k
+
+        call find_scene('a05_governor', path, failure)
+        if (.not. allocated(failure)) call read_scene(path, [character(len=1) ::], scene, failure)
+        call check_no_failure(error, failure)
+        do k = 1, size(steppers)
+            do i = 1, 2
+                if (allocated(error)) return
+                call run%initialize(scene%model, controlled(rtols(k), merge('dense ', 'sparse', i == 1), trim(steppers(k))), &
+                    scene%t_start, scene%q, scene%qd, failure, scene%assembly)
+                call check_no_failure(error, failure)
+                call go_on(run, 2.0_wp, error)
+                statistics = run%statistics()
+                attempts(i) = real(statistics%steps + statistics%rejected + statistics%failed, wp)
+                if (i == 1) q = run%state%q
+            end do
+            ! Measured: 39, 116, 33 and 61 on the dense chart.
+            call check_below(error, attempts(2), 1.2_wp*attempts(1) + 5.0_wp, trim(steppers(k))//': steps on the sparse chart')
+            call check_close(error, run%state%q, q, 100*rtols(k), trim(steppers(k))//': q')
+        end do
+    end subroutine test_governor
 
     !> Runs of a scene on both charts end in the same state, with the same accelerations and multipliers, and a run that is
     !> continued from a checkpoint is bitwise equal.

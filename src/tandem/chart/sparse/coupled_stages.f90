@@ -152,6 +152,8 @@ contains
         real(wp), intent(in), contiguous :: q(:), qd(:)
         real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:), residual(:)
         integer, intent(out) :: stat
+        !> If C turns by less in a step, the refinement of corrections suffices.
+        real(wp), parameter :: little = 0.01_wp
         integer :: passes
 
         associate (s => self%system, n => self%n)
@@ -164,20 +166,28 @@ contains
             end if
             call s%load()
             residual(:n) = qd - rate_q
+            self%balances = self%position%ageing*abs(t - self%t0) > little .or. .not. self%is_alone()
+            if (self%balances) then
+                ! Along the complement of positions a rate does not move the stage; stiff forces would act on it there.
+                call self%make_tangent(.true., s%nh, residual(:n))
+                rate_q = qd - residual(:n)
+            end if
             if (self%is_alone()) then
                 call self%begin_multipliers(stage, t)
                 self%stage_qd(:) = qd
                 call s%model%add_friction(t, q, qd, self%lambda, stat)
-                if (stat == status_ok) call find_forces(self, rate_qd, self%lambda, residual)
             else
                 call self%begin_stage(stage, t)
                 call s%model%add_friction(t, q, qd, self%lambda_of(:, stage), stat)
-                ! Along the complement of positions a rate does not move the stage; stiff forces would act on it there.
-                call self%make_tangent(.true., s%nh, residual(:n))
-                rate_q = qd - residual(:n)
-                if (stat == status_ok) then
-                    call self%meet_acceleration(qd, rate_qd, passes)
+            end if
+            if (stat == status_ok) then
+                if (self%balances) call self%meet_acceleration(qd, rate_qd, passes)
+                if (self%is_alone()) then
+                    call find_forces(self, rate_qd, self%lambda, residual)
+                else
                     call find_forces(self, rate_qd, self%lambda_of(:, stage), residual)
+                end if
+                if (self%balances) then
                     call self%balance_complement(stage, passes)
                     residual(n + 1:2*n) = self%force
                 end if
@@ -244,7 +254,11 @@ contains
                         self%mu(a%own_row(b)) = dot_product(base%r(from:to), self%part(from:to))
                     end associate
                 end do
-                self%lambda_of(:, stage) = self%lambda_of(:, stage) + self%mu
+                if (self%is_alone()) then
+                    self%lambda(:) = self%lambda + self%mu
+                else
+                    self%lambda_of(:, stage) = self%lambda_of(:, stage) + self%mu
+                end if
                 call here%add_reactions(a, self%mu, self%force)
             end do
         end associate
@@ -338,7 +352,7 @@ contains
             self%force(:) = x(n + 1:2*n)
             self%rows(:) = x(2*n + 1:2*n + m)
             call newton%terms%stiffness%multiply(-newton%ha, x(:n), self%force)
-            if (self%is_alone()) then
+            if (.not. self%balances) then
                 call self%find_correction(self%stage_qd, newton%ha)
                 x(:n) = x(:n) + newton%ha*self%total
                 x(n + 1:2*n) = self%total

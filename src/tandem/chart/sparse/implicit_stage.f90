@@ -48,6 +48,8 @@ module tandem_chart_sparse_implicit_stage
         real(wp) :: iterate_tolerance = 0.0_wp
         !> Angle by which C has turned from the matrix to the chart's origin, if known.
         real(wp), private :: angle = 1.0_wp
+        !> True if the residual of the last stage has no component along the complement; else corrections are refined.
+        logical :: balances = .false.
         !> Work space: forces, corrections and their sum (n), multipliers and right sides (m).
         real(wp), allocatable :: force(:), part(:), total(:), mu(:), total_mu(:), rows(:)
     contains
@@ -177,7 +179,7 @@ contains
         if (.not. can) return
         has_new_ha = abs(ha - self%newton%ha) > rounding*self%newton%ha
         if (size(self%newton%pairs) == 0) then
-            is_worn = self%left > worst .and. self%left < 2.0_wp
+            is_worn = (self%left > worst .and. self%left < 2.0_wp) .or. (self%balances .and. turned > worst**2)
         else
             ! All stages share their corrections' sizes: a necessary factorisation uses the terms of the origin.
             is_worn = has_new_ha .or. turned > worst**2
@@ -389,5 +391,6 @@ contains
         call pack%item(self%stage_lambda)
         call pack%item(self%n_past, self%newest)
         call pack%item(self%left, self%angle)
+        call pack%item(self%balances)
     end subroutine pack_newton
 end module tandem_chart_sparse_implicit_stage
