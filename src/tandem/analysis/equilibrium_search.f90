@@ -84,7 +84,7 @@ contains
         call no_fields(self, model%n)
         call model%set_time_scale(t, q, self%qd)
         self%q = q
-        if (model%n >= large .and. allocated(model%pattern)) then
+        if (model%n >= large .and. allocated(model%pattern) .and. .not. any(model%is_idle())) then
             call settle_sparsely(model, t, self%q, self%iterations, self%relaxations, has_form, error)
             if (.not. allocated(error)) self%moved = maxval(abs((self%q - q)/model%scales()))
             if (has_form .or. model%n > most_full) return
@@ -138,7 +138,7 @@ contains
         call check_model(model, error)
         if (allocated(error)) return
         call model%set_time_scale(t, q, qd)
-        if (model%n >= large .and. allocated(model%pattern)) then
+        if (model%n >= large .and. allocated(model%pattern) .and. .not. any(model%is_idle())) then
             call no_fields(self, model%n)
             self%q = q
             self%qd = qd
