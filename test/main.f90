@@ -80,6 +80,7 @@ program main
     use test_root, only: collect_root
     use test_simulation, only: collect_simulation
     use test_sparse, only: collect_sparse
+    use test_sparse_features, only: collect_sparse_features
     use test_sparse_implicit, only: collect_sparse_implicit
     use test_sparse_kernels, only: collect_sparse_kernels
     use test_sparse_nearby, only: collect_sparse_nearby
@@ -191,6 +192,7 @@ program main
         new_testsuite('mechanism_motion', collect_mechanism_motion), &
         new_testsuite('sparse', collect_sparse), &
         new_testsuite('sparse_runs', collect_sparse_runs), &
+        new_testsuite('sparse_features', collect_sparse_features), &
         new_testsuite('sparse_implicit', collect_sparse_implicit), &
         new_testsuite('sparse_kernels', collect_sparse_kernels), &
         new_testsuite('sparse_nearby', collect_sparse_nearby), &

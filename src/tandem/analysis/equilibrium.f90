@@ -80,7 +80,7 @@ contains
         relaxations = 0
         n_free = 0
         may_be_sparse = .false.
-        if (allocated(model%pattern)) may_be_sparse = suits_sparse(model%pattern)
+        if (allocated(model%pattern)) may_be_sparse = suits_sparse(model%pattern) .and. .not. any(model%is_idle())
         do i = 1, 2
             if (i == 1 .and. .not. may_be_sparse) cycle
             if (allocated(search)) deallocate (search)

@@ -102,7 +102,7 @@ contains
         call check_model(model, error)
         if (allocated(error)) return
         call model%set_time_scale(t, q, qd)
-        if (model%n >= large .and. allocated(model%pattern)) then
+        if (model%n >= large .and. allocated(model%pattern) .and. .not. any(model%is_idle())) then
             call no_fields(self, model%n)
             self%q = q
             self%qd = qd

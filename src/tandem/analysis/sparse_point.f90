@@ -109,6 +109,11 @@ contains
                 'involve which bodies, as required for large systems', 'use full matrices (tandem linearise without --near)')
             return
         end if
+        if (any(model%is_idle())) then
+            call set_error(error, status_invalid_model, 'the model "'//model%name//'" has locked couplings', &
+                'use full matrices (tandem linearise without --near)')
+            return
+        end if
         if (model%n_frictions > 0) then
             call set_error(error, status_invalid_model, 'in the model "'//model%name//'" friction depends on reactions', &
                 'linearise it without a shift')

@@ -18,8 +18,10 @@ module tandem_chart_implicit
         integer :: n_residual = 0
         !> Cost of a new Newton matrix in corrections of a stage; steppers use it to decide how long to keep a matrix.
         real(wp) :: matrix_cost = 0.0_wp
-        !> True if complements follow stiff directions: stages that are hard to solve have then turned too far.
+        !> True if the corrections of stages contract at any stiffness while bodies turn little: stages that are hard to solve have
+        !> then turned too far. Size of the next step over that of a step with such stages, and growth of the limit in later steps.
         logical :: follows_stiffness = .false.
+        real(wp) :: after_hard_step = 0.5_wp, easing = 1.1_wp
     contains
         procedure(factor_interface), deferred :: do_factor
         procedure(reuse_interface), deferred :: do_reuse

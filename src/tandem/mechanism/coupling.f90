@@ -33,9 +33,10 @@ module tandem_mechanism_coupling
         !> Index of f, 0 if none; true if full turns do not count in Phi.
         integer :: motion = 0
         logical :: drops_turns = .false.
-        !> Row that can be freed: column of its slack (0 for all other rows), mass of the slack, true if locked, and locked value.
+        !> Row that can be freed: its slack (0 for all other rows) and the column of that in C, mass of the slack, true if locked,
+        !> and locked value.
         logical :: can_be_freed = .false., is_locked = .true.
-        integer :: slack = 0
+        integer :: slack = 0, slack_column = 0
         real(wp) :: slack_mass = 1.0_wp
         real(wp) :: at = 0.0_wp
     end type coupling_type
@@ -90,7 +91,7 @@ contains
             associate (it => couplings(i))
                 if (.not. it%is_locked) then
                     if (iand(need, need_phi) /= 0) terms%phi(it%row) = q(it%slack)
-                    if (iand(need, need_jacobian) /= 0) terms%jacobian(it%row, it%slack) = 1.0_wp
+                    if (iand(need, need_jacobian) /= 0) terms%jacobian(it%row, it%slack_column) = 1.0_wp
                     if (iand(need, need_gamma) /= 0) terms%gamma(it%row) = 0.0_wp
                     cycle
                 end if

@@ -570,7 +570,7 @@ contains
             end do
             do i = 1, size(self%couplings)
                 k = self%couplings(i)%slack
-                if (k > 0) terms%mass(k, k) = self%couplings(i)%slack_mass
+                if (k > 0) terms%mass(k, merge(1, k, terms%is_compressed)) = self%couplings(i)%slack_mass
             end do
         end if
         if (iand(need, need_force) == 0) return

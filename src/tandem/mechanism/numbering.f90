@@ -100,6 +100,12 @@ contains
                 pose%turn_mass = self%pattern%mass_column(pose%turn)
             end associate
         end do
+        do i = 1, size(self%couplings)
+            associate (it => self%couplings(i))
+                it%slack_column = it%slack
+                if (self%is_compressed .and. it%slack > 0) it%slack_column = self%pattern%column(it%slack)
+            end associate
+        end do
     end subroutine place_poses
 
     module procedure composed
@@ -267,13 +273,20 @@ contains
 
     module procedure declare_pattern
         integer, allocatable :: rows(:), bodies(:), owner(:)
-        integer :: i, l
+        integer :: i, l, n_slacks
 
         if (allocated(self%pattern)) deallocate (self%pattern)
         call set_columns(self, .false.)
-        ! A slack is a coordinate of no body.
-        if (any(self%couplings%can_be_freed)) return
-        call list_incidence(self, size(self%turning), rows, bodies)
+        ! The slacks of couplings are bodies of one coordinate, after all others.
+        n_slacks = count(self%couplings%slack > 0)
+        call list_incidence(self, n_slacks + size(self%turning), rows, bodies)
+        l = size(rows) - n_slacks - size(self%turning)
+        do i = 1, size(self%couplings)
+            if (self%couplings(i)%slack == 0) cycle
+            l = l + 1
+            rows(l) = self%couplings(i)%row
+            bodies(l) = size(self%first) + self%couplings(i)%slack - self%first(size(self%first))
+        end do
         allocate (owner(self%n_constraints()), source=0)
         do i = 1, size(self%turning)
             owner(self%before_norms + i) = self%turning(i)
@@ -281,7 +294,8 @@ contains
             bodies(size(rows) - size(self%turning) + i) = self%turning(i)
         end do
         allocate (self%pattern)
-        call self%pattern%build(self%first, self%mass_blocks, size(owner), rows, bodies, owner)
+        call self%pattern%build([self%first, (self%first(size(self%first)) + i, i=1, n_slacks)], self%mass_blocks, &
+            size(owner), rows, bodies, owner)
         deallocate (rows, bodies, owner)
         do i = 1, size(self%hinge_groups)
             associate (group => self%hinge_groups(i))

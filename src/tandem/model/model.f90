@@ -107,7 +107,7 @@ module tandem_model
         procedure(evaluate_derivatives_interface), pointer :: evaluate_derivatives => null()
         !> Derivatives provided by `evaluate_derivatives`, a sum of need bits (see `tandem_model_derivatives`).
         integer :: provides_derivatives = 0
-        !> Number of frictions on reactions, see `friction_directions`. Dense charts only.
+        !> Number of frictions on reactions, see `friction_directions`.
         integer :: n_frictions = 0
     contains
         procedure :: n_constraints, row_name, coordinate_label, unit_of_coordinate, unit_of_multiplier, has_units, composed

@@ -207,24 +207,25 @@ contains
             call predict(self, h)
             call self%iterate(chart, h, t_end, few, stat)
         end do
-        if (chart%follows_stiffness .and. self%tableau%stages == 3) call judge_stages(self, h, stat /= status_ok)
+        if (chart%follows_stiffness .and. self%tableau%stages == 3) call judge_stages(self, chart, h, stat /= status_ok)
         if (stat /= status_ok .and. self%tableau%stages == 3) call rescue(self, chart, state, h, t_end, stat)
     end subroutine solve_stages
 
-    !> Limit the step size after a step whose stages were hard to solve: half the size, then growing by a tenth per step. If the
-    !> half was hard too, as near a loss of rank, the step size is not the cause and the limit is lifted. With complements that do
+    !> Limit the step size after a step whose stages were hard to solve, as the chart requests: smaller, then slowly growing. If the
+    !> smaller step was hard too, as near a loss of rank, the step size is not the cause and the limit is lifted. With charts that do
     !> not follow the stiffness, stages become harder with stiffness, and the number of such steps would grow with it.
-    pure subroutine judge_stages(self, h, is_hard)
+    pure subroutine judge_stages(self, chart, h, is_hard)
         class(radau_type), intent(inout) :: self
+        class(implicit_chart_type), intent(in) :: chart
         real(wp), intent(in) :: h
         logical, intent(in) :: is_hard
 
         if (.not. is_hard) then
-            self%easy = 1.1_wp*min(self%easy, huge(1.0_wp)/2)
+            self%easy = chart%easing*min(self%easy, huge(1.0_wp)/2)
         else if (self%was_hard) then
             self%easy = huge(1.0_wp)
         else
-            self%easy = 0.5_wp*h
+            self%easy = chart%after_hard_step*h
         end if
         self%was_hard = is_hard
     end subroutine judge_stages

@@ -382,8 +382,7 @@ contains
             call check_no_failure(error, failure)
             if (allocated(error)) return
             call initialize(options_type(step=1.0e-3_wp, chart_kind=merge('sparse   ', 'automatic', i == 1)))
-            if (i == 1) call check_failure(error, failure, 'invalid_option', 'mass.angle')
-            if (i == 2) call check_no_failure(error, failure)
+            call check_no_failure(error, failure)
         end do
 
     contains

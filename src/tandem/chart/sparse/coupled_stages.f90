@@ -9,6 +9,8 @@
 module tandem_chart_sparse_coupled_stages
     use tandem_chart, only: goal_type
     use tandem_chart_sparse_implicit_stage, only: attach_implicit => do_attach, sparse_implicit_type
+    use tandem_chart_sparse_motion, only: take_complement
+    use tandem_chart_sparse_progress, only: largest_part
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_model, only: model_type
@@ -24,6 +26,11 @@ module tandem_chart_sparse_coupled_stages
     type, abstract, extends(sparse_implicit_type) :: sparse_coupled_type
         !> Multipliers of the stages (m, stages) and their times, also of the previous step.
         real(wp), allocatable, private :: lambda_of(:, :), t_of(:), lambda_before(:, :), t_before(:)
+        !> Corrections of the stages' last points along the complement (n, stages).
+        real(wp), allocatable, private :: delta_of(:, :), delta_rate_of(:, :)
+        !> Sizes of the correction in progress, of the last one, and of the first one of a step; true for the first iterate.
+        real(wp), private :: change = 0.0_wp, last_change = 0.0_wp, first_change = 0.0_wp
+        logical, private :: is_first_iterate = .false.
         !> Number of stages with multipliers; true if all stages of the previous step have them.
         integer, private :: n_known = 0
         logical, private :: has_before = .false.
@@ -33,7 +40,7 @@ module tandem_chart_sparse_coupled_stages
         real(wp), allocatable, private :: force_im(:), rows_im(:)
     contains
         procedure :: do_attach, expect_pairs, do_find_residual, do_solve, do_solve_pair, do_update, pack_coupled
-        procedure, private :: allocate_stages, begin_stage, is_alone
+        procedure, private :: allocate_stages, begin_iterate, begin_stage, is_alone, meet_acceleration, balance_complement
     end type sparse_coupled_type
 
 contains
@@ -70,11 +77,13 @@ contains
         if (allocated(self%t_of)) then
             if (size(self%t_of) == stages) return
         end if
-        if (allocated(self%lambda_of)) deallocate (self%lambda_of, self%lambda_before, self%t_before, self%force_im, self%rows_im)
+        if (allocated(self%lambda_of)) deallocate (self%lambda_of, self%lambda_before, self%t_before, self%force_im, self%rows_im, &
+            self%delta_of, self%delta_rate_of)
         if (allocated(self%t_of)) deallocate (self%t_of)
         associate (m => size(self%lambda))
             allocate (self%lambda_of(m, stages), self%lambda_before(m, stages), self%t_of(stages), self%t_before(stages), &
-                self%force_im(size(self%force)), self%rows_im(size(self%rows)), source=0.0_wp)
+                self%force_im(size(self%force)), self%rows_im(size(self%rows)), self%delta_of(self%n, stages), &
+                self%delta_rate_of(self%n, stages), source=0.0_wp)
         end associate
         self%n_known = 0
         self%has_before = .false.
@@ -91,24 +100,65 @@ contains
         type(goal_type) :: point
 
         point = goal
-        point%is_iterate = self%is_alone()
         if (.not. goal%is_first) point%defect = huge(1.0_wp)
         self%iterate_tolerance = goal%tolerance
+        if (.not. self%is_alone()) call self%begin_iterate(goal, dq, dqd, q, rate_q)
         call self%restore_position(t, dq, point, q, stat)
         if (stat == status_ok) call self%restore_velocity(t, q, dqd, point, qd, stat)
+        self%loose_position = 0.0_wp
+        self%loose_velocity = 0.0_wp
+        if (.not. self%is_alone() .and. stat == status_ok) then
+            self%delta_of(:, goal%stage) = self%delta
+            self%delta_rate_of(:, goal%stage) = self%delta_rate
+        end if
         if (stat == status_ok) call find_residual_at(self, goal%stage, t, q, qd, rate_q, rate_qd, residual, stat)
     end subroutine do_find_residual
+
+    !> Start the restoration of an iterate of a stage: at the first one from the predicted coordinates, later from the last iterate of
+    !> the stage, by their components along the complement. It need only be as accurate as Newton's corrections are small.
+    subroutine begin_iterate(self, goal, dq, dqd, q, rate_q)
+        class(sparse_coupled_type), intent(inout) :: self
+        type(goal_type), intent(in) :: goal
+        real(wp), intent(in), contiguous :: dq(:), dqd(:), q(:), rate_q(:)
+        !> Part of the last correction, and its largest value.
+        real(wp), parameter :: part = 1.0e-4_wp, most = 1.0e-4_wp
+
+        if (goal%stage == 1) then
+            if (self%is_first_iterate) self%first_change = self%change
+            self%last_change = merge(self%first_change, self%change, goal%is_first)
+            self%is_first_iterate = goal%is_first
+            self%change = 0.0_wp
+        end if
+        self%loose_velocity = min(part*self%last_change, most)
+        ! Stiff forces move a stage back by as much as its position is off, within the step.
+        self%loose_position = self%loose_velocity*min(1.0_wp, self%newton%ha*self%system%rate)
+        if (goal%is_first) then
+            self%delta(:) = q - (self%q0 + dq)
+            call take_complement(self%system, self%system%nh, self%delta)
+            self%delta_rate(:) = rate_q - (self%qd0 + dqd)
+            call take_complement(self%system, self%system%m, self%delta_rate)
+        else
+            self%delta(:) = self%delta_of(:, goal%stage)
+            self%delta_rate(:) = self%delta_rate_of(:, goal%stage)
+        end if
+        self%has_delta_rate = .true.
+    end subroutine begin_iterate
 
     !> The residual of a stage at a restored point.
     subroutine find_residual_at(self, stage, t, q, qd, rate_q, rate_qd, residual, stat)
         class(sparse_coupled_type), intent(inout) :: self
         integer, intent(in) :: stage
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:)
-        real(wp), intent(inout), contiguous :: residual(:)
+        real(wp), intent(in), contiguous :: q(:), qd(:)
+        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:), residual(:)
         integer, intent(out) :: stat
+        !> If C turns by less in a step, the refinement of corrections suffices.
+        real(wp), parameter :: little = 0.01_wp
+        integer :: passes
 
         associate (s => self%system, n => self%n)
+            ! The forces of the residual have the friction of the iterate's own multipliers.
+            if (s%has_friction) s%has_motion = .false.
             call s%move_with(t, q, qd, self%counts, stat)
             if (stat /= status_ok) then
                 self%failure%term = trim(s%model%failed_term)
@@ -116,16 +166,103 @@ contains
             end if
             call s%load()
             residual(:n) = qd - rate_q
+            self%balances = self%position%ageing*abs(t - self%t0) > little .or. .not. self%is_alone()
+            if (self%balances) then
+                ! Along the complement of positions a rate does not move the stage; stiff forces would act on it there.
+                call self%make_tangent(.true., s%nh, residual(:n))
+                rate_q = qd - residual(:n)
+            end if
             if (self%is_alone()) then
                 call self%begin_multipliers(stage, t)
                 self%stage_qd(:) = qd
-                call find_forces(self, rate_qd, self%lambda, residual)
+                call s%model%add_friction(t, q, qd, self%lambda, stat)
             else
                 call self%begin_stage(stage, t)
-                call find_forces(self, rate_qd, self%lambda_of(:, stage), residual)
+                call s%model%add_friction(t, q, qd, self%lambda_of(:, stage), stat)
             end if
+            if (stat == status_ok) then
+                if (self%balances) call self%meet_acceleration(qd, rate_qd, passes)
+                if (self%is_alone()) then
+                    call find_forces(self, rate_qd, self%lambda, residual)
+                else
+                    call find_forces(self, rate_qd, self%lambda_of(:, stage), residual)
+                end if
+                if (self%balances) then
+                    call self%balance_complement(stage, passes)
+                    residual(n + 1:2*n) = self%force
+                end if
+            end if
+            if (s%normal_forces%n > 0) s%has_motion = .false.
+            if (stat /= status_ok) self%failure%term = trim(s%model%failed_term)
         end associate
     end subroutine find_residual_at
+
+    !> Move the accelerations of a stage along the complement of the origin so that C qdd = -gamma there, up to what matters for the
+    !> contraction of Newton's iteration. Each correction leaves the part by which C has turned.
+    subroutine meet_acceleration(self, qd, rate_qd, passes)
+        class(sparse_coupled_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: qd(:)
+        real(wp), intent(inout), contiguous :: rate_qd(:)
+        !> Number of corrections.
+        integer, intent(out) :: passes
+        integer, parameter :: most = 4
+        real(wp), parameter :: enough = 0.02_wp
+        real(wp) :: size, first_size
+
+        first_size = 0.0_wp
+        associate (s => self%system, here => self%system%factor(self%system%here), base => self%system%factor(self%system%base))
+            do passes = 1, most
+                s%g(:) = -s%model%terms%gamma
+                call here%multiply(s%analysis, rate_qd, s%g)
+                call base%solve(s%analysis, .false., rate_qd, s%g, s%x, s%z)
+                rate_qd(:) = rate_qd + s%x
+                size = largest_part(self%n, s%x, qd, self%scale, s%rate)
+                if (passes == 1) first_size = size
+                if (.not. size > enough*first_size) exit
+            end do
+            passes = min(passes, most)
+        end associate
+    end subroutine meet_acceleration
+
+    !> Change the multipliers of a stage so that the forces left in the equations of motion, `force`, have no component along the
+    !> complement of the origin: the Newton matrix has the C of another point, which would take them for forces along the stage.
+    subroutine balance_complement(self, stage, passes)
+        class(sparse_coupled_type), intent(inout) :: self
+        integer, intent(in) :: stage
+        !> Number of corrections, each of which leaves the part by which C has turned.
+        integer, intent(in) :: passes
+        integer :: b, i, k, node
+
+        associate (s => self%system, a => self%system%analysis, here => self%system%factor(self%system%here), &
+            base => self%system%factor(self%system%base))
+            do k = 1, passes
+                s%g(:) = 0.0_wp
+                call base%solve(a, .true., self%force, s%g, s%x, s%z)
+                self%mu(:) = 0.0_wp
+                do node = 1, a%n_nodes
+                    if (a%is_body(node)) cycle
+                    do i = 1, a%height(node)
+                        self%mu(a%origin(node) + i - 1) = s%z(a%place(node) + i)
+                    end do
+                end do
+                self%part(:) = self%force
+                call base%add_reactions(a, self%mu, self%part)
+                ! Rows that were eliminated with their bodies.
+                do b = 1, a%n_bodies
+                    if (a%own_row(b) == 0) cycle
+                    associate (from => a%first(b), to => a%first(b + 1) - 1)
+                        self%mu(a%own_row(b)) = dot_product(base%r(from:to), self%part(from:to))
+                    end associate
+                end do
+                if (self%is_alone()) then
+                    self%lambda(:) = self%lambda + self%mu
+                else
+                    self%lambda_of(:, stage) = self%lambda_of(:, stage) + self%mu
+                end if
+                call here%add_reactions(a, self%mu, self%force)
+            end do
+        end associate
+    end subroutine balance_complement
 
     !> The residuals of the equations of motion and of the rows.
     subroutine find_forces(self, rate_qd, lambda, residual)
@@ -215,7 +352,7 @@ contains
             self%force(:) = x(n + 1:2*n)
             self%rows(:) = x(2*n + 1:2*n + m)
             call newton%terms%stiffness%multiply(-newton%ha, x(:n), self%force)
-            if (self%is_alone()) then
+            if (.not. self%balances) then
                 call self%find_correction(self%stage_qd, newton%ha)
                 x(:n) = x(:n) + newton%ha*self%total
                 x(n + 1:2*n) = self%total
@@ -283,6 +420,7 @@ contains
                 self%lambda(:) = self%lambda + correction(2*n + 1:2*n + m)
             else
                 self%lambda_of(:, stage) = self%lambda_of(:, stage) + correction(2*n + 1:2*n + m)
+                self%change = max(self%change, change)
             end if
         end associate
         if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
@@ -304,6 +442,7 @@ contains
         call pack%item(self%lambda_of, self%lambda_before)
         call pack%item(self%t_of, self%t_before)
         call pack%item(self%n_known)
-        call pack%item(self%has_before)
+        call pack%item(self%has_before, self%is_first_iterate)
+        call pack%item(self%change, self%first_change)
     end subroutine pack_coupled
 end module tandem_chart_sparse_coupled_stages

@@ -268,19 +268,22 @@ contains
     end subroutine invert_masses
 
     !> Factor at the point of `load_rows` and `invert_masses`.
-    subroutine factorize(self, a, chooses, stat)
+    subroutine factorize(self, a, chooses, stat, left_out)
         class(factor_type), intent(inout) :: self
         type(analysis_type), intent(in) :: a
         !> True to choose again the rows that are left out because they depend on others.
         logical, intent(in) :: chooses
         !> ok, `rank_deficient` with `weakest`, `singular_mass` with `failed_coordinate`, or `not_finite`.
         integer, intent(out) :: stat
+        !> Rows that are left out in any case if rows are chosen (m); none if absent.
+        logical, intent(in), optional :: left_out(:)
 
         self%is_factored = .false.
         self%blocks = 0.0_wp
         self%alone = 0.0_wp
         if (chooses) then
             self%is_out = .false.
+            if (present(left_out)) self%is_out(:) = left_out
             self%leaves_out = .true.
         end if
         call self%add_bodies(a)

@@ -48,13 +48,15 @@ module tandem_chart_sparse_implicit_stage
         real(wp) :: iterate_tolerance = 0.0_wp
         !> Angle by which C has turned from the matrix to the chart's origin, if known.
         real(wp), private :: angle = 1.0_wp
+        !> True if the residual of the last stage has no component along the complement; else corrections are refined.
+        logical :: balances = .false.
         !> Work space: forces, corrections and their sum (n), multipliers and right sides (m).
         real(wp), allocatable :: force(:), part(:), total(:), mu(:), total_mu(:), rows(:)
     contains
         procedure :: do_attach, do_factor, do_reuse, do_filter, pack_newton
         procedure(expect_interface), deferred :: expect_pairs
-        procedure :: begin_multipliers, find_correction
-        procedure, private :: keep_multipliers, make_tangent
+        procedure :: begin_multipliers, find_correction, make_tangent
+        procedure, private :: keep_multipliers
     end type sparse_implicit_type
 
     abstract interface
@@ -87,7 +89,7 @@ contains
         if (allocated(model%pattern%coupled)) pairs = model%pattern%coupled
         call stiffness%build(model%pattern%first, pairs)
         allocate (self%newton)
-        call self%newton%initialize(self%system%analysis, stiffness, model%pattern%mass_width)
+        call self%newton%initialize(self%system%analysis, stiffness, model%pattern%mass_width, model%n_frictions)
         self%force = spread(0.0_wp, 1, model%n)
         self%part = self%force
         self%total = self%force
@@ -99,6 +101,10 @@ contains
         self%stage_lambda = 0
         self%left = 2.0_wp
         self%iterate_tolerance = options%newton_tolerance()
+        self%follows_stiffness = damps
+        ! Measured on sliders on stiff springs and on the governor.
+        self%after_hard_step = 0.95_wp
+        self%easing = 1.02_wp
         ! Measured on sprung chains.
         self%matrix_cost = 5.0_wp
         self%mu = self%lambda
@@ -120,12 +126,14 @@ contains
         associate (s => self%system)
             call s%move_with(t, q, qd, self%counts, stat)
             if (stat == status_ok) call s%factorize(self%counts, stat)
+            if (stat == status_ok) call s%add_friction(stat)
             if (stat /= status_ok) then
                 call self%fail_here(stat)
                 return
             end if
             s%g(:) = -s%model%terms%gamma
             call s%factor(s%here)%solve(s%analysis, .true., s%model%terms%force, s%g, self%part, s%z)
+            call s%complete(self%part)
             call self%keep_multipliers()
             call s%find_multipliers(self%part, self%lambda)
             call s%model%evaluate_stiffness(t, q, qd, qdd, self%lambda, self%newton%terms%stiffness, self%counts, stat)
@@ -134,6 +142,8 @@ contains
                 return
             end if
             call self%newton%form(s%factor(s%here), s%model%terms%mass)
+            if (size(s%massless) /= size(self%newton%terms%massless)) call self%newton%tell_massless(s%massless, s%added)
+            if (s%normal_forces%n > 0) call self%newton%set_friction(s%model%directions, s%model%normals_gradient)
             call self%newton%factor(ha, stat)
             self%left = 2.0_wp
             self%angle = 1.0_wp
@@ -169,7 +179,7 @@ contains
         if (.not. can) return
         has_new_ha = abs(ha - self%newton%ha) > rounding*self%newton%ha
         if (size(self%newton%pairs) == 0) then
-            is_worn = self%left > worst .and. self%left < 2.0_wp
+            is_worn = (self%left > worst .and. self%left < 2.0_wp) .or. (self%balances .and. turned > worst**2)
         else
             ! All stages share their corrections' sizes: a necessary factorisation uses the terms of the origin.
             is_worn = has_new_ha .or. turned > worst**2
@@ -381,5 +391,6 @@ contains
         call pack%item(self%stage_lambda)
         call pack%item(self%n_past, self%newest)
         call pack%item(self%left, self%angle)
+        call pack%item(self%balances)
     end subroutine pack_newton
 end module tandem_chart_sparse_implicit_stage

@@ -5,7 +5,7 @@
 !> origin, so that the factor for the acceleration there is reused for all corrections of the step. Neither a basis nor a projector
 !> is formed. Corrections for Phi use no row of E: this complement of the tangent space is as good as others.
 module tandem_chart_sparse_motion
-    use tandem_chart_sparse_partners, only: find_partners_of => find_partners
+    use tandem_chart_sparse_partners, only: choose_independent, find_partners_of => find_partners
     use tandem_chart_sparse_progress, only: is_rounding, is_trusted, largest, learn, progress_type, unknown
     use tandem_chart_sparse_rank, only: rank_type
     use tandem_chart_sparse_secants, only: secants_type
@@ -25,7 +25,7 @@ module tandem_chart_sparse_motion
     implicit none (type, external)
     private
 
-    public :: sparse_motion_type, find_obstacle, do_attach
+    public :: sparse_motion_type, find_obstacle, do_attach, take_complement
 
     !> If a correction leaves no more than this, the second derivative predicts an implicit stage; if bodies turn far within a step
     !> it is inaccurate.
@@ -45,6 +45,8 @@ module tandem_chart_sparse_motion
         !> stages.
         real(wp) :: tolerance = 0.0_wp
         real(wp) :: end_tolerance = 0.0_wp, stage_tolerance = 0.0_wp, velocity_tolerance = 0.0_wp, stage_velocity_tolerance = 0.0_wp
+        !> Largest errors of the next iterate of a stage, if they may be larger than those of other points.
+        real(wp) :: loose_position = 0.0_wp, loose_velocity = 0.0_wp
         !> Largest error if rounding prevents a smaller one: positions are judged by the scales at the start of a step here, by
         !> those at its end afterwards.
         real(wp) :: allowed = 0.0_wp
@@ -120,8 +122,6 @@ contains
             obstacle = 'the model''s evaluate does not give the jacobian, the mass matrix and gamma'
         else if (maxval(model%pattern%first(2:) - model%pattern%first(:model%pattern%n_bodies)) > most_coordinates) then
             obstacle = 'a body of the model''s pattern has more than 12 coordinates'
-        else if (model%n_frictions > 0) then
-            obstacle = 'friction on reactions needs the dense chart'
         else if (implicit .and. .not. model%derives_by_bodies) then
             obstacle = 'the model gives no derivatives by bodies (evaluate_stiffness), which implicit steppers need'
         else if (options%chart /= 'every_step') then
@@ -242,9 +242,10 @@ contains
         integer :: i
 
         stat = status_rank_deficient
-        if (self%system%m > self%system%nh) return
+        ! Friction needs reactions, which redundant rows leave undetermined.
+        if (self%system%normal_forces%n > 0) return
         call self%system%visit(t, q, self%counts, stat)
-        if (stat == status_ok) call self%system%choose_rows(self%counts, stat)
+        if (stat == status_ok) call choose_independent(self%system, self%counts, stat)
         if (stat /= status_ok) then
             call self%fail_here(stat)
             return
@@ -421,7 +422,7 @@ contains
             if (.not. goal%is_iterate) self%defect_of_delta = 0.0_wp
             if (goal%defect < huge(1.0_wp) .and. self%has_curve) self%delta(:) = goal%defect*self%curve
         end if
-        wanted = merge(self%stage_tolerance, self%end_tolerance, goal%is_stage)
+        wanted = max(merge(self%stage_tolerance, self%end_tolerance, goal%is_stage), self%loose_position)
         first_error = 0.0_wp
         error_before = 0.0_wp
         last_error = unknown
@@ -520,6 +521,7 @@ contains
                 self%allowed), goal%is_stage), qdd, is_solved)
             if (is_solved) return
             if (stat == status_ok) call s%factorize(self%counts, stat)
+            if (stat == status_ok) call s%add_friction(stat)
             if (stat /= status_ok) then
                 call self%fail_here(stat)
                 return
@@ -527,6 +529,7 @@ contains
             associate (here => s%factor(s%here))
                 s%g(:) = -s%model%terms%gamma
                 call here%solve(s%analysis, .true., s%model%terms%force, s%g, qdd, s%z)
+                call s%complete(qdd)
                 if (.not. s%is_held) call s%nearby%note(t, qdd, s%z)
                 do pass = 1, merge(0, passes(here%least), goal%is_stage)
                     ! Rounding error of C qdd + gamma.

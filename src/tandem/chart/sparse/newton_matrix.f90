@@ -10,6 +10,7 @@ module tandem_chart_sparse_newton_matrix
     use tandem_chart_sparse_analysis, only: analysis_type
     use tandem_chart_sparse_blocks, only: read_behind
     use tandem_chart_sparse_factor, only: factor_type
+    use tandem_chart_sparse_low_rank, only: low_rank_type
     use tandem_chart_sparse_meetings, only: n_of_place
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
     use tandem_chart_sparse_newton_factor, only: newton_factor_type, newton_terms_type
@@ -18,7 +19,7 @@ module tandem_chart_sparse_newton_matrix
     use tandem_kinds, only: wp
     use tandem_model_stiffness, only: stiffness_type
     use tandem_pack, only: pack_type
-    use tandem_status, only: status_ok
+    use tandem_status, only: status_newton_failed, status_ok
     implicit none (type, external)
     private
 
@@ -35,34 +36,43 @@ module tandem_chart_sparse_newton_matrix
         type(newton_factor_type), private :: factored
         !> Matrices of complex pairs of systems; of size 0 if stages are solved one by one.
         type(newton_pair_type), allocatable :: pairs(:)
+        !> Coordinates without mass and friction on reactions, of the real system and of the pairs.
+        type(low_rank_type), private :: update
+        type(low_rank_type), allocatable, private :: update_of_pairs(:)
         !> Work space: unknowns of nodes.
         real(wp), allocatable, private :: z(:), w(:)
+        integer, private :: n_frictions = 0
     contains
-        procedure :: initialize, expect_pairs, form, factor, solve, solve_pair, look_at, turned, pack_state
-        procedure, private :: gather, scatter
+        procedure :: initialize, expect_pairs, form, factor, solve, solve_pair, look_at, turned
+        procedure :: tell_massless, set_friction, pack_state
+        procedure, private :: factor_update, gather, scatter
     end type newton_matrix_type
 
 contains
 
     !> Allocate for the chart's analysis and the pairs of bodies that share forces.
-    subroutine initialize(self, base, stiffness, mass_width)
+    subroutine initialize(self, base, stiffness, mass_width, n_frictions)
         class(newton_matrix_type), intent(inout) :: self
         !> The chart's own analysis.
         type(analysis_type), intent(in) :: base
         !> Built.
         type(stiffness_type), intent(in) :: stiffness
         integer, intent(in) :: mass_width
+        !> Number of frictions on reactions.
+        integer, intent(in) :: n_frictions
 
         self%terms%stiffness = stiffness
         call self%analysis%analyse_newton(base, stiffness)
         if (allocated(self%z)) deallocate (self%terms%mass, self%terms%c, self%terms%own, self%z, self%terms%is_out, self%turn%c, &
-            self%turn%own, self%pairs)
+            self%turn%own, self%pairs, self%update_of_pairs)
         call self%factored%allocate(self%analysis)
         allocate (self%terms%mass(base%n, mass_width), self%terms%c(base%n_entries + read_behind), self%terms%own(base%n), &
             self%z(self%analysis%n_unknowns), self%turn%c(base%n_entries + read_behind), self%turn%own(base%n), source=0.0_wp)
         self%turn%is_difference = .true.
         allocate (self%terms%is_out(base%m), source=.false.)
-        allocate (self%pairs(0))
+        allocate (self%pairs(0), self%update_of_pairs(0))
+        self%n_frictions = n_frictions
+        call self%tell_massless([integer ::], [real(wp) ::])
         self%ha = 0.0_wp
     end subroutine initialize
 
@@ -76,10 +86,11 @@ contains
         if (size(ratios) == size(self%pairs)) then
             if (all(abs(ratios - self%pairs%ratio) <= 0.0_wp)) return
         end if
-        deallocate (self%pairs)
-        allocate (self%pairs(size(ratios)))
+        deallocate (self%pairs, self%update_of_pairs)
+        allocate (self%pairs(size(ratios)), self%update_of_pairs(size(ratios)))
         do k = 1, size(ratios)
             call self%pairs(k)%allocate(self%analysis, ratios(k))
+            call self%update_of_pairs(k)%allocate(self%analysis%n, self%analysis%m, self%terms%massless, self%n_frictions)
         end do
         self%w = self%z
         self%ha = 0.0_wp
@@ -109,13 +120,100 @@ contains
         integer :: k
 
         self%ha = 0.0_wp
+        call add_masses(1.0_wp)
         call self%factored%fill(self%analysis, self%terms, ha, ha**2, .true.)
         call self%factored%eliminate(self%analysis, stat)
         do k = 1, size(self%pairs)
             if (stat == status_ok) call self%pairs(k)%factor(self%analysis, self%terms, ha, stat)
         end do
+        call add_masses(0.0_wp)
+        if (stat == status_ok .and. self%update%n > 0) call self%factor_update(stat)
         if (stat == status_ok) self%ha = ha
+
+    contains
+
+        !> Set the diagonal of M for coordinates without mass.
+        subroutine add_masses(part)
+            real(wp), intent(in) :: part
+            integer :: i
+
+            do i = 1, size(self%terms%massless)
+                associate (j => self%terms%massless(i))
+                    self%terms%mass(j, j - self%analysis%block_first(j) + 1) = part*self%terms%added(i)
+                end associate
+            end do
+        end subroutine add_masses
     end subroutine factor
+
+    !> Set the coordinates without mass.
+    subroutine tell_massless(self, coordinates, added)
+        class(newton_matrix_type), intent(inout) :: self
+        integer, intent(in) :: coordinates(:)
+        !> Mass of each in the factors.
+        real(wp), intent(in) :: added(:)
+        integer :: k
+
+        self%terms%massless = coordinates
+        self%terms%added = added
+        associate (a => self%analysis)
+            call self%update%allocate(a%n, a%m, coordinates, self%n_frictions)
+            do k = 1, size(self%pairs)
+                call self%update_of_pairs(k)%allocate(a%n, a%m, coordinates, self%n_frictions)
+            end do
+            if (allocated(self%terms%columns)) deallocate (self%terms%columns)
+            allocate (self%terms%columns(merge(a%n, 0, self%update%n > 0), self%update%n), source=0.0_wp)
+        end associate
+        do k = 1, size(coordinates)
+            self%terms%columns(coordinates(k), k) = added(k)
+        end do
+    end subroutine tell_massless
+
+    !> Set B and p' of friction on reactions.
+    subroutine set_friction(self, directions, gradient)
+        class(newton_matrix_type), intent(inout) :: self
+        !> (n, frictions) and (frictions, m).
+        real(wp), intent(in), contiguous :: directions(:, :), gradient(:, :)
+        integer :: k
+
+        self%terms%columns(:, size(self%terms%massless) + 1:) = directions
+        self%update%gradient(:, :) = gradient
+        do k = 1, size(self%pairs)
+            self%update_of_pairs(k)%gradient(:, :) = gradient
+        end do
+    end subroutine set_friction
+
+    !> Find the effect of coordinates without mass and of friction on the factors.
+    subroutine factor_update(self, stat)
+        class(newton_matrix_type), intent(inout) :: self
+        !> ok or `newton_failed`.
+        integer, intent(out) :: stat
+        integer :: j, k
+
+        stat = 0
+        associate (columns => self%terms%columns, update => self%update)
+            do j = 1, update%n
+                update%mu(:, j) = 0.0_wp
+                call self%gather(columns(:, j), update%mu(:, j), self%z)
+                call self%factored%solve(self%analysis, self%z)
+                call self%scatter(self%z, update%x(:, j), update%mu(:, j))
+            end do
+            call update%factor(stat)
+            do k = 1, size(self%pairs)
+                associate (pair => self%update_of_pairs(k))
+                    do j = 1, pair%n
+                        pair%mu(:, j) = 0.0_wp
+                        call self%gather(columns(:, j), pair%mu(:, j), self%z)
+                        self%w(:) = 0.0_wp
+                        call self%pairs(k)%solve(self%analysis, self%z, self%w)
+                        call self%scatter(self%z, pair%x(:, j), pair%mu(:, j))
+                        call self%scatter(self%w, pair%x_im(:, j), pair%mu_im(:, j))
+                    end do
+                    if (stat == 0) call pair%factor(stat)
+                end associate
+            end do
+        end associate
+        stat = merge(status_ok, status_newton_failed, stat == 0)
+    end subroutine factor_update
 
     !> Solve H x + C' mu = f, C x = g.
     subroutine solve(self, f, g, x, mu)
@@ -127,6 +225,7 @@ contains
         call self%gather(f, g, self%z)
         call self%factored%solve(self%analysis, self%z)
         call self%scatter(self%z, x, mu)
+        if (self%update%n > 0) call self%update%complete(x, mu)
     end subroutine solve
 
     !> Solve for a complex pair, in place: x for f and mu for g, their imaginary parts likewise.
@@ -142,6 +241,7 @@ contains
         call self%pairs(k)%solve(self%analysis, self%z, self%w)
         call self%scatter(self%z, f, g)
         call self%scatter(self%w, f_im, g_im)
+        if (self%update%n > 0) call self%update_of_pairs(k)%complete_pair(f, f_im, g, g_im)
     end subroutine solve_pair
 
     !> Right sides by nodes.
@@ -244,14 +344,20 @@ contains
         n = size(ratios)/2
         call self%expect_pairs(cmplx(ratios(:n), ratios(n + 1:), wp))
         call pack%item(self%ha)
+        call pack%item(self%terms%massless)
+        call pack%item(self%terms%added)
+        if (pack%is_reading) call self%tell_massless(self%terms%massless, self%terms%added)
         call self%factored%pack_state(pack)
         do k = 1, n
             call self%pairs(k)%pack_state(pack)
+            call self%update_of_pairs(k)%pack_state(pack)
         end do
+        call self%update%pack_state(pack)
         associate (terms => self%terms)
             call pack%item(terms%mass)
             call pack%item(terms%c)
             call pack%item(terms%own)
+            call pack%item(terms%columns)
             out = merge(1, 0, terms%is_out)
             call pack%item(out)
             terms%is_out = out > 0

@@ -5,17 +5,56 @@
 module tandem_chart_sparse_partners
     use tandem_chart_sparse_system, only: system_type
     use tandem_kinds, only: wp
+    use tandem_model_counts, only: counts_type
     use tandem_model_lists, only: sort_to_lists
+    use tandem_status, only: status_ok, status_rank_deficient
     implicit none (type, external)
     private
 
-    public :: find_partners, share_load
+    public :: choose_independent, find_partners, share_load
 
     !> Number of lots of rows whose combinations may touch. Rows of one joint, three at most in a bay of hinges, are adjacent, and
     !> those of neighbouring bays touch.
     integer, parameter :: lots = 6
 
 contains
+
+    !> Choose the rows that are left out at the last point of a system. Rows of Phi are left out only if they depend on other rows of
+    !> Phi: where one depends on rows of E that are eliminated before it, one of these is left out in its place.
+    subroutine choose_independent(system, counts, stat)
+        type(system_type), intent(inout) :: system
+        type(counts_type), intent(inout) :: counts
+        !> A status code.
+        integer, intent(out) :: stat
+        logical :: is_out(system%m), repeats(system%nh)
+        real(wp) :: lambda(system%m), force(size(system%x))
+        integer :: k, row, other
+
+        is_out = .false.
+        repeats = .false.
+        if (system%m > system%nh) then
+            is_out(system%nh + 1:) = .true.
+            call system%choose_rows(is_out, counts, stat)
+            if (stat /= status_ok) return
+            repeats = system%factor(system%here)%is_out(:system%nh)
+            is_out(:system%nh) = repeats
+            is_out(system%nh + 1:) = .false.
+        end if
+        do k = 0, system%m - system%nh
+            call system%choose_rows(is_out, counts, stat)
+            if (stat /= status_ok) return
+            is_out = system%factor(system%here)%is_out
+            row = 0
+            if (system%m > system%nh) row = findloc(is_out(:system%nh) .and. .not. repeats, .true., dim=1)
+            if (row == 0) return
+            call combine(system, [row], .false., lambda, force)
+            other = system%nh + maxloc(abs(lambda(system%nh + 1:)), dim=1)
+            if (.not. abs(lambda(other)) > 0.0_wp) exit
+            is_out(row) = .false.
+            is_out(other) = .true.
+        end do
+        stat = status_rank_deficient
+    end subroutine choose_independent
 
     !> The partners of rows that were left out at the last factorisation of the system.
     subroutine find_partners(system, rows, start, partners)

@@ -66,7 +66,7 @@ contains
             call self%begin(n, s)
         else
             call self%improve(n, last_error > rounding, s)
-            has_left = k == 1 .and. last_error > small .and. self%left > 1.0_wp
+            has_left = k == 1 .and. last_error > small .and. self%left > 5.0_wp
         end if
     end subroutine mend
 

@@ -144,6 +144,7 @@ contains
         associate (s => self%system)
             call s%move_with(t, q, qd, self%counts, stat)
             if (stat == status_ok) call s%factorize(self%counts, stat)
+            if (stat == status_ok) call s%add_friction(stat)
             if (stat /= status_ok) then
                 call self%fail_here(stat)
                 return
@@ -176,6 +177,7 @@ contains
                 s%g(:) = s%model%terms%nu
                 call s%factor(s%here)%multiply(s%analysis, qd, s%g)
                 call s%factor(s%here)%solve(s%analysis, .false., qd, s%g, s%x, s%z)
+                if (s%update%n > 0) call s%update%complete(s%x, s%unused)
                 qd = qd + s%x
             end do
             if (.not. sum(abs(qd)) <= huge(1.0_wp)) stat = status_not_finite

@@ -2,10 +2,12 @@
 !> The terms of a model at the points of a sparse chart, and the factor of M x + C' lambda = f, C x = g there and at the chart's
 !> origin, which is the start of a step. The matrix of the step's end becomes that of the next origin.
 module tandem_chart_sparse_system
+    use tandem_chart_normal_forces, only: normal_forces_type
     use tandem_chart_sparse_analysis, only: analysis_type
     use tandem_chart_sparse_blocks, only: read_behind
     use tandem_chart_sparse_errors, only: judge_rows
     use tandem_chart_sparse_factor, only: factor_type
+    use tandem_chart_sparse_low_rank, only: low_rank_type
     use tandem_chart_sparse_nearby, only: nearby_type
     use tandem_chart_sparse_progress, only: largest_change
     use tandem_kinds, only: wp
@@ -16,7 +18,7 @@ module tandem_chart_sparse_system
     use tandem_model_pattern, only: pattern_type
     use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
     use tandem_pack, only: pack_type
-    use tandem_status, only: status_not_finite, status_ok
+    use tandem_status, only: status_not_finite, status_ok, status_singular_mass
     implicit none (type, external)
     private
 
@@ -48,6 +50,17 @@ module tandem_chart_sparse_system
         real(wp) :: t_point = 0.0_wp
         real(wp), allocatable :: q_point(:), qd_point(:)
         logical :: has_point = .false., has_motion = .false., has_phi = .false.
+        !> Coordinates without mass, found at the first factorization, their mass in the factors, and the effect of these masses on
+        !> solutions.
+        integer, allocatable :: massless(:)
+        real(wp), allocatable :: added(:)
+        type(low_rank_type) :: update
+        !> Work space (m).
+        real(wp), allocatable :: unused(:)
+        class(model_type), pointer, private :: source => null()
+        !> Friction on reactions; true if the forces of the last point contain it.
+        type(normal_forces_type) :: normal_forces
+        logical :: has_friction = .false.
         !> Natural scales of Phi and of C qd - nu (m, 2); true if they belong to the last point with its velocity.
         real(wp), allocatable :: scales(:, :)
         logical :: has_scales = .false.
@@ -61,6 +74,8 @@ module tandem_chart_sparse_system
         procedure :: hold, release
         procedure :: take_origin, forget, find_errors, find_weights
         procedure :: find_diagonal, find_multipliers, name_infinite, pack_state
+        procedure :: add_friction, complete, invert_masses
+        procedure, private :: balance, factor_update, find_massless
     end type system_type
 
 contains
@@ -98,6 +113,11 @@ contains
         allocate (self%q_point(model%n), self%qd_point(model%n), self%x(model%n), self%z(self%analysis%n_unknowns), &
             self%g(self%m), self%scales(self%m, 2), source=0.0_wp)
         self%rate = 1.0_wp/model%time_scale
+        if (allocated(self%massless)) deallocate (self%massless)
+        self%source => model
+        self%update%n = 0
+        self%normal_forces%n = 0
+        if (model%n_frictions > 0) call self%normal_forces%allocate(model, self%m)
         self%has_inverses = .false.
         self%base = 1
         self%here = 1
@@ -227,12 +247,13 @@ contains
             if (self%serves) return
             call self%nearby%forget()
             if (.not. self%has_inverses(self%here)) then
-                call factor%invert_masses(self%analysis, self%pattern%mass_width, self%model%terms%mass, stat)
+                call self%invert_masses(stat)
                 self%has_inverses(self%here) = stat == status_ok .and. self%model%mass_is_known .and. &
                     .not. any(self%analysis%norm_row > 0)
             end if
             if (stat == status_ok) call factor%factorize(self%analysis, .false., stat)
         end associate
+        if (stat == status_ok .and. self%update%n > 0) call self%factor_update(stat)
         counts%constraint_factorizations = counts%constraint_factorizations + min(self%m, 1)
         counts%mass_factorizations = counts%mass_factorizations + 1
         if (stat /= status_ok) call self%name_infinite(stat)
@@ -261,7 +282,7 @@ contains
         logical, intent(out) :: is_solved
 
         is_solved = .false.
-        if (self%is_held .or. .not. self%shares_terms) return
+        if (self%is_held .or. .not. self%shares_terms .or. max(self%update%n, self%normal_forces%n) > 0) return
         associate (here => self%factor(self%here))
             if (here%is_factored .or. .not. self%nearby%may_serve(self%t_point, here)) return
             call self%load()
@@ -309,16 +330,18 @@ contains
     end subroutine release
 
     !> Factor, and choose again the rows that are left out because they depend on others.
-    subroutine choose_rows(self, counts, stat)
+    subroutine choose_rows(self, left_out, counts, stat)
         class(system_type), intent(inout) :: self
+        !> Rows that are left out in any case (m).
+        logical, intent(in) :: left_out(:)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
         integer :: i
 
         associate (factor => self%factor(self%here))
             call self%load()
-            call factor%invert_masses(self%analysis, self%pattern%mass_width, self%model%terms%mass, stat)
-            if (stat == status_ok) call factor%factorize(self%analysis, .true., stat)
+            call self%invert_masses(stat)
+            if (stat == status_ok) call factor%factorize(self%analysis, .true., stat, left_out)
             counts%constraint_factorizations = counts%constraint_factorizations + 1
             counts%mass_factorizations = counts%mass_factorizations + 1
             if (stat /= status_ok) return
@@ -327,7 +350,93 @@ contains
                 self%factor(i)%leaves_out = any(factor%is_out)
             end do
         end associate
+        if (self%update%n > 0) call self%factor_update(stat)
     end subroutine choose_rows
+
+    !> Invert the masses of bodies at the last point. Coordinates without mass get one.
+    subroutine invert_masses(self, stat)
+        class(system_type), intent(inout) :: self
+        !> As of `tandem_chart_sparse_factor`.
+        integer, intent(out) :: stat
+
+        if (.not. allocated(self%massless)) call self%find_massless()
+        call set_masses(1.0_wp)
+        call self%factor(self%here)%invert_masses(self%analysis, self%pattern%mass_width, self%model%terms%mass, stat)
+        call set_masses(0.0_wp)
+
+    contains
+
+        subroutine set_masses(part)
+            real(wp), intent(in) :: part
+            integer :: i
+
+            do i = 1, size(self%massless)
+                associate (j => self%massless(i))
+                    self%model%terms%mass(j, self%pattern%mass_column(j)) = part*self%added(i)
+                end associate
+            end do
+        end subroutine set_masses
+    end subroutine invert_masses
+
+    !> Find the coordinates without mass: the diagonal of their block of M is zero. In the factors they have a mass of mean size.
+    subroutine find_massless(self)
+        class(system_type), intent(inout) :: self
+        !> More take too long; the factor then reports them.
+        integer, parameter :: most = 40
+        logical :: has_mass(size(self%q_point))
+        real(wp) :: scale(size(self%q_point)), total
+        integer :: i, j
+
+        has_mass = .false.
+        scale = self%source%scales()
+        total = 0.0_wp
+        associate (mass => self%model%terms%mass, first => self%analysis%block_first)
+            do j = 1, size(has_mass)
+                associate (entry => mass(j, self%pattern%mass_column(j)))
+                    total = total + abs(entry)*scale(j)**2
+                    if (.not. abs(entry) > 0.0_wp) cycle
+                end associate
+                do i = first(j), size(has_mass)
+                    if (first(i) /= first(j)) exit
+                    has_mass(i) = .true.
+                end do
+            end do
+        end associate
+        self%massless = pack([(j, j=1, size(has_mass))], .not. has_mass)
+        if (size(self%massless) > most .or. .not. (total > 0.0_wp .and. total <= huge(total))) self%massless = [integer ::]
+        self%added = total/real(max(count(has_mass), 1), wp)/scale(self%massless)**2
+        call self%update%allocate(size(scale), self%m, self%massless, 0)
+        self%unused = spread(0.0_wp, 1, self%m)
+    end subroutine find_massless
+
+    !> Find the effect of coordinates without mass on solutions.
+    subroutine factor_update(self, stat)
+        class(system_type), intent(inout) :: self
+        !> ok or `singular_mass`, with the coordinate in the factor.
+        integer, intent(out) :: stat
+        real(wp) :: force(size(self%q_point)), lambda(self%m)
+        integer :: j
+
+        do j = 1, self%update%n
+            force = 0.0_wp
+            force(self%massless(j)) = self%added(j)
+            call self%balance(force, lambda, .false.)
+            self%update%x(:, j) = self%x
+            self%update%mu(:, j) = lambda
+        end do
+        call self%update%factor(stat)
+        if (stat /= 0) self%factor(self%here)%failed_coordinate = self%massless(min(stat, size(self%massless)))
+        stat = merge(status_ok, status_singular_mass, stat == 0)
+    end subroutine factor_update
+
+    !> Complete an acceleration by the factor at the last point: coordinates without mass have a mass there.
+    subroutine complete(self, x)
+        class(system_type), intent(inout) :: self
+        !> (n)
+        real(wp), intent(inout), contiguous :: x(:)
+
+        if (self%update%n > 0) call self%update%complete(x, self%unused)
+    end subroutine complete
 
     !> Evaluate also gamma and the forces at (t, q, qd), unless it was the last point.
     subroutine move_with(self, t, q, qd, counts, stat)
@@ -342,6 +451,7 @@ contains
             if (are_same(size(qd), qd, self%qd_point)) return
         end if
         self%has_motion = .false.
+        self%has_friction = .false.
         self%has_scales = .false.
         counts%right_hand_sides = counts%right_hand_sides + 1
         call self%model%evaluate(need_gamma + need_force, t, q, qd, counts, stat)
@@ -405,6 +515,7 @@ contains
         do j = 1, size(diagonal)
             diagonal(j) = self%model%terms%mass(j, self%pattern%mass_column(j))
         end do
+        diagonal(self%massless) = self%added
         associate (a => self%analysis, own => self%factor(self%here)%own)
             do b = 1, a%n_bodies
                 if (a%own_row(b) == 0) cycle
@@ -431,14 +542,27 @@ contains
         real(wp), intent(in), contiguous :: qdd(:)
         !> (m)
         real(wp), intent(out), contiguous :: lambda(:)
+        real(wp) :: force(size(qdd))
+
+        call self%pattern%multiply_mass(self%model%terms%mass, qdd, force)
+        force = self%model%terms%force - force
+        call self%balance(force, lambda, .true.)
+    end subroutine find_multipliers
+
+    !> The multipliers of M x + C' lambda = force with C x = 0 at the last point.
+    subroutine balance(self, force, lambda, completes)
+        class(system_type), intent(inout) :: self
+        !> (n), changed; (m)
+        real(wp), intent(inout), contiguous :: force(:)
+        real(wp), intent(out), contiguous :: lambda(:)
+        !> True to complete the solution for coordinates without mass.
+        logical, intent(in) :: completes
         integer, parameter :: most = 8
-        real(wp) :: force(size(qdd)), moved(size(qdd)), left(size(qdd)), more(size(self%z))
+        real(wp) :: moved(size(force)), left(size(force)), more(size(self%z))
         integer :: b, first, i, last, n, pass
 
         lambda = 0.0_wp
         associate (a => self%analysis, factor => self%factor(self%here))
-            call self%pattern%multiply_mass(self%model%terms%mass, qdd, force)
-            force = self%model%terms%force - force
             self%g(:) = 0.0_wp
             call factor%solve(a, .true., force, self%g, self%x, self%z)
             do pass = 2, merge(most, 1, self%serves)
@@ -468,7 +592,34 @@ contains
                     sum(factor%own(first:last)**2)
             end do
         end associate
-    end subroutine find_multipliers
+        if (completes .and. self%update%n > 0) call self%update%complete(self%x, lambda)
+    end subroutine balance
+
+    !> Add friction on reactions to the forces of the last point, which is factored.
+    subroutine add_friction(self, stat)
+        class(system_type), intent(inout) :: self
+        !> A status code.
+        integer, intent(out) :: stat
+        real(wp) :: qdd(size(self%q_point)), lambda(self%m)
+        integer :: j
+
+        stat = status_ok
+        if (self%normal_forces%n == 0 .or. self%has_friction) return
+        call self%model%find_directions(self%t_point, self%q_point, self%qd_point, stat)
+        if (stat /= status_ok) return
+        self%g(:) = -self%model%terms%gamma
+        call self%factor(self%here)%solve(self%analysis, .true., self%model%terms%force, self%g, qdd, self%z)
+        call self%complete(qdd)
+        call self%find_multipliers(qdd, lambda)
+        self%normal_forces%first(:) = lambda
+        do j = 1, self%normal_forces%n
+            qdd = self%model%directions(:, j)
+            call self%balance(qdd, lambda, .true.)
+            self%normal_forces%reach(:, j) = lambda
+        end do
+        call self%normal_forces%add_force(self%model, stat)
+        self%has_friction = stat == status_ok
+    end subroutine add_friction
 
     !> Find the term that is not finite, if there is one, after a failure. Invalidate the point, so that it can be tried again.
     subroutine name_infinite(self, stat)
@@ -522,10 +673,17 @@ contains
         call pack%item(self%base, self%here)
         call pack%item(self%t_point)
         call pack%item(self%q_point, self%qd_point)
-        call pack%item(self%has_point, self%has_motion, self%has_phi)
+        call pack%item(self%has_point, self%has_motion, self%has_phi, self%has_friction)
         call pack%item(self%scales)
         call pack%item(self%has_scales)
         call pack%item(self%serves)
         call self%nearby%pack_state(pack)
+        call pack%item(self%massless)
+        call pack%item(self%added)
+        if (allocated(self%massless)) then
+            if (pack%is_reading) call self%update%allocate(size(self%q_point), self%m, self%massless, 0)
+            if (pack%is_reading) self%unused = spread(0.0_wp, 1, self%m)
+            call self%update%pack_state(pack)
+        end if
     end subroutine pack_state
 end module tandem_chart_sparse_system

@@ -31,7 +31,7 @@ contains
 
         stat = status_ok
         is_loose = goal%is_stage .or. goal%is_iterate
-        wanted = merge(self%stage_velocity_tolerance, self%velocity_tolerance, goal%is_stage)
+        wanted = max(merge(self%stage_velocity_tolerance, self%velocity_tolerance, goal%is_stage), self%loose_velocity)
         predicts = goal%is_stage .and. goal%defect < huge(1.0_wp)
         ! An iterated stage has nearly the same x each time.
         carries = .not. (goal%is_stage .or. (goal%defect < huge(1.0_wp) .and. .not. goal%is_iterate))

@@ -1,0 +1,222 @@
+! SPDX-License-Identifier: MIT
+!> Tests of the sparse chart with friction on reactions, coordinates without mass, redundant rows at velocity level and couplings
+!> that can be freed: motions, multipliers and continued runs, against the dense chart.
+module test_sparse_features
+    use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
+    use large_runs, only: controlled, go_on
+    use tandem, only: failure_type => error_type, long, options_type, simulation_type, statistics_type, wp
+    use tandem_io, only: find_scene, read_scene, scene_type
+    use testdrive, only: error_type, new_unittest, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_sparse_features
+
+    character(len=*), parameter :: nl = new_line('a')
+    character(len=*), parameter :: head = '[scene]'//nl//'model = "mechanism"'//nl//'[gravity]'//nl// &
+        'vector = [0.3, 0.2, -9.81]'//nl//'[initial]'//nl//'assemble = true'//nl//'[time]'//nl//'end = 0.3'//nl
+
+    !> Two links and a slider, each joint with friction on its reaction.
+    character(len=*), parameter :: rubbing = head// &
+        '[body.one]'//nl//'mass = 1'//nl//'inertia = [0.1, 0.2, 0.15]'//nl//'position = [0.4, 0.1, 0]'//nl// &
+        'omega = [0.3, 0.9, 3]'//nl// &
+        '[body.two]'//nl//'mass = 0.8'//nl//'inertia = [0.1, 0.12, 0.09]'//nl//'position = [1.1, 0.5, 0.1]'//nl// &
+        '[body.three]'//nl//'mass = 0.6'//nl//'inertia = [0.05, 0.04, 0.06]'//nl//'position = [1.4, 0.9, 0.3]'//nl// &
+        'velocity = [2, 0, 0]'//nl// &
+        '[joint.a]'//nl//'type = "revolute"'//nl//'bodies = ["ground", "one"]'//nl//'at = [0, 0, 0]'//nl//'axis = [0.1, 0.3, 1]'// &
+        nl//'[joint.b]'//nl//'type = "revolute"'//nl//'bodies = ["one", "two"]'//nl//'at = [0.8, 0.3, 0.1]'//nl// &
+        'axis = [0, 1, 0.4]'//nl// &
+        '[joint.c]'//nl//'type = "prismatic"'//nl//'bodies = ["two", "three"]'//nl//'at = [1.2, 0.7, 0.2]'//nl// &
+        'axis = [1, 0.2, 0.1]'//nl// &
+        '[force.fa]'//nl//'type = "friction"'//nl//'joint = "a"'//nl//'dynamic = 0.3'//nl//'speed = 1.3'//nl//'static = 0.6'//nl// &
+        'radius = 0.1'//nl//'[force.fb]'//nl//'type = "friction"'//nl//'joint = "b"'//nl//'dynamic = 0.3'//nl//'speed = 0.7'//nl// &
+        'radius = 0.15'//nl//'arm = 0.5'//nl//'[force.fc]'//nl//'type = "friction"'//nl//'joint = "c"'//nl//'dynamic = 0.3'//nl// &
+        'speed = 0.9'//nl//'arm = 0.8'//nl//'[force.coil]'//nl//'type = "torsion"'//nl//'joint = "c"'//nl//'stiffness = 40'//nl
+
+    !> A cart with a load on two wheels, each on a strut with a spring: the displacements have no mass.
+    character(len=*), parameter :: strut = 'type = "massless"'//nl//'radius = 0.3'//nl//'axis = [0, 1, 0]'//nl// &
+        'along = [0, 0, -1]'//nl//'at = '
+    character(len=*), parameter :: cart_on_struts = head//'[body.cart]'//nl//'mass = 200'//nl//'inertia = [30, 60, 70]'//nl// &
+        'position = [0, 0, 0.5]'//nl//'velocity = [5, 0, 0]'//nl//'omega = [0.02, 0.1, 0.2]'//nl// &
+        '[body.load]'//nl//'mass = 5'//nl//'inertia = [0.3, 0.4, 0.5]'//nl//'position = [0.3, 0.2, 1.2]'//nl// &
+        '[joint.pole]'//nl//'type = "spherical"'//nl//'bodies = ["cart", "load"]'//nl//'at = [0.1, 0.1, 0.8]'//nl// &
+        '[wheel.front]'//nl//strut//'"cart:[1, 0, -0.2]"'//nl//'[wheel.left]'//nl//strut//'"cart:[-1, 0.6, -0.2]"'//nl// &
+        '[force.front_spring]'//nl//'type = "torsion"'//nl//'joint = "front"'//nl//'stiffness = 2e4'//nl//'damping = 1e3'//nl// &
+        '[force.left_spring]'//nl//'type = "torsion"'//nl//'joint = "left"'//nl//'stiffness = 2e4'//nl//'damping = 1e3'//nl
+
+    !> Knife edges along one line repeat each other, and a row at velocity level repeats a guide.
+    character(len=*), parameter :: skates = head// &
+        '[body.sled]'//nl//'mass = 3'//nl//'inertia = [0.3, 0.4, 0.5]'//nl//'position = [0, 0, 0]'//nl// &
+        'omega = [0, 0, 1.5]'//nl// &
+        'velocity = [0, 2, 0]'//nl//'[joint.floor]'//nl//'type = "planar"'//nl//'bodies = ["ground", "sled"]'//nl// &
+        'at = [0, 0, 0]'//nl//'axis = [0, 0, 1]'//nl// &
+        '[wheel.one]'//nl//'type = "knife_edge"'//nl//'at = "sled:[0.2, 0, 0]"'//nl//'across = [1, 0, 0]'//nl// &
+        '[wheel.two]'//nl//'type = "knife_edge"'//nl//'at = "sled:[0.2, 0.5, 0]"'//nl//'across = [1, 0, 0]'//nl// &
+        '[wheel.three]'//nl//'type = "knife_edge"'//nl//'at = "sled:[-0.4, 0.5, 0]"'//nl//'across = [1, 0, 0]'//nl// &
+        '[body.arm]'//nl//'mass = 1'//nl//'inertia = [0.1, 0.1, 0.1]'//nl//'position = [0, 0, -0.5]'//nl// &
+        'omega = [1, 0, 1.5]'//nl// &
+        'velocity = [0, 2, 0]'//nl//'[joint.pin]'//nl//'type = "spherical"'//nl//'bodies = ["sled", "arm"]'//nl// &
+        'at = [0, 0, 0]'//nl// &
+        '[constraint.again]'//nl//'type = "velocity"'//nl//'velocities = ["sled.vz"]'//nl//'coefficients = [1]'//nl
+
+    !> A double pendulum whose elbow is locked.
+    character(len=*), parameter :: locked = head// &
+        '[body.upper]'//nl//'mass = 1'//nl//'inertia = [0.1, 0.1, 0.1]'//nl//'position = [0.1, 0, -0.5]'//nl// &
+        'omega = [1, 1, 0]'//nl//'[joint.shoulder]'//nl//'type = "universal"'//nl//'bodies = ["ground", "upper"]'//nl// &
+        'at = [0, 0, 0]'//nl// &
+        'axis = [1, 0, 0]'//nl//'across = [0, 1, 0]'//nl// &
+        '[body.lower]'//nl//'mass = 0.7'//nl//'inertia = [0.05, 0.06, 0.05]'//nl//'position = [0.3, 0, -1.4]'//nl// &
+        '[joint.elbow]'//nl//'type = "revolute"'//nl//'bodies = ["upper", "lower"]'//nl//'at = [0.2, 0, -1]'//nl// &
+        'axis = [0, 1, 0]'//nl// &
+        '[constraint.latch]'//nl//'type = "coupling"'//nl//'joints = ["elbow"]'//nl//'factors = [1]'//nl//'locked = '
+
+contains
+
+    !> The suite.
+    subroutine collect_sparse_features(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('friction-on-reactions', test_friction), &
+            new_unittest('coordinates-without-mass', test_massless), &
+            new_unittest('redundant-rows-at-velocity-level', test_redundant), &
+            new_unittest('couplings-that-can-be-freed', test_coupling), &
+            new_unittest('a-stiff-mechanism-that-turns-costs-no-steps', test_governor)]
+    end subroutine collect_sparse_features
+
+    subroutine test_friction(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call compare(rubbing, 0, error)
+    end subroutine test_friction
+
+    subroutine test_massless(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call compare(cart_on_struts, 0, error)
+    end subroutine test_massless
+
+    subroutine test_redundant(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call compare(skates, 2, error)
+    end subroutine test_redundant
+
+    subroutine test_coupling(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        call compare(locked//'true'//nl, 0, error)
+        if (.not. allocated(error)) call compare(locked//'false'//nl, 0, error)
+    end subroutine test_coupling
+
+    !> Springs of 960 times the frequency of the motion rotate with a governor, by a third of a radian in a step. Both charts take
+    !> nearly the same steps, and end nearly in the same state.
+    subroutine test_governor(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), parameter :: steppers(4) = [character(len=9) :: 'radau5', 'radau5', 'sdirk54', 'trapezoid']
+        real(wp), parameter :: rtols(4) = [1.0e-4_wp, 1.0e-6_wp, 1.0e-3_wp, 1.0e-3_wp]
+        type(simulation_type) :: run
+        type(scene_type), target :: scene
+        type(failure_type), allocatable :: failure
+        type(statistics_type) :: statistics
+        character(len=:), allocatable :: path
+        real(wp), allocatable :: q(:)
+        real(wp) :: attempts(2)
+        integer :: i, k
+
+        call find_scene('a05_governor', path, failure)
+        if (.not. allocated(failure)) call read_scene(path, [character(len=1) ::], scene, failure)
+        call check_no_failure(error, failure)
+        do k = 1, size(steppers)
+            do i = 1, 2
+                if (allocated(error)) return
+                call run%initialize(scene%model, controlled(rtols(k), merge('dense ', 'sparse', i == 1), trim(steppers(k))), &
+                    scene%t_start, scene%q, scene%qd, failure, scene%assembly)
+                call check_no_failure(error, failure)
+                call go_on(run, 2.0_wp, error)
+                statistics = run%statistics()
+                attempts(i) = real(statistics%steps + statistics%rejected + statistics%failed, wp)
+                if (i == 1) q = run%state%q
+            end do
+            ! Measured: 39, 116, 33 and 61 on the dense chart.
+            call check_below(error, attempts(2), 1.2_wp*attempts(1) + 5.0_wp, trim(steppers(k))//': steps on the sparse chart')
+            call check_close(error, run%state%q, q, 100*rtols(k), trim(steppers(k))//': q')
+        end do
+    end subroutine test_governor
+
+    !> Runs of a scene on both charts end in the same state, with the same accelerations and multipliers, and a run that is
+    !> continued from a checkpoint is bitwise equal.
+    subroutine compare(text, n_redundant, error)
+        character(len=*), intent(in) :: text
+        !> Redundant rows.
+        integer, intent(in) :: n_redundant
+        type(error_type), allocatable, intent(inout) :: error
+        character(len=*), parameter :: steppers(5) = [character(len=9) :: 'rk4', 'dop853', 'sdirk54', 'radau5', 'trapezoid']
+        !> Errors of motions with rtol = 1e-10: at most some hundred steps of this error, amplified by as much again.
+        real(wp), parameter :: near = 1.0e-7_wp
+        type(simulation_type) :: dense, sparse, again
+        type(scene_type), target :: scenes(3)
+        type(options_type) :: options
+        type(failure_type), allocatable :: failure
+        type(statistics_type) :: statistics
+        real(wp), allocatable :: lambda(:), expected(:)
+        integer(long), allocatable :: words(:)
+        real(wp) :: t_end
+        integer :: k
+
+        do k = 1, size(steppers)
+            options = controlled(1.0e-10_wp, 'dense', trim(steppers(k)))
+            ! Fixed steps, with which both charts have nearly the same errors.
+            if (any(k == [1, 5])) options = options_type(stepper=trim(steppers(k)), step=merge(1.0e-3_wp, 2.0e-4_wp, k == 1), &
+                chart_kind='dense')
+            call begin(text, options, scenes(1), dense, error)
+            options%chart_kind = 'sparse'
+            call begin(text, options, scenes(2), sparse, error)
+            call begin(text, options, scenes(3), again, error)
+            if (allocated(error)) return
+            call check_true(error, sparse%is_sparse .and. .not. dense%is_sparse, 'kinds of charts')
+            call check_count(error, sparse%n_redundant, n_redundant, 'redundant rows')
+            if (allocated(error)) return
+            allocate (lambda(scenes(1)%model%n_constraints()), expected(scenes(1)%model%n_constraints()))
+            ! At the start both states are equal up to rounding.
+            call check_close(error, sparse%state%qdd, dense%state%qdd, 1.0e-9_wp*maxval(abs(dense%state%qdd)), 'qdd')
+            call dense%multipliers(expected)
+            call sparse%multipliers(lambda)
+            call check_close(error, lambda, expected, 1.0e-9_wp*maxval(abs(expected)), 'lambda')
+            t_end = 0.3_wp
+            call go_on(dense, t_end, error)
+            call go_on(sparse, 0.5_wp*t_end, error)
+            if (allocated(error)) return
+            call sparse%save_state(words, failure)
+            call check_no_failure(error, failure)
+            call again%restore_state(words, failure)
+            call check_no_failure(error, failure)
+            call go_on(sparse, t_end, error)
+            call go_on(again, t_end, error)
+            if (allocated(error)) return
+            call check_close(error, sparse%state%q, dense%state%q, near, trim(steppers(k))//': q')
+            call check_close(error, sparse%state%qd, dense%state%qd, 100*near, trim(steppers(k))//': qd')
+            call check_true(error, all(abs(again%state%q - sparse%state%q) <= 0.0_wp), trim(steppers(k))//' goes on otherwise')
+            statistics = sparse%statistics()
+            call check_below(error, max(statistics%position_error, statistics%velocity_error, statistics%acceleration_error), &
+                1.0e-11_wp, 'constraint errors')
+            deallocate (lambda, expected)
+        end do
+    end subroutine compare
+
+    !> Begin a run of a scene.
+    subroutine begin(text, options, scene, simulation, error)
+        character(len=*), intent(in) :: text
+        type(options_type), intent(in) :: options
+        type(scene_type), intent(inout), target :: scene
+        type(simulation_type), intent(inout) :: simulation
+        type(error_type), allocatable, intent(inout) :: error
+        type(failure_type), allocatable :: failure
+
+        if (allocated(error)) return
+        call read_scene('test.toml', [character(len=1) ::], scene, failure, text=text)
+        if (.not. allocated(failure)) call simulation%initialize(scene%model, options, scene%t_start, scene%q, scene%qd, failure, &
+            scene%assembly)
+        call check_no_failure(error, failure)
+    end subroutine begin
+end module test_sparse_features
