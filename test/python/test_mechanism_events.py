@@ -169,8 +169,9 @@ class Changing(Mechanism):
         n_left = 0
         for upper, lower in ((-6, -3), (-3, -3), (4, 3), (-6, 3)):
             scene = self.scene(text.replace("{}", str(upper), 1).replace("{}", str(lower), 1))
-            for stepper, rtol in (("dop853", 1e-10), ("dopri5", 1e-6), ("auto", 1e-7), ("radau5", 1e-7)):
-                settings = [f"solver.stepper={stepper}", f"solver.rtol={rtol}"]
+            for kind, stepper, rtol in (("dense", "dop853", 1e-10), ("dense", "dopri5", 1e-6), ("dense", "auto", 1e-7),
+                                        ("dense", "radau5", 1e-7), ("sparse", "dop853", 1e-10), ("sparse", "radau5", 1e-7)):
+                settings = [f"solver.stepper={stepper}", f"solver.rtol={rtol}", f"solver.chart_kind={kind}"]
                 with self.subTest((upper, lower), settings=settings), self.went(scene, *settings) as file:
                     # The torque of a lock that is free is zero from the start on, which is one event.
                     t, names = file["events/time"][1:], file["events/name"][1:].tolist()

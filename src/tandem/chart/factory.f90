@@ -14,7 +14,7 @@ module tandem_chart_factory
     ! Only the submodule uses the modules of the charts, so that a change in one of them recompiles few files.
     interface
         !> Choose the kind of chart: on request, or by the estimated cost of a step. Implicit steps of a very stiff mechanism use
-        !> dense charts, whose complements follow stiff directions.
+        !> dense charts, on which their stages take fewer corrections.
         module subroutine choose_chart(model, options, implicit, t, q, qd, is_sparse, cost)
             implicit none (type, external)
             class(model_type), intent(inout), target :: model

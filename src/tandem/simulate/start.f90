@@ -200,8 +200,8 @@ contains
         may_leave_sparse = self%options%chart_kind == chart_kinds(1) .and. .not. allocated(self%own%chart)
     end function may_leave_sparse
 
-    !> Bodies without mass and redundant rows among nonholonomic ones require the dense chart: use it unless the user has chosen the
-    !> sparse one.
+    !> Coordinates without mass that no row determines, and redundant rows that the sparse chart cannot separate, are examined by
+    !> the dense chart: use it unless the user has chosen the sparse one.
     subroutine leave_sparse(self, stat, error)
         class(simulation_type), intent(inout) :: self
         !> Status of the sparse chart at the start.

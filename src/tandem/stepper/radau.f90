@@ -211,9 +211,9 @@ contains
         if (stat /= status_ok .and. self%tableau%stages == 3) call rescue(self, chart, state, h, t_end, stat)
     end subroutine solve_stages
 
-    !> Limit the step size after a step whose stages were hard to solve, as the chart requests: smaller, then slowly growing. If the
-    !> smaller step was hard too, as near a loss of rank, the step size is not the cause and the limit is lifted. With charts that do
-    !> not follow the stiffness, stages become harder with stiffness, and the number of such steps would grow with it.
+    !> Limit the step size after a step whose stages were hard to solve, as the chart requests: smaller, then slowly growing. If
+    !> the smaller step was hard too, as near a loss of rank, the step size is not the cause and the limit is lifted. With charts
+    !> that do not follow the stiffness, stages become harder with it, and the number of such steps would grow.
     pure subroutine judge_stages(self, chart, h, is_hard)
         class(radau_type), intent(inout) :: self
         class(implicit_chart_type), intent(in) :: chart

@@ -114,8 +114,8 @@ contains
         if (stat == status_ok) call find_residual_at(self, goal%stage, t, q, qd, rate_q, rate_qd, residual, stat)
     end subroutine do_find_residual
 
-    !> Start the restoration of an iterate of a stage: at the first one from the predicted coordinates, later from the last iterate of
-    !> the stage, by their components along the complement. It need only be as accurate as Newton's corrections are small.
+    !> Start the restoration of an iterate of a stage: at the first one from the predicted coordinates, later from the last iterate
+    !> of the stage, by their components along the complement. It need only be as accurate as Newton's corrections are small.
     subroutine begin_iterate(self, goal, dq, dqd, q, rate_q)
         class(sparse_coupled_type), intent(inout) :: self
         type(goal_type), intent(in) :: goal

@@ -133,7 +133,7 @@ contains
             end if
             s%g(:) = -s%model%terms%gamma
             call s%factor(s%here)%solve(s%analysis, .true., s%model%terms%force, s%g, self%part, s%z)
-            call s%complete(self%part)
+            call s%update%complete_motion(self%part)
             call self%keep_multipliers()
             call s%find_multipliers(self%part, self%lambda)
             call s%model%evaluate_stiffness(t, q, qd, qdd, self%lambda, self%newton%terms%stiffness, self%counts, stat)
@@ -142,7 +142,8 @@ contains
                 return
             end if
             call self%newton%form(s%factor(s%here), s%model%terms%mass)
-            if (size(s%massless) /= size(self%newton%terms%massless)) call self%newton%tell_massless(s%massless, s%added)
+            if (size(s%update%coordinates) /= size(self%newton%update%coordinates)) call self%newton%tell_massless( &
+                s%update%coordinates, s%update%added)
             if (s%normal_forces%n > 0) call self%newton%set_friction(s%model%directions, s%model%normals_gradient)
             call self%newton%factor(ha, stat)
             self%left = 2.0_wp

@@ -17,35 +17,41 @@ module tandem_chart_sparse_low_rank
     type :: low_rank_type
         !> Number of columns; if it is 0 the arrays are not allocated.
         integer :: n = 0
-        !> The coordinates without mass, whose columns are the first ones.
+        !> The coordinates without mass, whose columns are the first ones, and their mass in the factor.
         integer, allocatable :: coordinates(:)
+        real(wp), allocatable :: added(:)
         !> p' (frictions, m).
         real(wp), allocatable :: gradient(:, :)
         !> X by coordinates (n, columns) and by multipliers (m, columns), real and imaginary parts.
         real(wp), allocatable :: x(:, :), x_im(:, :), mu(:, :), mu_im(:, :)
+        !> Work space: multipliers of a solution without (m).
+        real(wp), allocatable, private :: no_mu(:)
         !> I - V' X and its factor.
         complex(wp), allocatable, private :: matrix(:, :)
         type(complex_lu_type), private :: lu
     contains
-        procedure :: allocate => allocate_update, factor, complete, complete_pair, pack_state
+        procedure :: allocate => allocate_update, factor, complete, complete_motion, complete_pair, pack_state
         procedure, private :: find_part
     end type low_rank_type
 
 contains
 
     !> Allocate.
-    subroutine allocate_update(self, n, m, coordinates, n_frictions)
+    subroutine allocate_update(self, n, m, coordinates, added, n_frictions)
         class(low_rank_type), intent(inout) :: self
         !> Numbers of coordinates and of rows.
         integer, intent(in) :: n, m
-        !> Coordinates without mass; number of frictions.
+        !> Coordinates without mass, and their mass in the factor; number of frictions.
         integer, intent(in) :: coordinates(:), n_frictions
+        real(wp), intent(in) :: added(:)
 
         self%n = size(coordinates) + n_frictions
-        if (allocated(self%x)) deallocate (self%x, self%x_im, self%mu, self%mu_im, self%matrix, self%gradient)
-        if (self%n == 0) return
         self%coordinates = coordinates
-        allocate (self%x(n, self%n), self%x_im(n, self%n), self%mu(m, self%n), self%mu_im(m, self%n), &
+        self%added = added
+        if (allocated(self%x)) deallocate (self%x, self%x_im, self%mu, self%mu_im, self%matrix, self%gradient, &
+            self%no_mu)
+        if (self%n == 0) return
+        allocate (self%no_mu(m), self%x(n, self%n), self%x_im(n, self%n), self%mu(m, self%n), self%mu_im(m, self%n), &
             self%gradient(n_frictions, m), source=0.0_wp)
         allocate (self%matrix(self%n, self%n))
         call self%lu%allocate(self%n)
@@ -105,6 +111,7 @@ contains
         real(wp) :: s(self%n), s_im(self%n)
         integer :: i
 
+        if (self%n == 0) return
         call self%find_part(x, mu, s)
         s_im = 0.0_wp
         call self%lu%solve(s, s_im)
@@ -113,6 +120,23 @@ contains
             mu(:) = mu + s(i)*self%mu(:, i)
         end do
     end subroutine complete
+
+    !> Complete a solution of the real system without its multipliers, if there is no friction.
+    subroutine complete_motion(self, x)
+        class(low_rank_type), intent(inout) :: self
+        !> (n)
+        real(wp), intent(inout), contiguous :: x(:)
+        real(wp) :: s(self%n), s_im(self%n)
+        integer :: i
+
+        if (self%n == 0) return
+        call self%find_part(x, self%no_mu, s)
+        s_im = 0.0_wp
+        call self%lu%solve(s, s_im)
+        do i = 1, self%n
+            x(:) = x + s(i)*self%x(:, i)
+        end do
+    end subroutine complete_motion
 
     !> Complete a solution of a complex pair of systems.
     subroutine complete_pair(self, x, x_im, mu, mu_im)

@@ -529,7 +529,7 @@ contains
             associate (here => s%factor(s%here))
                 s%g(:) = -s%model%terms%gamma
                 call here%solve(s%analysis, .true., s%model%terms%force, s%g, qdd, s%z)
-                call s%complete(qdd)
+                call s%update%complete_motion(qdd)
                 if (.not. s%is_held) call s%nearby%note(t, qdd, s%z)
                 do pass = 1, merge(0, passes(here%least), goal%is_stage)
                     ! Rounding error of C qdd + gamma.

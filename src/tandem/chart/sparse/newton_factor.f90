@@ -25,10 +25,8 @@ module tandem_chart_sparse_newton_factor
         type(stiffness_type) :: stiffness
         !> Compressed M, the parts of C by links and by owned rows.
         real(wp), allocatable :: mass(:, :), c(:), own(:)
-        !> Coordinates without mass, and their mass in the factors; columns for these and for frictions, see
-        !> `tandem_chart_sparse_low_rank` (n, columns).
-        integer, allocatable :: massless(:)
-        real(wp), allocatable :: added(:), columns(:, :)
+        !> Columns for coordinates without mass and for frictions, see `tandem_chart_sparse_low_rank` (n, columns).
+        real(wp), allocatable :: columns(:, :)
         !> Rows that are left out (m).
         logical, allocatable :: is_out(:)
     end type newton_terms_type

@@ -37,7 +37,7 @@ module tandem_chart_sparse_newton_matrix
         !> Matrices of complex pairs of systems; of size 0 if stages are solved one by one.
         type(newton_pair_type), allocatable :: pairs(:)
         !> Coordinates without mass and friction on reactions, of the real system and of the pairs.
-        type(low_rank_type), private :: update
+        type(low_rank_type) :: update
         type(low_rank_type), allocatable, private :: update_of_pairs(:)
         !> Work space: unknowns of nodes.
         real(wp), allocatable, private :: z(:), w(:)
@@ -90,7 +90,8 @@ contains
         allocate (self%pairs(size(ratios)), self%update_of_pairs(size(ratios)))
         do k = 1, size(ratios)
             call self%pairs(k)%allocate(self%analysis, ratios(k))
-            call self%update_of_pairs(k)%allocate(self%analysis%n, self%analysis%m, self%terms%massless, self%n_frictions)
+            call self%update_of_pairs(k)%allocate(self%analysis%n, self%analysis%m, self%update%coordinates, self%update%added, &
+                self%n_frictions)
         end do
         self%w = self%z
         self%ha = 0.0_wp
@@ -137,9 +138,9 @@ contains
             real(wp), intent(in) :: part
             integer :: i
 
-            do i = 1, size(self%terms%massless)
-                associate (j => self%terms%massless(i))
-                    self%terms%mass(j, j - self%analysis%block_first(j) + 1) = part*self%terms%added(i)
+            do i = 1, size(self%update%coordinates)
+                associate (j => self%update%coordinates(i))
+                    self%terms%mass(j, j - self%analysis%block_first(j) + 1) = part*self%update%added(i)
                 end associate
             end do
         end subroutine add_masses
@@ -153,12 +154,10 @@ contains
         real(wp), intent(in) :: added(:)
         integer :: k
 
-        self%terms%massless = coordinates
-        self%terms%added = added
         associate (a => self%analysis)
-            call self%update%allocate(a%n, a%m, coordinates, self%n_frictions)
+            call self%update%allocate(a%n, a%m, coordinates, added, self%n_frictions)
             do k = 1, size(self%pairs)
-                call self%update_of_pairs(k)%allocate(a%n, a%m, coordinates, self%n_frictions)
+                call self%update_of_pairs(k)%allocate(a%n, a%m, coordinates, added, self%n_frictions)
             end do
             if (allocated(self%terms%columns)) deallocate (self%terms%columns)
             allocate (self%terms%columns(merge(a%n, 0, self%update%n > 0), self%update%n), source=0.0_wp)
@@ -175,7 +174,7 @@ contains
         real(wp), intent(in), contiguous :: directions(:, :), gradient(:, :)
         integer :: k
 
-        self%terms%columns(:, size(self%terms%massless) + 1:) = directions
+        self%terms%columns(:, size(self%update%coordinates) + 1:) = directions
         self%update%gradient(:, :) = gradient
         do k = 1, size(self%pairs)
             self%update_of_pairs(k)%gradient(:, :) = gradient
@@ -225,7 +224,7 @@ contains
         call self%gather(f, g, self%z)
         call self%factored%solve(self%analysis, self%z)
         call self%scatter(self%z, x, mu)
-        if (self%update%n > 0) call self%update%complete(x, mu)
+        call self%update%complete(x, mu)
     end subroutine solve
 
     !> Solve for a complex pair, in place: x for f and mu for g, their imaginary parts likewise.
@@ -331,8 +330,8 @@ contains
     subroutine pack_state(self, pack)
         class(newton_matrix_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
-        integer, allocatable :: out(:)
-        real(wp), allocatable :: ratios(:)
+        integer, allocatable :: coordinates(:), out(:)
+        real(wp), allocatable :: added(:), ratios(:)
         integer :: k, n
 
         ! A restored chart has not received the pairs of its stepper yet.
@@ -344,9 +343,11 @@ contains
         n = size(ratios)/2
         call self%expect_pairs(cmplx(ratios(:n), ratios(n + 1:), wp))
         call pack%item(self%ha)
-        call pack%item(self%terms%massless)
-        call pack%item(self%terms%added)
-        if (pack%is_reading) call self%tell_massless(self%terms%massless, self%terms%added)
+        coordinates = self%update%coordinates
+        added = self%update%added
+        call pack%item(coordinates)
+        call pack%item(added)
+        if (pack%is_reading) call self%tell_massless(coordinates, added)
         call self%factored%pack_state(pack)
         do k = 1, n
             call self%pairs(k)%pack_state(pack)

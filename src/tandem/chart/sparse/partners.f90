@@ -19,8 +19,8 @@ module tandem_chart_sparse_partners
 
 contains
 
-    !> Choose the rows that are left out at the last point of a system. Rows of Phi are left out only if they depend on other rows of
-    !> Phi: where one depends on rows of E that are eliminated before it, one of these is left out in its place.
+    !> Choose the rows that are left out at the last point of a system. Rows of Phi are left out only if they depend on other rows
+    !> of Phi: where one depends on rows of E that are eliminated before it, one of these is left out in its place.
     subroutine choose_independent(system, counts, stat)
         type(system_type), intent(inout) :: system
         type(counts_type), intent(inout) :: counts

@@ -177,7 +177,7 @@ contains
                 s%g(:) = s%model%terms%nu
                 call s%factor(s%here)%multiply(s%analysis, qd, s%g)
                 call s%factor(s%here)%solve(s%analysis, .false., qd, s%g, s%x, s%z)
-                if (s%update%n > 0) call s%update%complete(s%x, s%unused)
+                call s%update%complete_motion(s%x)
                 qd = qd + s%x
             end do
             if (.not. sum(abs(qd)) <= huge(1.0_wp)) stat = status_not_finite

@@ -50,13 +50,9 @@ module tandem_chart_sparse_system
         real(wp) :: t_point = 0.0_wp
         real(wp), allocatable :: q_point(:), qd_point(:)
         logical :: has_point = .false., has_motion = .false., has_phi = .false.
-        !> Coordinates without mass, found at the first factorization, their mass in the factors, and the effect of these masses on
-        !> solutions.
-        integer, allocatable :: massless(:)
-        real(wp), allocatable :: added(:)
+        !> Coordinates without mass, found at the first factorization (before, the list is not allocated), and the effect of their
+        !> mass in the factors on solutions.
         type(low_rank_type) :: update
-        !> Work space (m).
-        real(wp), allocatable :: unused(:)
         class(model_type), pointer, private :: source => null()
         !> Friction on reactions; true if the forces of the last point contain it.
         type(normal_forces_type) :: normal_forces
@@ -74,9 +70,59 @@ module tandem_chart_sparse_system
         procedure :: hold, release
         procedure :: take_origin, forget, find_errors, find_weights
         procedure :: find_diagonal, find_multipliers, name_infinite, pack_state
-        procedure :: add_friction, complete, invert_masses
-        procedure, private :: balance, factor_update, find_massless
+        procedure :: add_friction, invert_masses
+        procedure, private :: balance, factor_update, find_massless, pack_massless
     end type system_type
+
+    interface
+        !> Invert the masses of bodies at the last point. Coordinates without mass get one.
+        module subroutine invert_masses(self, stat)
+            implicit none (type, external)
+            class(system_type), intent(inout) :: self
+            !> As of `tandem_chart_sparse_factor`.
+            integer, intent(out) :: stat
+        end subroutine invert_masses
+
+        !> Find the coordinates without mass: the diagonal of their block of M is zero. In the factors they have a mean mass.
+        module subroutine find_massless(self)
+            implicit none (type, external)
+            class(system_type), intent(inout) :: self
+        end subroutine find_massless
+
+        !> Find the effect of coordinates without mass on solutions.
+        module subroutine factor_update(self, stat)
+            implicit none (type, external)
+            class(system_type), intent(inout) :: self
+            !> ok or `singular_mass`, with the coordinate in the factor.
+            integer, intent(out) :: stat
+        end subroutine factor_update
+
+        !> The multipliers of M x + C' lambda = force with C x = 0 at the last point.
+        module subroutine balance(self, force, lambda, completes)
+            implicit none (type, external)
+            class(system_type), intent(inout) :: self
+            !> (n), changed; (m)
+            real(wp), intent(inout), contiguous :: force(:)
+            real(wp), intent(out), contiguous :: lambda(:)
+            !> True to complete the solution for coordinates without mass.
+            logical, intent(in) :: completes
+        end subroutine balance
+
+        !> Add friction on reactions to the forces of the last point, which is factored.
+        module subroutine add_friction(self, stat)
+            implicit none (type, external)
+            class(system_type), intent(inout) :: self
+            !> A status code.
+            integer, intent(out) :: stat
+        end subroutine add_friction
+
+        !> The coordinates without mass, which a new chart does not know yet.
+        module subroutine pack_massless(self, pack)
+            implicit none (type, external)
+            class(system_type), intent(inout) :: self
+            type(pack_type), intent(inout) :: pack
+        end subroutine pack_massless
+    end interface
 
 contains
 
@@ -113,7 +159,7 @@ contains
         allocate (self%q_point(model%n), self%qd_point(model%n), self%x(model%n), self%z(self%analysis%n_unknowns), &
             self%g(self%m), self%scales(self%m, 2), source=0.0_wp)
         self%rate = 1.0_wp/model%time_scale
-        if (allocated(self%massless)) deallocate (self%massless)
+        if (allocated(self%update%coordinates)) deallocate (self%update%coordinates)
         self%source => model
         self%update%n = 0
         self%normal_forces%n = 0
@@ -353,91 +399,6 @@ contains
         if (self%update%n > 0) call self%factor_update(stat)
     end subroutine choose_rows
 
-    !> Invert the masses of bodies at the last point. Coordinates without mass get one.
-    subroutine invert_masses(self, stat)
-        class(system_type), intent(inout) :: self
-        !> As of `tandem_chart_sparse_factor`.
-        integer, intent(out) :: stat
-
-        if (.not. allocated(self%massless)) call self%find_massless()
-        call set_masses(1.0_wp)
-        call self%factor(self%here)%invert_masses(self%analysis, self%pattern%mass_width, self%model%terms%mass, stat)
-        call set_masses(0.0_wp)
-
-    contains
-
-        subroutine set_masses(part)
-            real(wp), intent(in) :: part
-            integer :: i
-
-            do i = 1, size(self%massless)
-                associate (j => self%massless(i))
-                    self%model%terms%mass(j, self%pattern%mass_column(j)) = part*self%added(i)
-                end associate
-            end do
-        end subroutine set_masses
-    end subroutine invert_masses
-
-    !> Find the coordinates without mass: the diagonal of their block of M is zero. In the factors they have a mass of mean size.
-    subroutine find_massless(self)
-        class(system_type), intent(inout) :: self
-        !> More take too long; the factor then reports them.
-        integer, parameter :: most = 40
-        logical :: has_mass(size(self%q_point))
-        real(wp) :: scale(size(self%q_point)), total
-        integer :: i, j
-
-        has_mass = .false.
-        scale = self%source%scales()
-        total = 0.0_wp
-        associate (mass => self%model%terms%mass, first => self%analysis%block_first)
-            do j = 1, size(has_mass)
-                associate (entry => mass(j, self%pattern%mass_column(j)))
-                    total = total + abs(entry)*scale(j)**2
-                    if (.not. abs(entry) > 0.0_wp) cycle
-                end associate
-                do i = first(j), size(has_mass)
-                    if (first(i) /= first(j)) exit
-                    has_mass(i) = .true.
-                end do
-            end do
-        end associate
-        self%massless = pack([(j, j=1, size(has_mass))], .not. has_mass)
-        if (size(self%massless) > most .or. .not. (total > 0.0_wp .and. total <= huge(total))) self%massless = [integer ::]
-        self%added = total/real(max(count(has_mass), 1), wp)/scale(self%massless)**2
-        call self%update%allocate(size(scale), self%m, self%massless, 0)
-        self%unused = spread(0.0_wp, 1, self%m)
-    end subroutine find_massless
-
-    !> Find the effect of coordinates without mass on solutions.
-    subroutine factor_update(self, stat)
-        class(system_type), intent(inout) :: self
-        !> ok or `singular_mass`, with the coordinate in the factor.
-        integer, intent(out) :: stat
-        real(wp) :: force(size(self%q_point)), lambda(self%m)
-        integer :: j
-
-        do j = 1, self%update%n
-            force = 0.0_wp
-            force(self%massless(j)) = self%added(j)
-            call self%balance(force, lambda, .false.)
-            self%update%x(:, j) = self%x
-            self%update%mu(:, j) = lambda
-        end do
-        call self%update%factor(stat)
-        if (stat /= 0) self%factor(self%here)%failed_coordinate = self%massless(min(stat, size(self%massless)))
-        stat = merge(status_ok, status_singular_mass, stat == 0)
-    end subroutine factor_update
-
-    !> Complete an acceleration by the factor at the last point: coordinates without mass have a mass there.
-    subroutine complete(self, x)
-        class(system_type), intent(inout) :: self
-        !> (n)
-        real(wp), intent(inout), contiguous :: x(:)
-
-        if (self%update%n > 0) call self%update%complete(x, self%unused)
-    end subroutine complete
-
     !> Evaluate also gamma and the forces at (t, q, qd), unless it was the last point.
     subroutine move_with(self, t, q, qd, counts, stat)
         class(system_type), intent(inout) :: self
@@ -515,7 +476,7 @@ contains
         do j = 1, size(diagonal)
             diagonal(j) = self%model%terms%mass(j, self%pattern%mass_column(j))
         end do
-        diagonal(self%massless) = self%added
+        diagonal(self%update%coordinates) = self%update%added
         associate (a => self%analysis, own => self%factor(self%here)%own)
             do b = 1, a%n_bodies
                 if (a%own_row(b) == 0) cycle
@@ -548,78 +509,6 @@ contains
         force = self%model%terms%force - force
         call self%balance(force, lambda, .true.)
     end subroutine find_multipliers
-
-    !> The multipliers of M x + C' lambda = force with C x = 0 at the last point.
-    subroutine balance(self, force, lambda, completes)
-        class(system_type), intent(inout) :: self
-        !> (n), changed; (m)
-        real(wp), intent(inout), contiguous :: force(:)
-        real(wp), intent(out), contiguous :: lambda(:)
-        !> True to complete the solution for coordinates without mass.
-        logical, intent(in) :: completes
-        integer, parameter :: most = 8
-        real(wp) :: moved(size(force)), left(size(force)), more(size(self%z))
-        integer :: b, first, i, last, n, pass
-
-        lambda = 0.0_wp
-        associate (a => self%analysis, factor => self%factor(self%here))
-            self%g(:) = 0.0_wp
-            call factor%solve(a, .true., force, self%g, self%x, self%z)
-            do pass = 2, merge(most, 1, self%serves)
-                call factor%find_unbalanced(a, self%model%terms%mass, force, self%x, self%z, left)
-                self%g(:) = 0.0_wp
-                call factor%multiply(a, self%x, self%g)
-                call factor%solve(a, .true., left, self%g, moved, more)
-                self%x = self%x + moved
-                self%z = self%z + more
-                if (maxval(abs(more)) <= 4*epsilon(1.0_wp)*maxval(abs(self%z))) exit
-            end do
-            do n = 1, a%n_nodes
-                if (a%is_body(n)) cycle
-                do i = 1, a%height(n)
-                    lambda(a%origin(n) + i - 1) = self%z(a%place(n) + i)
-                end do
-            end do
-            ! Owned rows were eliminated with their bodies: they balance the remaining force.
-            call self%pattern%multiply_mass(self%model%terms%mass, self%x, moved)
-            force = force - moved
-            call factor%add_reactions(a, lambda, force)
-            do b = 1, a%n_bodies
-                if (a%own_row(b) == 0) cycle
-                first = a%first(b)
-                last = a%first(b + 1) - 1
-                lambda(a%own_row(b)) = dot_product(factor%own(first:last), force(first:last))/ &
-                    sum(factor%own(first:last)**2)
-            end do
-        end associate
-        if (completes .and. self%update%n > 0) call self%update%complete(self%x, lambda)
-    end subroutine balance
-
-    !> Add friction on reactions to the forces of the last point, which is factored.
-    subroutine add_friction(self, stat)
-        class(system_type), intent(inout) :: self
-        !> A status code.
-        integer, intent(out) :: stat
-        real(wp) :: qdd(size(self%q_point)), lambda(self%m)
-        integer :: j
-
-        stat = status_ok
-        if (self%normal_forces%n == 0 .or. self%has_friction) return
-        call self%model%find_directions(self%t_point, self%q_point, self%qd_point, stat)
-        if (stat /= status_ok) return
-        self%g(:) = -self%model%terms%gamma
-        call self%factor(self%here)%solve(self%analysis, .true., self%model%terms%force, self%g, qdd, self%z)
-        call self%complete(qdd)
-        call self%find_multipliers(qdd, lambda)
-        self%normal_forces%first(:) = lambda
-        do j = 1, self%normal_forces%n
-            qdd = self%model%directions(:, j)
-            call self%balance(qdd, lambda, .true.)
-            self%normal_forces%reach(:, j) = lambda
-        end do
-        call self%normal_forces%add_force(self%model, stat)
-        self%has_friction = stat == status_ok
-    end subroutine add_friction
 
     !> Find the term that is not finite, if there is one, after a failure. Invalidate the point, so that it can be tried again.
     subroutine name_infinite(self, stat)
@@ -678,12 +567,7 @@ contains
         call pack%item(self%has_scales)
         call pack%item(self%serves)
         call self%nearby%pack_state(pack)
-        call pack%item(self%massless)
-        call pack%item(self%added)
-        if (allocated(self%massless)) then
-            if (pack%is_reading) call self%update%allocate(size(self%q_point), self%m, self%massless, 0)
-            if (pack%is_reading) self%unused = spread(0.0_wp, 1, self%m)
-            call self%update%pack_state(pack)
-        end if
+        call self%pack_massless(pack)
     end subroutine pack_state
+
 end module tandem_chart_sparse_system
