@@ -21,8 +21,9 @@ module tandem
     use tandem_mechanism_key_reader, only: anything, fault_type, not_negative, positive, reader_type
     use tandem_mechanism_function, only: constant_type, expression_function, function_type, polynomial_type, ramp, sine_type, &
         table_function
-    use tandem_mechanism_law, only: expression_law, law_type, table_law
+    use tandem_mechanism_law, only: expression_law, friction_law_type, law_type, table_law
     use tandem_mechanism_parameters, only: resolve_parameters
+    use tandem_mechanism_plane, only: plane_type
     use tandem_mechanism_shown, only: shown_type
     use tandem_mechanism_table_function, only: table_ends, table_kinds, table_type
     use tandem_model, only: label_length, model_type, quantity_type
@@ -100,7 +101,8 @@ module tandem
     public :: entries_type, entry_type, value_type, atom_type, is_number, is_text, is_truth, is_other, build_mechanism, shown_type
     public :: reader_type, fault_type, anything, positive, not_negative
     public :: mechanism_kinds, mechanism_singles, census_type, element_count_type, take_census
-    public :: mechanism_type, function_type, constant_type, polynomial_type, sine_type, ramp, expression_function, table_function, &
+    public :: mechanism_type, plane_type, friction_law_type
+    public :: function_type, constant_type, polynomial_type, sine_type, ramp, expression_function, table_function, &
         law_type, expression_law, table_law
     public :: articulated_vehicle_type, motorcycle_type, rolling_disk_type
 end module tandem

@@ -395,7 +395,8 @@ contains
         if (capacity < 0 .or. (capacity > 0 .and. .not. present(times))) then
             call problem%refuse('times is NULL, or their number is negative', 'pass an array and its number of rows')
         else
-            call problem%advance(t_end, max_steps, at_steps /= 0, capacity, filled, times, q, qd, qdd)
+            filled = capacity
+            call problem%advance(t_end, max_steps, at_steps /= 0, filled, times, q, qd, qdd)
             if (present(rows)) rows = filled
         end if
         c_advance = problem%stat

@@ -9,7 +9,7 @@ module tandem_legacy_description
     use tandem_kinds, only: wp
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_comparison, only: compare_procedures
-    use tandem_legacy_events, only: event_list_type
+    use tandem_legacy_events, only: callback_event_type, event_list_type
     use tandem_legacy_settings, only: set_option, take_flags, take_list
     use tandem_legacy_terms, only: find_term, names_of_kind, terms
     use tandem_legacy_wording, only: in_words_of
@@ -358,10 +358,17 @@ contains
         integer, intent(in), optional :: index
         real(wp), intent(in), optional :: value
         type(c_funptr), intent(in), optional :: function_
+        type(callback_event_type) :: event
         type(error_type), allocatable :: error
 
         if (.not. self%is_free()) return
-        call self%events%add(self%callbacks, name, direction, stops /= 0, error, quantity, index, value, function_)
+        event%model => self%callbacks
+        event%direction = direction
+        event%stops = stops /= 0
+        if (present(index)) event%index = index
+        if (present(value)) event%value = value
+        if (present(function_)) event%function_ = function_
+        call self%events%add(name, event, error, quantity)
         call self%conclude(error)
     end subroutine add_event
 

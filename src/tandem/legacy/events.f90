@@ -15,7 +15,7 @@ module tandem_legacy_events
     implicit none (type, external)
     private
 
-    public :: event_list_type
+    public :: callback_event_type, event_list_type
 
     !> Quantities that can be watched.
     character(len=6), parameter :: quantities(3) = [character(len=6) :: 'q', 'qd', 'lambda']
@@ -38,31 +38,21 @@ module tandem_legacy_events
 
 contains
 
-    !> Add an event: a quantity, its entry and a value, or a function.
-    subroutine add(self, model, name, direction, stops, error, quantity, index, value, function_)
+    !> Add an event: a function, or a quantity with its entry and value.
+    subroutine add(self, name, event, error, quantity)
         class(event_list_type), intent(inout) :: self
-        class(callback_model_type), pointer, intent(in) :: model
         !> Unique name.
         character(len=*), intent(in) :: name
-        !> See `event_type`.
-        integer, intent(in) :: direction
-        logical, intent(in) :: stops
+        !> Model, direction, stop, and entry with value or function; all other components are set.
+        type(callback_event_type), intent(inout) :: event
         !> invalid_option if the event is invalid.
         type(error_type), allocatable, intent(out) :: error
-        !> See `threshold_event_type`; in either case.
+        !> See `threshold_event_type`; in either case. Absent for a function.
         character(len=*), intent(in), optional :: quantity
-        integer, intent(in), optional :: index
-        real(wp), intent(in), optional :: value
-        !> A procedure of time, position and velocity.
-        type(c_funptr), intent(in), optional :: function_
-        type(callback_event_type) :: event
         integer :: n
 
         if (.not. allocated(self%wanted)) allocate (self%wanted(0))
-        event%model => model
         event%name = name
-        event%direction = direction
-        event%stops = stops
         if (name == '') then
             call refuse('the event has no name', 'give it one')
         else if (len_trim(name) > label_length) then
@@ -70,29 +60,28 @@ contains
                 'use '//to_text(label_length)//' characters at most')
         else if (any(self%wanted%name == event%name)) then
             call refuse('"'//trim(name)//'" is the name of another event', 'give it another one')
-        else if (all(direction /= [-1, 0, 1])) then
-            call refuse('the direction '//to_text(direction)//' of the event "'//trim(name)//'" is unknown', &
+        else if (all(event%direction /= [-1, 0, 1])) then
+            call refuse('the direction '//to_text(event%direction)//' of the event "'//trim(name)//'" is unknown', &
                 'use 1 where it rises, -1 where it falls, 0 for both')
-        else if (present(function_)) then
-            event%function_ = function_
-            if (.not. c_associated(function_)) call refuse('the event "'//trim(name)//'" has no function', 'give it one')
+        else if (.not. present(quantity)) then
+            if (.not. c_associated(event%function_)) call refuse('the event "'//trim(name)//'" has no function', 'give it one')
         else if (all(lower_case(quantity) /= quantities)) then
             call refuse('the quantity "'//trim(quantity)//'" of the event "'//trim(name)//'" is unknown', 'use q, qd or lambda')
         else
             event%quantity = lower_case(quantity)
-            event%index = index
-            event%value = value
-            n = model%n
-            if (event%quantity == 'lambda') n = model%n_constraints()
-            if (index < 1 .or. index > n) then
+            n = event%model%n
+            if (event%quantity == 'lambda') n = event%model%n_constraints()
+            if (event%index < 1 .or. event%index > n) then
                 call refuse('the event "'//trim(name)//'" watches an entry of '//trim(event%quantity)//' that does not exist', &
                     'it has '//to_text(n)//' entries')
-            else if (.not. ieee_is_finite(value)) then
+            else if (.not. ieee_is_finite(event%value)) then
                 call refuse('the value of the event "'//trim(name)//'" is not finite', 'give a finite number')
             end if
         end if
         if (.not. allocated(error)) self%wanted = [self%wanted, event]
+
     contains
+
         subroutine refuse(message, advice)
             character(len=*), intent(in) :: message, advice
 

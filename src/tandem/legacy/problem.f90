@@ -104,21 +104,21 @@ contains
     !> Take up to `most` accepted steps that do not pass t_end, and store rows of states: at the given times, or one for each step.
     !> Ends early at an event that stops the run, and when the rows are full; without rows it continues to t_end. After a failure
     !> the results contain all states reached before it.
-    subroutine advance(self, t_end, most, at_steps, capacity, rows, times, q, qd, qdd)
+    subroutine advance(self, t_end, most, at_steps, rows, times, q, qd, qdd)
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t_end
         integer, intent(in) :: most
         !> True for a row at each step, whose time is returned; false for rows at given ascending times.
         logical, intent(in) :: at_steps
-        !> Number of rows that fit, and number of rows stored.
-        integer, intent(in) :: capacity
-        integer, intent(out) :: rows
+        !> Number of rows that fit; on return the number of rows stored.
+        integer, intent(inout) :: rows
         real(wp), intent(inout), optional :: times(*)
-        !> Coordinates, velocities, accelerations (n, capacity). An incomplete mechanism has no model that defines n.
+        !> Coordinates, velocities, accelerations (n, rows). An incomplete mechanism has no model that defines n.
         real(wp), intent(inout), optional :: q(self%callbacks%n, *), qd(self%callbacks%n, *), qdd(self%callbacks%n, *)
         type(error_type), allocatable :: error
-        integer :: taken
+        integer :: capacity, taken
 
+        capacity = rows
         rows = 0
         if (.not. self%is_running()) return
         if (.not. (t_end >= self%simulation%state%t .and. ieee_is_finite(t_end))) then

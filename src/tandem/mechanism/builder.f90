@@ -18,9 +18,10 @@ module tandem_mechanism_builder
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_velocity_joint, only: velocity_joint_type
     use tandem_mechanism_joint, only: name_length, placed_joint_type
-    use tandem_mechanism_law, only: law_type
+    use tandem_mechanism_law, only: friction_law_type, law_type
     use tandem_mechanism_load, only: load_type
     use tandem_mechanism_massless_wheel, only: massless_wheel_type
+    use tandem_mechanism_plane, only: plane_type
     use tandem_mechanism_rate_row, only: rate_row_type
     use tandem_mechanism_rolling, only: knife_edge_type, roller_type
     use tandem_mechanism_sensor, only: sensor_type
@@ -77,15 +78,14 @@ module tandem_mechanism_builder
         end subroutine add_joint
 
         !> Locate a joint or a bushing: its bodies, and its frame on each.
-        module subroutine place_joint(self, label, joint, first, second, error, at, axis, across, open)
+        module subroutine place_joint(self, label, joint, first, second, error, at, axis, across)
             implicit none (type, external)
             class(builder_type), intent(in) :: self
             character(len=*), intent(in) :: label, first, second
-            !> Joint whose kind is set.
+            !> Joint with its kind and `may_be_open`.
             type(placed_joint_type), intent(inout) :: joint
             type(error_type), allocatable, intent(out) :: error
             real(wp), intent(in), optional :: at(:), axis(:), across(:)
-            logical, intent(in), optional :: open
         end subroutine place_joint
 
         !> Constrain a sum of joint coordinates: gears, racks, belts, screws. sum of factor_i x_i = f(t), from the reference
@@ -165,16 +165,15 @@ module tandem_mechanism_builder
 
         !> Add friction along the coordinate of a joint, regularised (see `friction_law_type`), either for a given normal force or
         !> for the reaction of the joint.
-        module subroutine add_friction(self, name, joint, error, dynamic, speed, static, viscous, normal, radius, arm)
+        module subroutine add_friction(self, name, joint, error, law, normal, radius, arm)
             implicit none (type, external)
             class(builder_type), intent(inout) :: self
             !> Name of the friction; name of the joint, as for `add_torsion`.
             character(len=*), intent(in) :: name, joint
             type(error_type), allocatable, intent(out) :: error
-            !> Coefficient of sliding friction, and transition speed (m/s, rad/s).
-            real(wp), intent(in) :: dynamic, speed
-            !> Largest coefficient, at the transition speed (default: `dynamic`), and an additional damping (N s/m, N m s).
-            real(wp), intent(in), optional :: static, viscous
+            !> Coefficients, transition speed and additional damping; the coefficient `static`, the largest one, at the transition
+            !> speed, is equal to `dynamic` if it is 0. The law's normal force is not used.
+            type(friction_law_type), intent(in) :: law
             !> Given normal force (N; times the radius, N m, for a rotation). If absent, the normal force is the reaction: its
             !> force, and its torque over `arm` (m) if `arm` is present; a rotation has friction at `radius` (m).
             real(wp), intent(in), optional :: normal, radius, arm
@@ -227,8 +226,7 @@ module tandem_mechanism_builder
         end subroutine add_knife_edge
 
         !> Add a disk that rolls on a plane, with a sharp or a round rim.
-        module subroutine add_rolling_disk(self, name, centre, radius, axis, error, normal, height, open, rise, rotation, pivot, &
-            slide, along, crown)
+        module subroutine add_rolling_disk(self, name, centre, radius, axis, error, plane, crown)
             implicit none (type, external)
             class(builder_type), intent(inout) :: self
             !> Name of the disk; its centre, a body or a point of it.
@@ -236,41 +234,39 @@ module tandem_mechanism_builder
             !> Radius (m), and axis of the disk in the world frame of the reference configuration.
             real(wp), intent(in) :: radius, axis(:)
             type(error_type), allocatable, intent(out) :: error
-            !> Plane by its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0).
-            real(wp), intent(in), optional :: normal(:), height
-            !> True if the disk may be off the plane in the reference configuration.
-            logical, intent(in), optional :: open
-            !> Motion of the plane: rise along its normal (m), rotation about the normal (rad) and point of this rotation (m,
-            !> default the origin); displacement (m) along a direction in the plane, which also moves the pivot.
-            class(function_type), intent(in), optional :: rise, rotation, slide
-            real(wp), intent(in), optional :: pivot(:), along(:)
+            !> z = 0 by default.
+            type(plane_type), intent(in), optional :: plane
             !> Radius of the section of the rim, a torus with a middle line of radius `radius - crown` (m, default 0: a sharp rim).
             real(wp), intent(in), optional :: crown
         end subroutine add_rolling_disk
 
         !> Add a sphere that rolls on a plane.
-        module subroutine add_rolling_sphere(self, name, centre, radius, error, normal, height, open, rise, rotation, &
-            pivot, slide, along)
+        module subroutine add_rolling_sphere(self, name, centre, radius, error, plane)
             implicit none (type, external)
             class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name, centre
             real(wp), intent(in) :: radius
             type(error_type), allocatable, intent(out) :: error
-            !> Plane by its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0).
-            real(wp), intent(in), optional :: normal(:), height
-            !> True if the sphere may be off the plane in the reference configuration.
-            logical, intent(in), optional :: open
-            !> Motion of the plane: rise along its normal (m), rotation about the normal (rad) and point of this rotation (m,
-            !> default the origin); displacement (m) along a direction in the plane, which also moves the pivot.
-            class(function_type), intent(in), optional :: rise, rotation, slide
-            real(wp), intent(in), optional :: pivot(:), along(:)
+            !> z = 0 by default.
+            type(plane_type), intent(in), optional :: plane
         end subroutine add_rolling_sphere
+
+        !> Add an ellipsoid that rolls on a plane.
+        module subroutine add_rolling_ellipsoid(self, name, centre, semi_axes, error, plane)
+            implicit none (type, external)
+            class(builder_type), intent(inout) :: self
+            character(len=*), intent(in) :: name, centre
+            !> Along the axes of the body (m).
+            real(wp), intent(in) :: semi_axes(3)
+            type(error_type), allocatable, intent(out) :: error
+            !> z = 0 by default.
+            type(plane_type), intent(in), optional :: plane
+        end subroutine add_rolling_ellipsoid
 
         !> Add a massless wheel: it touches a plane, does not slip sideways, and rotates freely about its axle. It may be steered,
         !> and may slide on the body along a massless strut, whose displacement is a coordinate that forces and couplings may name
         !> like that of a joint.
-        module subroutine add_massless_wheel(self, name, centre, radius, axis, error, along, steer, about, normal, height, open, &
-            rise, crown)
+        module subroutine add_massless_wheel(self, name, centre, radius, axis, error, along, steer, about, plane, crown)
             implicit none (type, external)
             class(builder_type), intent(inout) :: self
             !> Name of the wheel; its centre in the reference configuration, a body or a point of it.
@@ -284,11 +280,8 @@ module tandem_mechanism_builder
             !> frame of the reference configuration, by default the direction of sliding.
             class(function_type), intent(in), optional :: steer
             real(wp), intent(in), optional :: about(:)
-            !> Plane by its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0);
-            !> true if the wheel may be off the plane in the reference configuration; rise of the plane (m).
-            real(wp), intent(in), optional :: normal(:), height
-            logical, intent(in), optional :: open
-            class(function_type), intent(in), optional :: rise
+            !> z = 0 by default; its only motion is the rise.
+            type(plane_type), intent(in), optional :: plane
             !> Radius of the section of the rim, a torus with a middle line of radius `radius - crown` (m, default 0: a sharp rim).
             real(wp), intent(in), optional :: crown
         end subroutine add_massless_wheel
@@ -378,29 +371,8 @@ module tandem_mechanism_builder
             type(error_type), allocatable, intent(out) :: error
         end subroutine add_results
 
-        !> Add an ellipsoid that rolls on a plane.
-        module subroutine add_rolling_ellipsoid(self, name, centre, semi_axes, error, normal, height, open, rise, rotation, &
-            pivot, slide, along)
-            implicit none (type, external)
-            class(builder_type), intent(inout) :: self
-            character(len=*), intent(in) :: name, centre
-            !> Along the axes of the body (m).
-            real(wp), intent(in) :: semi_axes(3)
-            type(error_type), allocatable, intent(out) :: error
-            !> Plane by its normal on the side of the body, by default z, and its distance from the origin along it (m, default 0).
-            real(wp), intent(in), optional :: normal(:), height
-            !> True if the ellipsoid may be off the plane in the reference configuration.
-            logical, intent(in), optional :: open
-            !> Motion of the plane: rise along its normal (m), rotation about the normal (rad) and point of this rotation (m,
-            !> default the origin); displacement (m) along a direction in the plane, which also moves the pivot.
-            class(function_type), intent(in), optional :: rise, rotation, slide
-            real(wp), intent(in), optional :: pivot(:), along(:)
-        end subroutine add_rolling_ellipsoid
-    end interface
-
-    interface
         !> Add a body. Without an inertia it is a point mass, which has no rotation.
-        module subroutine add_body(self, name, mass, position, error, inertia, angle, euler_parameters, velocity, omega)
+        module subroutine add_body(self, name, mass, position, error, inertia, orientation, velocity, omega)
             implicit none (type, external)
             class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name
@@ -410,8 +382,9 @@ module tandem_mechanism_builder
             !> About the centre of mass (kg m^2): one value in the plane; in space three principal values, or Jxx, Jyy, Jzz, Jxy,
             !> Jxz, Jyz, where Jxy is the entry of the matrix.
             real(wp), intent(in), optional :: inertia(:)
-            !> Orientation in the reference configuration: angle (rad) in the plane, Euler parameters in space; none by default.
-            real(wp), intent(in), optional :: angle, euler_parameters(4)
+            !> Orientation in the reference configuration: an angle (rad) in the plane, four Euler parameters in space; by default
+            !> that of the world.
+            real(wp), intent(in), optional :: orientation(:)
             !> At the start: velocity of the centre (m/s), angular velocity in the world frame (rad/s, one entry in the plane).
             real(wp), intent(in), optional :: velocity(:), omega(:)
         end subroutine add_body
@@ -449,12 +422,13 @@ module tandem_mechanism_builder
         end subroutine take_point
 
         !> Find two points of two different bodies.
-        module subroutine take_pair(self, label, one, other, first, second, s1, s2, points, error)
+        module subroutine take_pair(self, label, one, other, pair, points, error)
             implicit none (type, external)
             class(builder_type), intent(in) :: self
             character(len=*), intent(in) :: label, one, other
-            integer, intent(out) :: first, second
-            real(wp), intent(out) :: s1(3), s2(3)
+            !> Its bodies and points are set.
+            type(point_vector_type), intent(inout) :: pair
+            !> True for each text that names a point.
             logical, intent(out) :: points(2)
             type(error_type), allocatable, intent(out) :: error
         end subroutine take_pair

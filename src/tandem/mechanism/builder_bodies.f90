@@ -29,14 +29,16 @@ contains
         body%turns = present(inertia)
         if (present(inertia)) call take_inertia(self%planar, label, inertia, body, error)
         if (allocated(error)) return
-        if (present(angle)) body%angle = angle
-        if (present(euler_parameters)) then
-            if (self%planar .or. .not. norm2(euler_parameters) > 0.0_wp) then
-                call refuse(label//': Euler parameters are zero, or given in the plane', 'give an angle in the plane, and unit '// &
-                    'Euler parameters in space', error)
+        if (present(orientation)) then
+            if (size(orientation) /= merge(1, 4, self%planar) .or. .not. (self%planar .or. norm2(orientation) > 0.0_wp)) then
+                call refuse(label//': invalid orientation', 'give an angle in the plane, and unit Euler parameters in space', error)
                 return
             end if
-            body%p = euler_parameters/norm2(euler_parameters)
+            if (self%planar) then
+                body%angle = orientation(1)
+            else
+                body%p = orientation/norm2(orientation)
+            end if
         end if
         if (present(omega)) then
             if (size(omega) /= merge(1, 3, self%planar)) then
@@ -118,13 +120,12 @@ contains
 
     module procedure take_pair
         points = .false.
-        second = 0
-        s2 = 0.0_wp
-        call self%take_point(label, one, first, s1, points(1), error)
-        if (.not. allocated(error)) call self%take_point(label, other, second, s2, points(2), error)
+        call self%take_point(label, one, pair%first, pair%s1, points(1), error)
+        if (.not. allocated(error)) call self%take_point(label, other, pair%second, pair%s2, points(2), error)
         if (allocated(error)) return
-        if (first == second) call refuse(label//' connects a body to itself', 'name two different bodies', error)
+        if (pair%first == pair%second) call refuse(label//' connects a body to itself', 'name two different bodies', error)
     end procedure take_pair
+
     !> Set the inertia of a body from one, three or six values.
     subroutine take_inertia(planar, label, inertia, body, error)
         logical, intent(in) :: planar

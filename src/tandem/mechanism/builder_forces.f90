@@ -4,7 +4,6 @@ submodule(tandem_mechanism_builder) tandem_mechanism_builder_forces
     use tandem_error, only: to_text
     use tandem_mechanism_coordinate, only: is_angle, is_tilt, is_displacement
     use tandem_mechanism_joint, only: find_kind
-    use tandem_mechanism_law, only: friction_law_type
     use tandem_mechanism_normal_force, only: normal_force_type
     use tandem_mechanism_refusal, only: refuse, take_vector
     use tandem_mechanism_sensor, only: of_bushing, of_load, of_spring, of_torsion
@@ -21,9 +20,7 @@ contains
         label = 'spring '//trim(name)
         call self%check_name(name, label, error)
         if (allocated(error)) return
-        associate (vector => spring%vector)
-            call self%take_pair(label, first, second, vector%first, vector%second, vector%s1, vector%s2, points, error)
-        end associate
+        call self%take_pair(label, first, second, spring%vector, points, error)
         if (allocated(error)) return
         spring%length = self%reference_length(spring%vector)
         if (.not. spring%length > 0.0_wp) then
@@ -64,7 +61,7 @@ contains
     end procedure add_torsion
 
     module procedure add_friction
-        type(friction_law_type) :: law
+        type(friction_law_type) :: full
         type(normal_force_type) :: reaction
         character(len=:), allocatable :: label
         integer :: k
@@ -75,13 +72,11 @@ contains
         if (allocated(error)) return
         call self%find_coordinate(label, joint, k, error)
         if (allocated(error)) return
-        law%dynamic = dynamic
-        law%static = dynamic
-        law%speed = speed
-        law%normal = 1.0_wp
-        if (present(static)) law%static = static
-        if (.not. (dynamic >= 0.0_wp .and. law%static >= dynamic .and. speed > 0.0_wp .and. &
-            all(ieee_is_finite([law%static, speed])))) then
+        full = law
+        full%normal = 1.0_wp
+        if (abs(full%static) <= 0.0_wp) full%static = law%dynamic
+        if (.not. (law%dynamic >= 0.0_wp .and. full%static >= law%dynamic .and. law%speed > 0.0_wp .and. &
+            all(ieee_is_finite([full%static, law%speed])))) then
             call refuse(label//' has invalid coefficients or an invalid speed', &
                 'use 0 <= dynamic <= static and a transition speed > 0', error)
             return
@@ -93,14 +88,14 @@ contains
                     'radius and arm belong to friction on the reaction: remove them or the normal force', error)
                 return
             end if
-            law%normal = normal
+            full%normal = normal
         else
             if (turns .neqv. present(radius)) then
                 call refuse(label//' '//trim(merge('rotates and has no radius', 'slides and has a radius  ', turns)), &
                     'a rotation requires the radius of the sliding surface, a translation has none', error)
                 return
             end if
-            if (present(radius)) law%normal = radius
+            if (present(radius)) full%normal = radius
             if (present(arm)) then
                 if (.not. (arm > 0.0_wp .and. ieee_is_finite(arm))) then
                     call refuse(label//' has an arm that is not positive', 'give a positive arm in metres, or none', error)
@@ -113,11 +108,13 @@ contains
                 return
             end if
         end if
-        if (.not. (law%normal >= 0.0_wp .and. ieee_is_finite(law%normal))) then
+        if (.not. (full%normal >= 0.0_wp .and. ieee_is_finite(full%normal))) then
             call refuse(label//' has an invalid normal force or radius', 'use a value >= 0', error)
             return
         end if
-        call self%add_torsion(name, joint, error, damping=viscous, law=law)
+        ! Events may change the damping of a torsion.
+        full%viscous = 0.0_wp
+        call self%add_torsion(name, joint, error, damping=law%viscous, law=full)
         if (.not. allocated(error)) self%torsions(self%n_of%torsions)%reaction = reaction
     end procedure add_friction
 
@@ -173,7 +170,7 @@ contains
         if (allocated(error)) return
         ! Locate the bushing like a joint without rows.
         joint%kind = find_kind('fixed', self%planar)
-        call self%place_joint(label, joint, first, second, error, at, axis, across, .false.)
+        call self%place_joint(label, joint, first, second, error, at, axis, across)
         if (.not. allocated(error) .and. joint%first > 0) call self%need_turning_body(label, joint%first, error)
         if (.not. allocated(error) .and. joint%second > 0) call self%need_turning_body(label, joint%second, error)
         if (.not. allocated(error) .and. present(stiffness)) call take_matrix('stiffness', stiffness, bushing%stiffness)

@@ -38,7 +38,8 @@ contains
             call refuse(label//' cannot be driven', 'drive a revolute or a prismatic joint', error)
         end if
         if (allocated(error)) return
-        call self%place_joint(label, joint, first, second, error, at, axis, across, open)
+        if (present(open)) joint%may_be_open = open
+        call self%place_joint(label, joint, first, second, error, at, axis, across)
         if (allocated(error)) return
         associate (turns => joint%kind%held .or. joint%at_velocity_level)
             if (any(turns(merge(3, 4, self%planar):merge(3, 6, self%planar))) .or. driven > merge(2, 3, self%planar)) then
@@ -105,11 +106,16 @@ contains
 
     module procedure place_joint
         real(wp) :: frame(3, 3), place(3), a1(3, 3), a2(3, 3), r1(3), r2(3), gap(3)
-        logical :: points(2), may_be_open
+        type(point_vector_type) :: pair
+        logical :: points(2)
         integer :: k
 
-        call self%take_pair(label, first, second, joint%first, joint%second, joint%s1, joint%s2, points, error)
+        call self%take_pair(label, first, second, pair, points, error)
         if (allocated(error)) return
+        joint%first = pair%first
+        joint%second = pair%second
+        joint%s1 = pair%s1
+        joint%s2 = pair%s2
         call self%frame_of(joint%first, r1, a1)
         call self%frame_of(joint%second, r2, a2)
         if (present(at)) then
@@ -130,12 +136,10 @@ contains
         joint%axes1 = matmul(transpose(a1), frame)
         joint%axes2 = matmul(transpose(a2), frame)
         gap = matmul(r2 + matmul(a2, joint%s2) - r1 - matmul(a1, joint%s1), frame)
-        may_be_open = .false.
-        if (present(open)) may_be_open = open
         do k = 1, merge(2, 3, self%planar)
             if (.not. joint%kind%held(k)) gap(k) = 0.0_wp
         end do
-        if (norm2(gap) > tolerance*(1 + norm2(r1) + norm2(r2)) .and. .not. may_be_open) then
+        if (norm2(gap) > tolerance*(1 + norm2(r1) + norm2(r2)) .and. .not. joint%may_be_open) then
             call refuse(label//': its two sides are '//to_text(norm2(gap))//' m apart in the reference configuration', &
                 'move a body or a point, or assemble the start, in a scene by [initial] assemble = true', error)
         end if
@@ -550,7 +554,7 @@ contains
         label = 'distance '//trim(name)
         call self%check_name(name, label, error)
         if (allocated(error)) return
-        call self%take_pair(label, first, second, vector%first, vector%second, vector%s1, vector%s2, points, error)
+        call self%take_pair(label, first, second, vector, points, error)
         if (allocated(error)) return
         drawn = self%reference_length(vector)
         vector%length = drawn

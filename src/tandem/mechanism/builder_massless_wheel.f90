@@ -15,7 +15,8 @@ contains
     !> Add a massless wheel on a body, or on a strut that slides on it.
     module procedure add_massless_wheel
         type(massless_wheel_type) :: wheel
-        type(coordinate_type) :: way
+        type(plane_type) :: ground
+        type(coordinate_type) :: strut
         real(wp), parameter :: small = 1.0e-6_wp
         real(wp) :: r(3), a(3, 3), pivot(3)
         character(len=:), allocatable :: label
@@ -28,6 +29,7 @@ contains
             call refuse(label//' is in the plane', 'use a knife edge there', error)
             return
         end if
+        if (present(plane)) ground = plane
         if (present(crown)) wheel%crown = crown
         wheel%radius = radius - wheel%crown
         if (wheel%crown < 0.0_wp .or. .not. wheel%radius > 0.0_wp) then
@@ -38,7 +40,8 @@ contains
         call self%take_point(label, centre, wheel%body, wheel%centre, is_point, error)
         if (.not. allocated(error)) call self%need_turning_body(label, wheel%body, error)
         if (.not. allocated(error)) call self%take_direction(label, 'axis', axis, wheel%axle, error)
-        if (.not. allocated(error) .and. present(normal)) call self%take_direction(label, 'normal', normal, wheel%normal, error)
+        if (.not. allocated(error) .and. allocated(ground%normal)) call self%take_direction(label, 'normal', ground%normal, &
+            wheel%normal, error)
         if (.not. allocated(error) .and. present(along)) call self%take_direction(label, 'along', along, wheel%along, error)
         pivot = wheel%along
         if (.not. allocated(error) .and. present(about)) call self%take_direction(label, 'about', about, pivot, error)
@@ -52,7 +55,7 @@ contains
             call refuse(label//' lies flat on its plane', 'tilt it: a flat wheel has no unique contact point', error)
         end if
         if (allocated(error)) return
-        if (present(height)) wheel%height = height
+        wheel%height = ground%height
         ! In the body's frame.
         call self%frame_of(wheel%body, r, a)
         wheel%axle = matmul(wheel%axle, a)
@@ -60,10 +63,10 @@ contains
         pivot = matmul(pivot, a)
         wheel%fixed = dot_product(pivot, wheel%axle)*pivot
         wheel%towards = cross(pivot, wheel%axle)
-        call check_gap(self, label, wheel, error, open, rise, steer)
+        if (.not. ground%open) call check_gap(self, label, wheel, error, ground, steer)
         if (allocated(error)) return
         if (present(steer)) call self%take_motion(name, steer, 1, wheel%steer)
-        if (present(rise)) call self%take_motion(name, rise, 1, wheel%rise)
+        if (allocated(ground%rise)) call self%take_motion(name, ground%rise, 1, wheel%rise)
         call self%held%add(trim(name)//' height', 'N')
         wheel%height_row = self%held%n
         call self%rolling%add(trim(name)//' slip', 'N')
@@ -72,11 +75,11 @@ contains
             ! `define` numbers the poses of sliding parts, which follow those of all bodies.
             self%n_of%slides = self%n_of%slides + 1
             wheel%slide = -self%n_of%slides
-            way = coordinate_type(kind=is_displacement, second=wheel%slide, one=perpendicular_type(second=wheel%slide, &
+            strut = coordinate_type(kind=is_displacement, second=wheel%slide, one=perpendicular_type(second=wheel%slide, &
                 is_point=.true., a=[1.0_wp, 0.0_wp, 0.0_wp]))
             self%n_of%coordinates = self%n_of%coordinates + 1
-            if (self%n_of%coordinates > size(self%coordinates)) self%coordinates = [self%coordinates, self%coordinates, way]
-            self%coordinates(self%n_of%coordinates) = way
+            if (self%n_of%coordinates > size(self%coordinates)) self%coordinates = [self%coordinates, self%coordinates, strut]
+            self%coordinates(self%n_of%coordinates) = strut
             wheel%displacement = self%n_of%coordinates
         end if
         self%n_of%massless_wheels = self%n_of%massless_wheels + 1
@@ -88,20 +91,16 @@ contains
     end procedure add_massless_wheel
 
     !> Refuse a wheel that is off its plane in the reference configuration.
-    subroutine check_gap(self, label, wheel, error, open, rise, steer)
+    subroutine check_gap(self, label, wheel, error, plane, steer)
         class(builder_type), intent(in) :: self
         character(len=*), intent(in) :: label
         type(massless_wheel_type), intent(inout) :: wheel
         type(error_type), allocatable, intent(inout) :: error
-        logical, intent(in), optional :: open
-        class(function_type), intent(in), optional :: rise, steer
+        type(plane_type), intent(in) :: plane
+        class(function_type), intent(in), optional :: steer
         type(pose_type) :: body, ground
         real(wp) :: place(3), level(0:2), steered(0:2, 1), gap
-        logical :: may_be_open
 
-        may_be_open = .false.
-        if (present(open)) may_be_open = open
-        if (may_be_open) return
         call self%frame_of(wheel%body, body%r(:, 0), body%a(:, :, 0))
         if (present(steer)) then
             call steer%evaluate(self%times(1), steered(:, 1))
@@ -110,8 +109,8 @@ contains
         call find_place(wheel, body, ground, steered, place)
         wheel%steer = 0
         gap = dot_product(wheel%normal, place) - wheel%height
-        if (present(rise)) then
-            call rise%evaluate(self%times(1), level)
+        if (allocated(plane%rise)) then
+            call plane%rise%evaluate(self%times(1), level)
             gap = gap - level(0)
         end if
         if (abs(gap) > tolerance*(1 + norm2(place))) call refuse(label//' is '//to_text(gap)// &

@@ -60,8 +60,7 @@ contains
             call refuse(label//' has a radius that is not positive, or a crown that is not between 0 and it', &
                 'give a radius > 0 in m, and a smaller crown >= 0', error)
         end if
-        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, &
-            rotation, pivot, slide, along)
+        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, plane)
     end procedure add_rolling_disk
 
     module procedure add_rolling_sphere
@@ -72,8 +71,7 @@ contains
         roller%radius = radius
         if (.not. radius > 0.0_wp) call refuse(label//' has a radius that is not positive', 'give a radius > 0 in m', &
             error)
-        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, &
-            rotation, pivot, slide, along)
+        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, plane)
     end procedure add_rolling_sphere
 
     module procedure add_rolling_ellipsoid
@@ -84,23 +82,20 @@ contains
         roller%is_ellipsoid = .true.
         roller%squares = semi_axes**2
         if (.not. all(semi_axes > 0.0_wp)) call refuse(label//' has a semi-axis that is not positive', 'give three > 0 in m', error)
-        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, normal, height, open, rise, &
-            rotation, pivot, slide, along)
+        if (.not. allocated(error)) call add_roller(self, label, name, centre, roller, error, plane)
     end procedure add_rolling_ellipsoid
 
     !> Add a rolling body and its plane. The shape is set; its axis is in the world frame.
-    subroutine add_roller(self, label, name, centre, roller, error, normal, height, open, rise, rotation, pivot, slide, along)
+    subroutine add_roller(self, label, name, centre, roller, error, given_plane)
         class(builder_type), intent(inout) :: self
         character(len=*), intent(in) :: label, name, centre
         type(roller_type), intent(inout) :: roller
         type(error_type), allocatable, intent(out) :: error
-        real(wp), intent(in), optional :: normal(:), height
-        logical, intent(in), optional :: open
-        class(function_type), intent(in), optional :: rise, rotation, slide
-        real(wp), intent(in), optional :: pivot(:), along(:)
+        type(plane_type), intent(in), optional :: given_plane
+        type(plane_type) :: plane
         type(pose_type) :: pose
         real(wp) :: r(3), a(3, 3), f(3, 3), gap, y(3), level(0:2)
-        logical :: is_point, may_be_open
+        logical :: is_point
         integer :: k
 
         call self%check_name(name, label, error)
@@ -109,21 +104,24 @@ contains
             call refuse(label//' is in the plane', 'use it in space', error)
             return
         end if
+        if (present(given_plane)) plane = given_plane
         call self%take_point(label, centre, roller%body, roller%centre, is_point, error)
         if (.not. allocated(error)) call self%need_turning_body(label, roller%body, error)
         if (allocated(error)) return
-        if (present(normal)) call self%take_direction(label, 'normal', normal, roller%normal, error)
-        if (.not. allocated(error) .and. present(pivot)) call take_vector(.false., label, 'pivot', pivot, roller%pivot, error)
-        if (.not. allocated(error) .and. present(along)) call self%take_direction(label, 'along', along, roller%along, error)
+        if (allocated(plane%normal)) call self%take_direction(label, 'normal', plane%normal, roller%normal, error)
+        if (.not. allocated(error) .and. allocated(plane%pivot)) call take_vector(.false., label, 'pivot', plane%pivot, &
+            roller%pivot, error)
+        if (.not. allocated(error) .and. allocated(plane%along)) call self%take_direction(label, 'along', plane%along, &
+            roller%along, error)
         if (allocated(error)) return
-        if (present(slide) .neqv. present(along)) then
+        if (allocated(plane%slide) .neqv. allocated(plane%along)) then
             call refuse(label//' has only one of slide and along', 'give both', error)
             return
         else if (abs(dot_product(roller%along, roller%normal)) > tolerance) then
             call refuse(label//' has a plane that slides out of itself', 'make along perpendicular to the normal', error)
             return
         end if
-        if (present(height)) roller%height = height
+        roller%height = plane%height
         if (abs(roller%normal(3) - 1) > 0.0_wp) then
             f = frame_along(roller%normal)
             roller%tangent = f(:, 1:2)
@@ -138,20 +136,18 @@ contains
         pose%a(:, :, 0) = a
         call find_contact(roller, pose, y)
         gap = dot_product(roller%normal, r + y) - roller%height
-        if (present(rise)) then
-            call rise%evaluate(self%times(1), level)
+        if (allocated(plane%rise)) then
+            call plane%rise%evaluate(self%times(1), level)
             gap = gap - level(0)
         end if
-        may_be_open = .false.
-        if (present(open)) may_be_open = open
-        if (abs(gap) > tolerance*(1 + norm2(r) + norm2(y)) .and. .not. may_be_open) then
+        if (abs(gap) > tolerance*(1 + norm2(r) + norm2(y)) .and. .not. plane%open) then
             call refuse(label//' is '//to_text(gap)//' m above its plane in the reference configuration', &
                 'move the body, or assemble the start, in a scene by [initial] assemble = true', error)
             return
         end if
-        if (present(rise)) call self%take_motion(name, rise, 1, roller%rise)
-        if (present(rotation)) call self%take_motion(name, rotation, 1, roller%rotation)
-        if (present(slide)) call self%take_motion(name, slide, 1, roller%slide)
+        if (allocated(plane%rise)) call self%take_motion(name, plane%rise, 1, roller%rise)
+        if (allocated(plane%rotation)) call self%take_motion(name, plane%rotation, 1, roller%rotation)
+        if (allocated(plane%slide)) call self%take_motion(name, plane%slide, 1, roller%slide)
         call self%held%add(trim(name)//' height', 'N')
         roller%height_row = self%held%n
         do k = 1, 2

@@ -84,7 +84,7 @@ contains
         call check_sensor(self, name, sensor, error)
         if (allocated(error)) return
         associate (vector => sensor%vector)
-            call self%take_pair('sensor '//trim(name), first, second, vector%first, vector%second, vector%s1, vector%s2, points, &
+            call self%take_pair('sensor '//trim(name), first, second, vector, points, &
                 error)
         end associate
         if (.not. allocated(error)) call keep_sensor(self, sensor)

@@ -16,8 +16,7 @@ contains
         call differentiate_rollers(self%rollers, need, self%pose, self%f, lambda, derivatives)
         call differentiate_massless_wheels(self%massless_wheels, need, self%pose, self%f, lambda, derivatives)
         call differentiate_velocity_joints(self%velocity_joints, need, self%pose, lambda, derivatives)
-        call differentiate_rate_rows(self%rate_rows, need, t, self%pose, qd, qdd, lambda, self%formulas, self%coordinates, &
-            derivatives)
+        call differentiate_rate_rows(self%rate_rows, need, t, self%pose, lambda, self%formulas, self%coordinates, derivatives)
         do i = 1, size(self%turning)
             k = self%before_norms + i
             ! Coordinates of a body have columns that follow each other.

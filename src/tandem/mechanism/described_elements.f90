@@ -10,7 +10,8 @@ module tandem_mechanism_described_elements
     use tandem_mechanism_formula, only: variable_name_length
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_key_reader, only: anything, reader_type, not_negative, positive
-    use tandem_mechanism_law, only: law_type
+    use tandem_mechanism_law, only: friction_law_type, law_type
+    use tandem_mechanism_plane, only: plane_type
     implicit none (type, external)
     private
 
@@ -92,9 +93,9 @@ contains
         integer, intent(inout) :: n_points
         character(len=:), allocatable :: kind, name, text
         character(len=key_length) :: point
-        real(wp), allocatable :: across(:), axis(:), normal(:), radius, height, crown, axes(:), pivot(:), along(:)
-        real(wp), allocatable :: about(:)
-        class(function_type), allocatable :: rise, rotation, slide, steer
+        real(wp), allocatable :: across(:), axis(:), radius, height, crown, axes(:), along(:), about(:)
+        class(function_type), allocatable :: steer
+        type(plane_type) :: plane
         type(error_type), allocatable :: error
         integer :: n_place
 
@@ -124,20 +125,22 @@ contains
                 crown = 0.0_wp
                 call reader%get_number('crown', crown, not_negative, 'm', 'radius of the rim''s section, a torus; 0: a sharp rim')
             end if
-            normal = [0.0_wp, 0.0_wp, 1.0_wp]
-            call reader%get_numbers('normal', [3], normal, anything, '', 'of the plane, on the side of the wheel')
+            plane%open = may_be_open
+            plane%normal = [0.0_wp, 0.0_wp, 1.0_wp]
+            call reader%get_numbers('normal', [3], plane%normal, anything, '', 'of the plane, on the side of the wheel')
             height = 0.0_wp
             call reader%get_number('height', height, anything, 'm', 'of the plane along its normal')
-            call reader%get_function('rise', rise, 'm', 'displacement of the plane along its normal, a function of time')
+            plane%height = height
+            call reader%get_function('rise', plane%rise, 'm', 'displacement of the plane along its normal, a function of time')
             if (kind == 'massless') then
                 call reader%get_numbers('along', [3], along, anything, '', 'direction of the strut in the reference configuration')
                 call reader%get_function('steer', steer, 'rad', 'steering angle, a function of time')
                 call reader%get_numbers('about', [3], about, anything, '', 'steering axis; default: the strut')
             else
-                call reader%get_function('rotation', rotation, 'rad', 'rotation of the plane about its normal')
-                call reader%get_numbers('pivot', [3], pivot, anything, 'm', 'centre of this rotation; default: the origin')
-                call reader%get_function('slide', slide, 'm', 'displacement of the plane along a direction in it')
-                call reader%get_numbers('along', [3], along, anything, '', 'direction of this displacement')
+                call reader%get_function('rotation', plane%rotation, 'rad', 'rotation of the plane about its normal')
+                call reader%get_numbers('pivot', [3], plane%pivot, anything, 'm', 'centre of this rotation; default: the origin')
+                call reader%get_function('slide', plane%slide, 'm', 'displacement of the plane along a direction in it')
+                call reader%get_numbers('along', [3], plane%along, anything, '', 'direction of this displacement')
             end if
         end if
         call reader%close_table()
@@ -146,17 +149,13 @@ contains
         case ('knife_edge')
             call mechanism%add_knife_edge(name, trim(point), across, error, steer, about)
         case ('disk')
-            call mechanism%add_rolling_disk(name, trim(point), radius, axis, error, normal, height, may_be_open, rise, rotation, &
-                pivot, slide, along, crown)
+            call mechanism%add_rolling_disk(name, trim(point), radius, axis, error, plane, crown)
         case ('massless')
-            call mechanism%add_massless_wheel(name, trim(point), radius, axis, error, along, steer, about, normal, height, &
-                may_be_open, rise, crown)
+            call mechanism%add_massless_wheel(name, trim(point), radius, axis, error, along, steer, about, plane, crown)
         case ('sphere')
-            call mechanism%add_rolling_sphere(name, trim(point), radius, error, normal, height, may_be_open, rise, rotation, &
-                pivot, slide, along)
+            call mechanism%add_rolling_sphere(name, trim(point), radius, error, plane)
         case default
-            call mechanism%add_rolling_ellipsoid(name, trim(point), axes, error, normal, height, may_be_open, rise, rotation, &
-                pivot, slide, along)
+            call mechanism%add_rolling_ellipsoid(name, trim(point), axes, error, plane)
         end select
         call reader%blame(error)
     end subroutine read_wheel
@@ -288,7 +287,8 @@ contains
             call reader%fail('static', 'is smaller than the coefficient of sliding friction', 'increase it or remove it')
             return
         end if
-        call mechanism%add_friction(name, joint, error, dynamic, speed, static, viscous, normal, radius, arm)
+        call mechanism%add_friction(name, joint, error, friction_law_type(dynamic=dynamic, speed=speed, static=static, &
+            viscous=viscous), normal, radius, arm)
         call reader%blame(error)
     end subroutine read_friction
 

@@ -344,6 +344,7 @@ contains
             if (mechanism%planar) then
                 angle = 0.0_wp
                 call reader%get_number('angle', angle, anything, 'rad', 'in the reference configuration')
+                p = [angle]
             else
                 call reader%get_numbers('rotation', [3], rotation, anything, 'rad', &
                     'in the reference configuration: axis times angle')
@@ -367,7 +368,7 @@ contains
         end if
         call reader%pass('looks', 'for display only: shapes and meshes, with positions relative to the centre of mass')
         if (reader%failed()) return
-        call mechanism%add_body(name, mass, position, error, inertia, angle, p, velocity, omega)
+        call mechanism%add_body(name, mass, position, error, inertia, p, velocity, omega)
         call reader%blame(error)
         call read_points(reader, name, mechanism)
         call reader%close_table()

@@ -52,6 +52,8 @@ module tandem_mechanism_joint
         real(wp) :: axes2(3, 3) = 0.0_wp
         !> Freedoms constrained at velocity level.
         logical :: at_velocity_level(6) = .false.
+        !> True if its sides may be apart in the reference configuration.
+        logical :: may_be_open = .false.
     end type placed_joint_type
 
     logical, parameter :: o = .true.

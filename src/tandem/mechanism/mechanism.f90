@@ -203,11 +203,11 @@ module tandem_mechanism
         end subroutine list_coupled
 
         !> Add the elements to the five gradient blocks, at the current poses.
-        module subroutine add_derivatives(self, need, t, qd, qdd, lambda, derivatives)
+        module subroutine add_derivatives(self, need, t, lambda, derivatives)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
             integer, intent(in) :: need
-            real(wp), intent(in) :: t, qd(:), qdd(:), lambda(:)
+            real(wp), intent(in) :: t, lambda(:)
             type(derivatives_type), intent(inout) :: derivatives
         end subroutine add_derivatives
 
@@ -539,7 +539,7 @@ contains
             if (size(self%massless_wheels) > 0) call evaluate_massless_wheels(self%massless_wheels, need, self%pose, self%f, &
                 terms, stat)
             if (size(self%velocity_joints) > 0) call evaluate_velocity_joints(self%velocity_joints, need, self%pose, self%f, terms)
-            if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%pose, qd, self%formulas, &
+            if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%pose, self%formulas, &
                 self%coordinates, terms)
             if (size(self%turning_groups) > 0) call evaluate_norms(self%turning_groups, need, self%n, q, qd, terms)
             do i = 1, self%n_turning_alone
@@ -645,7 +645,7 @@ contains
         select type (self)
         class is (mechanism_type)
             call set_motion(self, t, q, qd, qdd)
-            call add_derivatives(self, need, t, qd, qdd, lambda, derivatives)
+            call add_derivatives(self, need, t, lambda, derivatives)
         end select
     end subroutine evaluate_derivatives
 

@@ -75,6 +75,23 @@ contains
         g = e_transposed_product(pose(variable%of)%p(:, 0), twice_axis(variable))
     end subroutine find_direction
 
+    !> Velocity, or its rate without that of g: the k-th derivative of the coordinates along the motion, times their coefficients g.
+    pure real(wp) function derivative(variable, pose, k, g)
+        type(variable_type), intent(in) :: variable
+        type(pose_type), intent(in) :: pose(0:)
+        integer, intent(in) :: k
+        real(wp), intent(in) :: g(:)
+
+        select case (variable%kind)
+        case (is_place, is_velocity)
+            derivative = pose(variable%of)%r(variable%entry, k)
+        case (is_spin)
+            derivative = dot_product(g, pose(variable%of)%p(:, k))
+        case default
+            derivative = pose(variable%of)%p(variable%entry, k)
+        end select
+    end function derivative
+
     !> 2 a, where a is the axis of a component of an angular velocity.
     pure function twice_axis(variable) result(a)
         type(variable_type), intent(in) :: variable
@@ -85,12 +102,11 @@ contains
     end function twice_axis
 
     !> Add the terms of every row; the Jacobian is zero on entry.
-    pure subroutine evaluate_rate_rows(rows, need, t, pose, qd, formulas, coordinates, terms)
+    pure subroutine evaluate_rate_rows(rows, need, t, pose, formulas, coordinates, terms)
         type(rate_row_type), intent(in) :: rows(:)
         integer, intent(in) :: need
         real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(in) :: qd(:)
         type(formula_type), intent(inout) :: formulas(:)
         !> Coordinates of the joints, which these rows do not use.
         type(coordinate_type), intent(inout) :: coordinates(:)
@@ -109,9 +125,8 @@ contains
                     associate (formula => formulas(it%coefficients(k)))
                         call formula%read_state(t, pose, coordinates, with_rates)
                         if (with_rates) then
-                            c = column(it%velocities(k), pose)
                             call formula%pieces%evaluate_along(formula%x, formula%v, value, rate, curve)
-                            gamma = gamma + rate*dot_product(g(:n), qd(c:c + n - 1))
+                            gamma = gamma + rate*derivative(it%velocities(k), pose, 1, g)
                         else
                             value = formula%value()
                         end if
@@ -139,102 +154,96 @@ contains
         end do
     end subroutine evaluate_rate_rows
 
-    !> Add the gradient blocks of every row; the blocks are zero on entry.
-    pure subroutine differentiate_rate_rows(rows, need, t, pose, qd, qdd, lambda, formulas, coordinates, derivatives)
+    !> Add the gradient blocks of every row; the blocks are zero on entry, and the poses have second derivatives.
+    subroutine differentiate_rate_rows(rows, need, t, pose, lambda, formulas, coordinates, derivatives)
         type(rate_row_type), intent(in) :: rows(:)
         integer, intent(in) :: need
         real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(in) :: qd(:), qdd(:), lambda(:)
+        real(wp), intent(in) :: lambda(:)
         type(formula_type), intent(inout) :: formulas(:)
         type(coordinate_type), intent(inout) :: coordinates(:)
         type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: g(4), v, v_rate
+        real(wp) :: g(4)
         integer :: i, k, c, n
 
         do i = 1, size(rows)
             associate (it => rows(i))
                 do k = 1, size(it%coefficients)
-                    c = column(it%velocities(k), pose)
-                    call find_direction(it%velocities(k), pose, n, g)
-                    v = dot_product(g(:n), qd(c:c + n - 1))
-                    v_rate = dot_product(g(:n), qdd(c:c + n - 1))
-                    call add_part(it%row, need, t, pose, formulas(it%coefficients(k)), coordinates, v, v_rate, c, g(:n), &
-                        lambda(it%row), derivatives)
-                    if (n > 1) call add_turning(it%row, need, it%velocities(k), pose, formulas(it%coefficients(k)), qdd, c, &
-                        lambda(it%row), derivatives)
+                    associate (velocity => it%velocities(k), formula => formulas(it%coefficients(k)))
+                        c = column(velocity, pose)
+                        call find_direction(velocity, pose, n, g)
+                        call add_part(it%row, formula, derivative(velocity, pose, 1, g), derivative(velocity, pose, 2, g), c, g(:n))
+                        if (n > 1) call add_rotation(it%row, velocity, formula, c)
+                    end associate
                 end do
-                if (it%rhs > 0) call add_part(it%row, need, t, pose, formulas(it%rhs), coordinates, -1.0_wp, 0.0_wp, 1, &
-                    [real(wp) ::], lambda(it%row), derivatives)
+                if (it%rhs > 0) call add_part(it%row, formulas(it%rhs), -1.0_wp, 0.0_wp, 1, [real(wp) ::])
             end associate
         end do
-    end subroutine differentiate_rate_rows
 
-    !> Add the part c v of V due to the derivatives of c, or the part -e.
-    pure subroutine add_part(row, need, t, pose, formula, coordinates, v, v_rate, c, g, lambda, derivatives)
-        integer, intent(in) :: row, need
-        real(wp), intent(in) :: t
-        type(pose_type), intent(in) :: pose(0:)
-        type(formula_type), intent(inout) :: formula
-        type(coordinate_type), intent(inout) :: coordinates(:)
-        !> Velocity v = g'qd(c:), its rate, its first column with its coefficients, none for -e; and the multiplier of the row.
-        real(wp), intent(in) :: v, v_rate
-        integer, intent(in) :: c
-        real(wp), intent(in) :: g(:), lambda
-        type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: value, rate
-        integer :: k, j, l, m
+    contains
 
-        call formula%read_state(t, pose, coordinates, .true.)
-        call formula%pieces%evaluate_gradient_along(formula%x, formula%v, value, rate, formula%by, formula%by_rate)
-        if (iand(need, need_acceleration_qd) /= 0) then
-            do m = 1, size(g)
-                l = derivatives%column_of(c + m - 1)
-                derivatives%acceleration_qd(row, l) = derivatives%acceleration_qd(row, l) + rate*g(m)
-            end do
-        end if
-        do k = 1, size(formula%variables)
-            j = derivatives%column_of(column(formula%variables(k), pose))
-            if (j == 0) cycle
-            if (iand(need, need_velocity_q) /= 0) derivatives%velocity_q(row, j) = derivatives%velocity_q(row, j) + v*formula%by(k)
-            if (iand(need, need_acceleration_q) /= 0) derivatives%acceleration_q(row, j) = &
-                derivatives%acceleration_q(row, j) + v_rate*formula%by(k) + v*formula%by_rate(k)
-            if (iand(need, need_acceleration_qd) /= 0) then
-                derivatives%acceleration_qd(row, j) = derivatives%acceleration_qd(row, j) + v*formula%by(k)
-            end if
-            if (iand(need, need_dynamics_q) /= 0) then
-                do m = 1, size(g)
-                    derivatives%dynamics_q(c + m - 1, j) = derivatives%dynamics_q(c + m - 1, j) + lambda*g(m)*formula%by(k)
+        !> Add the part c v of V due to the derivatives of c, or the part -e.
+        subroutine add_part(row, formula, v, v_rate, c, g)
+            integer, intent(in) :: row
+            type(formula_type), intent(inout) :: formula
+            !> Velocity v = g'qd(c:), its rate, its first column with its coefficients, none for -e.
+            real(wp), intent(in) :: v, v_rate
+            integer, intent(in) :: c
+            real(wp), intent(in) :: g(:)
+            real(wp) :: value, rate
+            integer :: k, j, l, m
+
+            call formula%read_state(t, pose, coordinates, .true.)
+            call formula%pieces%evaluate_gradient_along(formula%x, formula%v, value, rate, formula%by, formula%by_rate)
+            associate (d => derivatives, by => formula%by, by_rate => formula%by_rate)
+                if (iand(need, need_acceleration_qd) /= 0) then
+                    do m = 1, size(g)
+                        l = d%column_of(c + m - 1)
+                        d%acceleration_qd(row, l) = d%acceleration_qd(row, l) + rate*g(m)
+                    end do
+                end if
+                do k = 1, size(formula%variables)
+                    j = d%column_of(column(formula%variables(k), pose))
+                    if (j == 0) cycle
+                    if (iand(need, need_velocity_q) /= 0) d%velocity_q(row, j) = d%velocity_q(row, j) + v*by(k)
+                    if (iand(need, need_acceleration_q) /= 0) then
+                        d%acceleration_q(row, j) = d%acceleration_q(row, j) + v_rate*by(k) + v*by_rate(k)
+                    end if
+                    if (iand(need, need_acceleration_qd) /= 0) d%acceleration_qd(row, j) = d%acceleration_qd(row, j) + v*by(k)
+                    if (iand(need, need_dynamics_q) /= 0) then
+                        do m = 1, size(g)
+                            d%dynamics_q(c + m - 1, j) = d%dynamics_q(c + m - 1, j) + lambda(row)*g(m)*by(k)
+                        end do
+                    end if
                 end do
-            end if
-        end do
-    end subroutine add_part
+            end associate
+        end subroutine add_part
 
-    !> Add the part c v of V due to the derivatives of v, an entry of an angular velocity. `add_part` has evaluated the formula of c
-    !> with its variables and their rates.
-    pure subroutine add_turning(row, need, velocity, pose, formula, qdd, c, lambda, derivatives)
-        integer, intent(in) :: row, need
-        type(variable_type), intent(in) :: velocity
-        type(pose_type), intent(in) :: pose(0:)
-        type(formula_type), intent(inout) :: formula
-        real(wp), intent(in) :: qdd(:)
-        !> First column of the Euler parameters.
-        integer, intent(in) :: c
-        real(wp), intent(in) :: lambda
-        type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: value, rate, curve, by_p(4), rate_by_p(4)
-        integer :: l
+        !> Add the part c v of V due to the derivatives of v, an entry of an angular velocity. `add_part` has evaluated the formula
+        !> of c with its variables and their rates.
+        subroutine add_rotation(row, velocity, formula, c)
+            integer, intent(in) :: row
+            type(variable_type), intent(in) :: velocity
+            type(formula_type), intent(inout) :: formula
+            !> First column of the Euler parameters.
+            integer, intent(in) :: c
+            real(wp) :: value, rate, curve, by_p(4), rate_by_p(4)
+            integer :: l
 
-        call formula%pieces%evaluate_along(formula%x, formula%v, value, rate, curve)
-        by_p = -e_transposed_product(pose(velocity%of)%p(:, 1), twice_axis(velocity))
-        rate_by_p = -e_transposed_product(qdd(c:c + 3), twice_axis(velocity))
-        ! Coordinates of a body have columns that follow each other.
-        l = derivatives%column_of(c)
-        if (iand(need, need_velocity_q) /= 0) derivatives%velocity_q(row, l:l + 3) = derivatives%velocity_q(row, l:l + 3) + &
-            value*by_p
-        if (iand(need, need_acceleration_q) /= 0) derivatives%acceleration_q(row, l:l + 3) = &
-            derivatives%acceleration_q(row, l:l + 3) + value*rate_by_p + rate*by_p
-        if (iand(need, need_dynamics_q) /= 0) derivatives%dynamics_q(c:c + 3, l:l + 3) = &
-            derivatives%dynamics_q(c:c + 3, l:l + 3) + lambda*value*e_transposed_gradient(twice_axis(velocity))
-    end subroutine add_turning
+            call formula%pieces%evaluate_along(formula%x, formula%v, value, rate, curve)
+            by_p = -e_transposed_product(pose(velocity%of)%p(:, 1), twice_axis(velocity))
+            rate_by_p = -e_transposed_product(pose(velocity%of)%p(:, 2), twice_axis(velocity))
+            ! Coordinates of a body have consecutive columns.
+            l = derivatives%column_of(c)
+            associate (d => derivatives)
+                if (iand(need, need_velocity_q) /= 0) d%velocity_q(row, l:l + 3) = d%velocity_q(row, l:l + 3) + value*by_p
+                if (iand(need, need_acceleration_q) /= 0) then
+                    d%acceleration_q(row, l:l + 3) = d%acceleration_q(row, l:l + 3) + value*rate_by_p + rate*by_p
+                end if
+                if (iand(need, need_dynamics_q) /= 0) d%dynamics_q(c:c + 3, l:l + 3) = d%dynamics_q(c:c + 3, l:l + 3) + &
+                    lambda(row)*value*e_transposed_gradient(twice_axis(velocity))
+            end associate
+        end subroutine add_rotation
+    end subroutine differentiate_rate_rows
 end module tandem_mechanism_rate_row

@@ -5,6 +5,7 @@
 module tandem_mechanism_repetition
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
+    use tandem_mechanism_element_keys, only: key_length
     use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, number_value, text_value, value_type
     use tandem_mechanism_expression, only: expression_type, parse_expression
     use tandem_mechanism_parameters, only: check_parameter_name
@@ -24,7 +25,18 @@ module tandem_mechanism_repetition
         logical, allocatable :: is_copied(:)
         integer :: n_copies = 0
         logical :: is_counting = .false.
+        !> Expanded elements; keys of the repetitions.
+        type(entries_type) :: expanded, repeats
+        !> Place of the entry that causes an error.
+        integer :: place = 0
     end type copying_type
+
+    !> Names and values of the parameters, followed by the indices of the enclosing repetitions; the latter also as integers.
+    type :: scope_type
+        character(len=key_length), allocatable :: names(:)
+        real(wp), allocatable :: values(:)
+        integer, allocatable :: indices(:)
+    end type scope_type
 
 contains
 
@@ -65,54 +77,54 @@ contains
         !> Place of the entry that caused the error; 0 if none.
         integer, intent(out) :: place
         type(copying_type) :: state
+        type(scope_type) :: scope
         character(len=:), allocatable :: head
         integer :: i, j, k
 
-        place = 0
+        scope%names = names
+        scope%values = values
+        scope%indices = [integer ::]
         allocate (state%is_copied(entries%n), source=.false.)
-        do i = 1, entries%n
+        copying: do i = 1, entries%n
             associate (entry => entries%list(i))
                 if (index(entry%key, 'repeat.') /= 1) then
-                    call expanded%append(entry)
+                    call state%expanded%append(entry)
                     cycle
                 end if
                 head = heading(entry%key, 2)
-                if (repeats%find(head//'.count') > 0) cycle
+                if (state%repeats%find(head//'.count') > 0) cycle
                 ! The first pass counts, so that too many copies are refused before they are made.
                 do k = merge(1, 2, any([(index(entries%list(j)%key, head//'.repeat.') == 1, j=i, entries%n)])), 2
                     state%n_copies = 0
                     state%is_counting = k == 1
-                    call expand(entries, head//'.', 1, names, values, [integer ::], state, expanded, repeats, error, place)
-                    if (allocated(error)) return
+                    call expand(state, entries, head//'.', scope, error)
+                    if (allocated(error)) exit copying
                 end do
             end associate
-        end do
+        end do copying
         ! Show elements without copies too.
-        do i = 1, entries%n
+        do i = 1, merge(0, entries%n, allocated(error))
             if (index(entries%list(i)%key, 'repeat.') /= 1 .or. state%is_copied(i)) cycle
-            if (repeats%find(entries%list(i)%key) == 0) call repeats%append(entries%list(i))
+            if (state%repeats%find(entries%list(i)%key) == 0) call state%repeats%append(entries%list(i))
         end do
+        expanded = state%expanded
+        repeats = state%repeats
+        place = state%place
     end subroutine repeat_elements
 
     !> Make the copies of the elements below one heading.
-    recursive subroutine expand(entries, head, depth, names, values, indices, state, expanded, repeats, error, place)
-        type(entries_type), intent(in) :: entries
-        !> Heading, such as `repeat.bay.`, or `repeat.bay.repeat.floor.`, and depth of its repetitions.
-        character(len=*), intent(in) :: head
-        integer, intent(in) :: depth
-        !> Parameters, followed by the indices of the enclosing repetitions; the latter also as integers.
-        character(len=*), intent(in) :: names(:)
-        real(wp), intent(in) :: values(:)
-        integer, intent(in) :: indices(:)
+    recursive subroutine expand(state, entries, head, scope, error)
         type(copying_type), intent(inout) :: state
-        type(entries_type), intent(inout) :: expanded, repeats
+        type(entries_type), intent(in) :: entries
+        !> Heading, such as `repeat.bay.`, or `repeat.bay.repeat.floor.`.
+        character(len=*), intent(in) :: head
+        type(scope_type), intent(in) :: scope
         type(error_type), allocatable, intent(inout) :: error
-        integer, intent(inout) :: place
         character(len=:), allocatable :: index_name
         integer :: k, count, first
 
-        if (depth > deepest) then
-            place = place_below(entries, head)
+        if (size(scope%indices) == deepest) then
+            state%place = place_below(entries, head)
             call set_error(error, status_invalid_model, head(:len(head) - 1)//' is nested too deeply', &
                 'nest at most '//to_text(deepest)//' repetitions')
             return
@@ -121,14 +133,14 @@ contains
         if (k > 0) then
             call set_error(error, status_invalid_model, entries%list(k)%key//' is a table, not a value', &
                 'write '//entries%list(k)%key//'.count = ... and the elements below it')
-            place = entries%list(k)%place
+            state%place = entries%list(k)%place
             return
         end if
         allocate (index_name, source='i')
         k = entries%find(head//'index')
         if (k > 0) then
             associate (given => entries%list(k))
-                place = given%place
+                state%place = given%place
                 if (given%value%is_list .or. given%value%atoms(1)%kind /= is_text) then
                     call set_error(error, status_invalid_model, given%key//' is not a string', 'give a name, such as "i"')
                     return
@@ -138,15 +150,15 @@ contains
                 if (allocated(error)) return
             end associate
         end if
-        if (any(names == index_name)) then
-            if (k == 0) place = place_below(entries, head)
+        if (any(scope%names == index_name)) then
+            if (k == 0) state%place = place_below(entries, head)
             call set_error(error, status_invalid_model, head//'index: "'//index_name//'" is the name of a parameter'// &
-                trim(merge(' or of an outer index', '                     ', depth > 1)), 'take another one')
+                trim(merge(' or of an outer index', '                     ', size(scope%indices) > 0)), 'take another one')
             return
         end if
-        call get_count(entries, head, 'count', -1, names, values, repeats, count, place, error)
+        call get_count(state, entries, head//'count', -1, scope, count, error)
         if (allocated(error)) return
-        call get_count(entries, head, 'first', 1, names, values, repeats, first, place, error)
+        call get_count(state, entries, head//'first', 1, scope, first, error)
         if (allocated(error)) return
         state%n_copies = state%n_copies + max(0, min(count, most + 1))
         if (count < 0 .or. state%n_copies > most) then
@@ -158,40 +170,39 @@ contains
                     ' copies', 'give smaller numbers')
             end if
             k = entries%find(head//'count')
-            if (k > 0) place = entries%list(k)%place
+            if (k > 0) state%place = entries%list(k)%place
             return
         end if
-        call repeats%set(head//'index', text_value(index_name))
-        call copy_elements(entries, head, depth, index_name, first, count, names, values, indices, state, expanded, repeats, &
-            place, error)
+        call state%repeats%set(head//'index', text_value(index_name))
+        call copy_elements(state, entries, head, index_name, first, first + count - 1, scope, error)
     end subroutine expand
 
     !> Copy each element below the heading once for each value of the index.
-    recursive subroutine copy_elements(entries, head, depth, index_name, first, count, names, values, indices, state, expanded, &
-        repeats, place, error)
-        type(entries_type), intent(in) :: entries
-        character(len=*), intent(in) :: head, index_name, names(:)
-        integer, intent(in) :: depth, first, count, indices(:)
-        real(wp), intent(in) :: values(:)
+    recursive subroutine copy_elements(state, entries, head, index_name, first, last, scope, error)
         type(copying_type), intent(inout) :: state
-        type(entries_type), intent(inout) :: expanded, repeats
-        integer, intent(inout) :: place
+        type(entries_type), intent(in) :: entries
+        character(len=*), intent(in) :: head, index_name
+        integer, intent(in) :: first, last
+        type(scope_type), intent(in) :: scope
         type(error_type), allocatable, intent(inout) :: error
-        character(len=max(len(names), len(index_name))) :: known(size(names) + 1)
+        type(scope_type) :: inside
         type(entry_type) :: copy
         character(len=:), allocatable :: below, inner, done
-        integer :: i, k
+        integer :: i, k, depth, n
 
-        known(:size(names)) = names
-        known(size(known)) = index_name
-        do i = first, first + count - 1
+        n = size(scope%names)
+        depth = size(scope%indices) + 1
+        inside%names = [character(len=key_length) :: scope%names, index_name]
+        do i = first, last
+            inside%values = [scope%values, real(i, wp)]
+            inside%indices = [scope%indices, i]
             allocate (done, source='')
             do k = 1, merge(0, entries%n, state%is_counting)
                 associate (entry => entries%list(k))
                     if (index(entry%key, head) /= 1) cycle
                     below = entry%key(len(head) + 1:)
                     if (any(below == [character(len=5) :: 'count', 'index', 'first']) .or. index(below, 'repeat.') == 1) cycle
-                    place = entry%place
+                    state%place = entry%place
                     if (index(below, '.') == 0) then
                         call set_error(error, status_invalid_model, 'unknown key "'//below//'" of '//head(:len(head) - 1), &
                             'its keys are count, index, first, and elements: body.NAME.KEY, joint.NAME.KEY, ...')
@@ -202,15 +213,15 @@ contains
                     copy%n_heading = len(heading(entry%key, 2*depth + 2))
                     if (copy%n_heading == len(entry%key)) copy%n_heading = len(heading(entry%key, 2*depth + 1))
                     allocate (copy%index_names(depth))
-                    copy%index_names = known(size(known) - depth + 1:)
-                    copy%index_values = [indices, i]
+                    copy%index_names = inside%names(n - depth + 2:)
+                    copy%index_values = inside%indices
                     copy%is_first = .not. state%is_copied(k)
                     state%is_copied(k) = .true.
-                    call fill(below, entry%key, known, [values, real(i, wp)], copy%key, error)
+                    call fill(below, entry%key, inside, copy%key, error)
                     if (allocated(error)) return
-                    call fill_texts(copy%value, entry%key, known, [values, real(i, wp)], error)
+                    call fill_texts(copy%value, entry%key, inside, error)
                     if (allocated(error)) return
-                    call expanded%append(copy)
+                    call state%expanded%append(copy)
                     deallocate (copy%index_names)
                 end associate
             end do
@@ -220,8 +231,7 @@ contains
                 inner = head//heading(entries%list(k)%key(len(head) + 1:), 2)//'.'
                 if (index(done, '|'//inner//'|') > 0) cycle
                 done = done//'|'//inner//'|'
-                call expand(entries, inner, depth + 1, known, [values, real(i, wp)], [indices, i], state, expanded, repeats, &
-                    error, place)
+                call expand(state, entries, inner, inside, error)
                 if (allocated(error)) return
             end do
             deallocate (done)
@@ -229,38 +239,38 @@ contains
     end subroutine copy_elements
 
     !> Read an integer, which may be an expression of parameters.
-    subroutine get_count(entries, head, key, default, names, values, repeats, number, place, error)
+    subroutine get_count(state, entries, key, default, scope, number, error)
+        type(copying_type), intent(inout) :: state
         type(entries_type), intent(in) :: entries
-        character(len=*), intent(in) :: head, key, names(:)
-        real(wp), intent(in) :: values(:)
-        type(entries_type), intent(inout) :: repeats
-        integer, intent(inout) :: place
-        type(error_type), allocatable, intent(inout) :: error
+        character(len=*), intent(in) :: key
         integer, intent(in) :: default
+        type(scope_type), intent(in) :: scope
         integer, intent(out) :: number
+        type(error_type), allocatable, intent(inout) :: error
         integer :: at
 
         number = default
-        at = entries%find(head//key)
+        at = entries%find(key)
         if (at > 0) then
             associate (given => entries%list(at))
-                place = given%place
+                state%place = given%place
                 if (given%value%is_list .or. all(given%value%atoms(1)%kind /= [is_number, is_text])) then
                     call set_error(error, status_invalid_model, given%key//' is not a number', 'give an integer, or an '// &
                         'expression in quotes')
                 else if (given%value%atoms(1)%kind == is_number) then
                     call round(given%value%atoms(1)%number, given%key, number, error)
                 else
-                    call evaluate(given%value%atoms(1)%text, given%key, names, values, number, error)
+                    call evaluate(given%value%atoms(1)%text, given%key, scope, number, error)
                 end if
-                if (.not. allocated(error)) call repeats%set(given%key, given%value, given%place)
+                if (.not. allocated(error)) call state%repeats%set(given%key, given%value, given%place)
             end associate
         else if (default < 0) then
-            place = 0
-            if (entries%n > 0) place = place_below(entries, head)
-            call set_error(error, status_invalid_model, head(:len(head) - 1)//': the key count is missing', 'add it')
+            associate (head => key(:index(key, '.', back=.true.)))
+                state%place = place_below(entries, head)
+                call set_error(error, status_invalid_model, head(:len(head) - 1)//': the key count is missing', 'add it')
+            end associate
         else
-            call repeats%set(head//key, number_value(real(default, wp)))
+            call state%repeats%set(key, number_value(real(default, wp)))
         end if
     end subroutine get_count
 
@@ -295,26 +305,24 @@ contains
     end subroutine round
 
     !> Integer value of an expression.
-    subroutine evaluate(text, key, known, numbers, whole, error)
+    subroutine evaluate(text, key, scope, whole, error)
         type(error_type), allocatable, intent(inout) :: error
-        character(len=*), intent(in) :: text, key, known(:)
-        real(wp), intent(in) :: numbers(:)
+        character(len=*), intent(in) :: text, key
+        type(scope_type), intent(in) :: scope
         integer, intent(out) :: whole
         type(expression_type) :: expression
 
         whole = 0
-        call parse_expression(expression, text, [character(len=1) ::], error, known, numbers, key)
+        call parse_expression(expression, text, [character(len=1) ::], error, scope%names, scope%values, key)
         if (.not. allocated(error)) call round(expression%value([real(wp) ::]), key//': "'//text//'"', whole, error)
     end subroutine evaluate
 
     !> Replace braces in a text by numbers.
-    subroutine fill(text, key, known, numbers, filled, error)
+    subroutine fill(text, key, scope, filled, error)
         character(len=*), intent(in) :: text, key
-        !> Names that braces may contain, and their values.
-        character(len=*), intent(in) :: known(:)
-        real(wp), intent(in) :: numbers(:)
-        type(error_type), allocatable, intent(inout) :: error
+        type(scope_type), intent(in) :: scope
         character(len=:), allocatable, intent(inout) :: filled
+        type(error_type), allocatable, intent(inout) :: error
         integer :: at, from, to, whole
 
         filled = ''
@@ -326,10 +334,10 @@ contains
             to = index(text(from:), '}') + from - 1
             if (to < from) then
                 call set_error(error, status_invalid_model, key//': "'//text//'" has an unclosed brace', 'write {'// &
-                    trim(known(size(known)))//'}')
+                    trim(scope%names(size(scope%names)))//'}')
                 return
             end if
-            call evaluate(text(from + 1:to - 1), key, known, numbers, whole, error)
+            call evaluate(text(from + 1:to - 1), key, scope, whole, error)
             if (allocated(error)) return
             filled = filled//text(at:from - 1)//to_text(whole)
             at = to + 1
@@ -338,10 +346,10 @@ contains
     end subroutine fill
 
     !> Replace braces in all texts of a value.
-    subroutine fill_texts(value, key, known, numbers, error)
+    subroutine fill_texts(value, key, scope, error)
         type(value_type), intent(inout) :: value
-        character(len=*), intent(in) :: key, known(:)
-        real(wp), intent(in) :: numbers(:)
+        character(len=*), intent(in) :: key
+        type(scope_type), intent(in) :: scope
         type(error_type), allocatable, intent(inout) :: error
         character(len=:), allocatable :: filled
         integer :: j
@@ -349,7 +357,7 @@ contains
         do j = 1, size(value%atoms)
             if (value%atoms(j)%kind /= is_text) cycle
             if (index(value%atoms(j)%text, '{') == 0) cycle
-            call fill(value%atoms(j)%text, key, known, numbers, filled, error)
+            call fill(value%atoms(j)%text, key, scope, filled, error)
             if (allocated(error)) return
             value%atoms(j)%text = filled
         end do

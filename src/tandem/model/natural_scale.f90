@@ -6,10 +6,14 @@
 !> rest or at the origin has a scale too.
 module tandem_model_natural_scale
     use tandem_kinds, only: lane, short, wp
+    use tandem_model_terms, only: terms_type
     implicit none (type, external)
     private
 
     public :: constraint_errors, position_errors, velocity_errors
+
+    !> Sums of a row: C qd, C qdd, and the scales at the three levels.
+    integer, parameter :: of_velocity = 1, of_acceleration = 2, q_scale = 3, qd_scale = 4, qdd_scale = 5, n_sums = 5
 
 contains
 
@@ -20,7 +24,7 @@ contains
         real(wp), intent(out) :: error
         integer, intent(out) :: row
 
-        call find_worst(size(phi), size(jacobian, 1), size(q), .false., phi, jacobian, q, scale, error, row)
+        call find_worst(size(jacobian, 1), .false., phi, jacobian, q, scale, error, row)
     end subroutine position_errors
 
     !> max_i |C qd - nu|_i / scale_i and its row.
@@ -30,72 +34,61 @@ contains
         real(wp), intent(out) :: error
         integer, intent(out) :: row
 
-        call find_worst(size(nu), size(nu), size(qd), .true., nu, jacobian, qd, scale, error, row)
+        call find_worst(size(nu), .true., nu, jacobian, qd, scale, error, row)
     end subroutine velocity_errors
 
-    !> Both, and max_i |C qdd + gamma|_i / scale_i, and their rows; 0 at position level without holonomic rows.
-    pure subroutine constraint_errors(phi, nu, gamma, jacobian, q, qd, qdd, scale, rate, errors, rows)
-        !> Phi (nh), nu and gamma (m), C (m, n); q, qd, qdd and coordinate scales (n).
-        real(wp), intent(in), contiguous :: phi(:), nu(:), gamma(:), jacobian(:, :), q(:), qd(:), qdd(:), scale(:)
+    !> Both, and max_i |C qdd + gamma|_i / scale_i, and their rows; 0 at position level without holonomic rows. One pass through C,
+    !> `lane` rows at a time: no work space, and inner loops of constant length.
+    pure subroutine constraint_errors(terms, q, qd, qdd, scale, rate, errors, rows)
+        !> Phi, C, nu and gamma.
+        type(terms_type), intent(in) :: terms
+        !> q, qd, qdd and coordinate scales (n).
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), scale(:)
         !> 1 over the time scale.
         real(wp), intent(in) :: rate
         real(wp), intent(out) :: errors(3)
         integer, intent(out) :: rows(3)
+        real(wp) :: sums(lane, n_sums), tail(lane, lane)
+        integer :: b, i, j, k, m, n, s, whole
 
-        call find_all(size(phi), size(nu), size(q), phi, nu, gamma, jacobian, q, qd, qdd, scale, rate, errors, rows)
-        if (size(phi) == 0) errors(1) = 0.0_wp
-    end subroutine constraint_errors
-
-    !> The three errors in one pass through C, `lane` rows at a time: no work space, and inner loops of constant length.
-    pure subroutine find_all(nh, m, n, phi, nu, gamma, c, q, qd, qdd, scale, rate, errors, rows)
-        integer, intent(in) :: nh, m, n
-        real(wp), intent(in) :: phi(nh), nu(m), gamma(m), c(m*n), q(n), qd(n), qdd(n), scale(n), rate
-        real(wp), intent(out) :: errors(3)
-        integer, intent(out) :: rows(3)
-        real(wp), dimension(lane) :: of_velocity, of_acceleration, q_scale, qd_scale, qdd_scale
-        real(wp) :: tail(lane, lane)
-        integer :: b, i, j, s, whole
-
+        n = size(q)
+        m = size(terms%nu)
         errors = -1.0_wp
         rows = 0
         do b = 0, m - 1, lane
             ! Columns that end too close to the end of memory are copied.
             whole = max(n - (b + lane - 1)/m, 0)
             do j = whole + 1, n
-                call get_column(m, n, b, j, c, tail(:, j - whole))
+                call get_column(m, n, b, j, terms%jacobian, tail(:, j - whole))
             end do
-            do s = 0, lane - short, short
-                do i = 1, short
-                    of_velocity(s + i) = 0.0_wp
-                    of_acceleration(s + i) = 0.0_wp
-                    q_scale(s + i) = 0.0_wp
-                    qd_scale(s + i) = 0.0_wp
-                    qdd_scale(s + i) = 0.0_wp
+            do k = 1, n_sums
+                do s = 0, lane - short, short
+                    do i = 1, short
+                        sums(s + i, k) = 0.0_wp
+                    end do
                 end do
             end do
-            call add_columns(whole, m, b, m*n, c, q, qd, qdd, scale, rate, of_velocity, of_acceleration, q_scale, qd_scale, &
-                qdd_scale)
-            call add_columns(n - whole, lane, 0, lane*lane, tail, q(whole + 1:), qd(whole + 1:), qdd(whole + 1:), &
-                scale(whole + 1:), rate, of_velocity, of_acceleration, q_scale, qd_scale, qdd_scale)
-            call judge(b, nh, .false., 0.0_wp, phi, of_velocity, q_scale, errors(1), rows(1))
-            call judge(b, m, .true., -1.0_wp, nu, of_velocity, qd_scale, errors(2), rows(2))
-            call judge(b, m, .true., 1.0_wp, gamma, of_acceleration, qdd_scale, errors(3), rows(3))
+            call add_columns(whole, m, terms%jacobian(b + 1, 1), q, qd, qdd, scale, rate, sums)
+            call add_columns(n - whole, lane, tail, q(whole + 1:), qd(whole + 1:), qdd(whole + 1:), scale(whole + 1:), rate, sums)
+            call judge(b, size(terms%phi), .false., 0.0_wp, terms%phi, sums(:, of_velocity), sums(:, q_scale), errors(1), rows(1))
+            call judge(b, m, .true., -1.0_wp, terms%nu, sums(:, of_velocity), sums(:, qd_scale), errors(2), rows(2))
+            call judge(b, m, .true., 1.0_wp, terms%gamma, sums(:, of_acceleration), sums(:, qdd_scale), errors(3), rows(3))
         end do
-    end subroutine find_all
+        if (size(terms%phi) == 0) errors(1) = 0.0_wp
+    end subroutine constraint_errors
 
-    !> Add n columns of m rows of C: C qd, C qdd and the scales of rows b + 1 to b + lane.
-    pure subroutine add_columns(n, m, b, l, c, q, qd, qdd, scale, rate, of_velocity, of_acceleration, q_scale, qd_scale, &
-        qdd_scale)
-        integer, intent(in) :: n, m, b, l
-        real(wp), intent(in) :: c(l), q(n), qd(n), qdd(n), scale(n), rate
-        real(wp), intent(inout), dimension(lane) :: of_velocity, of_acceleration, q_scale, qd_scale, qdd_scale
+    !> Add n columns with the distance m: C qd, C qdd and the scales of `lane` rows from the first entry of c on.
+    pure subroutine add_columns(n, m, c, q, qd, qdd, scale, rate, sums)
+        integer, intent(in) :: n, m
+        real(wp), intent(in) :: c(*), q(n), qd(n), qdd(n), scale(n), rate
+        real(wp), intent(inout) :: sums(lane, n_sums)
         real(wp) :: a, magnitude_q, magnitude_qd, magnitude_qdd
         integer :: first, i, j, s
 
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
         do j = 1, n
-            first = (j - 1)*m + b
+            first = (j - 1)*m
             magnitude_q = max(abs(q(j)), scale(j))
             magnitude_qd = max(abs(qd(j)), rate*scale(j))
             magnitude_qdd = max(abs(qdd(j)), rate*(rate*scale(j)))
@@ -103,21 +96,22 @@ contains
                 !GCC$ UNROLL 1
                 do i = 1, short
                     a = abs(c(first + s + i))
-                    q_scale(s + i) = q_scale(s + i) + a*magnitude_q
-                    of_velocity(s + i) = of_velocity(s + i) + c(first + s + i)*qd(j)
-                    qd_scale(s + i) = qd_scale(s + i) + a*magnitude_qd
-                    of_acceleration(s + i) = of_acceleration(s + i) + c(first + s + i)*qdd(j)
-                    qdd_scale(s + i) = qdd_scale(s + i) + a*magnitude_qdd
+                    sums(s + i, q_scale) = sums(s + i, q_scale) + a*magnitude_q
+                    sums(s + i, of_velocity) = sums(s + i, of_velocity) + c(first + s + i)*qd(j)
+                    sums(s + i, qd_scale) = sums(s + i, qd_scale) + a*magnitude_qd
+                    sums(s + i, of_acceleration) = sums(s + i, of_acceleration) + c(first + s + i)*qdd(j)
+                    sums(s + i, qdd_scale) = sums(s + i, qdd_scale) + a*magnitude_qdd
                 end do
             end do
         end do
     end subroutine add_columns
 
-    !> Largest error of the first l of m rows, and its row. The residual is g, or with `is_linear` C y - g.
-    pure subroutine find_worst(l, m, n, is_linear, g, c, y, scale, error, row)
-        integer, intent(in) :: l, m, n
+    !> Largest error of the rows of g, the first of m rows, and its row. The residual is g, or with `is_linear` C y - g.
+    pure subroutine find_worst(m, is_linear, g, c, y, scale, error, row)
+        integer, intent(in) :: m
         logical, intent(in) :: is_linear
-        real(wp), intent(in) :: g(l), c(m*n), y(n), scale(n)
+        real(wp), intent(in), contiguous :: g(:), y(:), scale(:)
+        real(wp), intent(in) :: c(m*size(y))
         real(wp), intent(out) :: error
         integer, intent(out) :: row
         real(wp), dimension(lane) :: column, product, row_scale
@@ -126,18 +120,18 @@ contains
 
         error = -1.0_wp
         row = 0
-        do b = 0, l - 1, lane
+        do b = 0, size(g) - 1, lane
             product = 0.0_wp
             row_scale = 0.0_wp
-            do j = 1, n
-                call get_column(m, n, b, j, c, column)
+            do j = 1, size(y)
+                call get_column(m, size(y), b, j, c, column)
                 magnitude = max(abs(y(j)), scale(j))
                 do i = 1, lane
                     product(i) = product(i) + column(i)*y(j)
                     row_scale(i) = row_scale(i) + abs(column(i))*magnitude
                 end do
             end do
-            call judge(b, l, is_linear, -1.0_wp, g, product, row_scale, error, row)
+            call judge(b, size(g), is_linear, -1.0_wp, g, product, row_scale, error, row)
         end do
     end subroutine find_worst
 

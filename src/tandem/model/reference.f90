@@ -51,12 +51,12 @@ module tandem_model_reference
         real(wp), allocatable :: rows_q(:, :, :), forces_q(:, :, :), gamma_qd(:, :), force_qd(:, :)
         !> By time: Phi_t (nh) and gamma (m), and what differences may leave of these.
         real(wp), allocatable :: phi_t(:), gamma(:)
-        real(wp) :: phi_t_doubt = 0.0_wp, gamma_doubt = 0.0_wp
+        real(wp) :: uncertainty_of_phi_t = 0.0_wp, uncertainty_of_gamma = 0.0_wp
         !> Values of the parts, their differences, those of second order, and the largest values.
         type(values_type), private :: values, now, lower, largest
     contains
         procedure :: initialize, find_row_scales, differentiate, check_structure
-        procedure, private :: differentiate_together, take_differences, line_up, keep
+        procedure, private :: differentiate_together, take_differences, line_up, keep, differentiate_in_time
     end type reference_type
 
 contains
@@ -146,13 +146,10 @@ contains
             end associate
             if (stat /= 0) return
         end do
-        associate (nh => model%n_holonomic, t => self%t, q => self%q, qd => self%qd)
-            if (nh > 0) call differentiate_in_time(evaluator, t, model%time_scale, .false., q, qd, self%row_scale(:nh), &
-                self%phi_t, self%phi_t_doubt, counts, stat)
-            if (stat /= 0 .or. size(self%gamma) == 0) return
-            call differentiate_in_time(evaluator, t, 1.0_wp/max(1.0_wp/model%time_scale, &
-                maxval(abs(qd)/max(abs(q), self%scale))), .true., q, qd, self%row_scale, self%gamma, self%gamma_doubt, counts, stat)
-        end associate
+        if (model%n_holonomic > 0) call self%differentiate_in_time(evaluator, model%time_scale, .false., counts, stat)
+        if (stat /= 0 .or. size(self%gamma) == 0) return
+        call self%differentiate_in_time(evaluator, 1.0_wp/max(1.0_wp/model%time_scale, &
+            maxval(abs(self%qd)/max(abs(self%q), self%scale))), .true., counts, stat)
     end subroutine differentiate
 
     !> The derivatives of all terms by some coordinates or velocities that change nothing in common. A step that suits the scale of
@@ -171,12 +168,12 @@ contains
         integer, intent(out) :: stat
         real(wp), parameter :: step = epsilon(1.0_wp)**0.2_wp
         integer, parameter :: most_shorter = 5
-        real(wp) :: moved(model%n), doubt(n_of_rows + n_of_forces, size(columns))
+        real(wp) :: moved(model%n), uncertainty(n_of_rows + n_of_forces, size(columns))
         logical :: is_done(size(columns))
         integer :: c, k
 
         stat = 0
-        doubt = huge(1.0_wp)
+        uncertainty = huge(1.0_wp)
         is_done = .false.
         do k = 0, most_shorter
             moved = 0.0_wp
@@ -194,7 +191,7 @@ contains
             if (stat /= 0) return
             do c = 1, size(columns)
                 if (.not. is_done(c)) call self%keep(model%n_holonomic, by_qd, columns(c), moved(columns(c)), k == 0, &
-                    doubt(:, c), is_done(c))
+                    uncertainty(:, c), is_done(c))
             end do
             if (all(is_done)) exit
         end do
@@ -266,7 +263,7 @@ contains
     end subroutine line_up
 
     !> Keep the differences of a coordinate, part by part, where they leave less than those before.
-    subroutine keep(self, nh, by_qd, j, h, is_first, doubt, is_done)
+    subroutine keep(self, nh, by_qd, j, h, is_first, uncertainty, is_done)
         class(reference_type), intent(inout) :: self
         integer, intent(in) :: nh
         logical, intent(in) :: by_qd
@@ -275,8 +272,8 @@ contains
         real(wp), intent(in) :: h
         !> True for the first differences, which are kept even if they are NaN.
         logical, intent(in) :: is_first
-        !> Doubts about the differences that are kept.
-        real(wp), intent(inout) :: doubt(:)
+        !> Uncertainty of the stored differences.
+        real(wp), intent(inout) :: uncertainty(:)
         !> True if shorter steps gain nothing.
         logical, intent(out) :: is_done
         integer :: column, l
@@ -332,11 +329,11 @@ contains
             end do
             truncation = (off/size_of)**2
             rounding = epsilon(h)*rounding/(h*size_of)
-            if (is_first .or. truncation + rounding < doubt(number)) then
+            if (is_first .or. truncation + rounding < uncertainty(number)) then
                 do i = 1, size(places)
                     entries(places(i)) = now(places(i), part)/(divisor*h)
                 end do
-                doubt(number) = truncation + rounding
+                uncertainty(number) = truncation + rounding
             end if
             if (truncation > max(enough, rounding)) is_done = .false.
         end subroutine choose
@@ -413,75 +410,70 @@ contains
         end function is_product
     end subroutine check_structure
 
-    !> Add the value at a place to the differences.
-    pure subroutine add(i, value, differences)
-        !> Number of the place.
-        integer, intent(in) :: i
-        real(wp), intent(in) :: value(:)
-        real(wp), intent(inout) :: differences(:)
-
-        differences = factor(i)*differences + sign_of(i)*value
-    end subroutine add
-
     !> Phi_t, or d/dt (C qd - nu) along qd, by the step that agrees best with the next longer one.
-    subroutine differentiate_in_time(evaluator, t, share, of_velocity, q, qd, row_scale, rate, doubt, counts, stat)
+    subroutine differentiate_in_time(self, evaluator, share, of_velocity, counts, stat)
+        class(reference_type), intent(inout) :: self
         type(evaluator_type), intent(inout) :: evaluator
-        !> Time, and the part of the steps to take.
-        real(wp), intent(in) :: t, share
+        !> Part of the steps to take.
+        real(wp), intent(in) :: share
         !> True to differentiate C qd - nu.
         logical, intent(in) :: of_velocity
-        !> Coordinates, velocities, and the scales of the rows.
-        real(wp), intent(in) :: q(:), qd(:), row_scale(:)
-        !> The derivative, and by how much it may be wrong on those scales, as it differs from that of the next longer step and by
-        !> rounding.
-        real(wp), intent(inout) :: rate(:)
-        real(wp), intent(out) :: doubt
         type(counts_type), intent(inout) :: counts
-        !> That of the last step, where none could be taken with the next longer one; not_evaluable where steps are lost in the
+        !> Status of the last step if none could be compared with the next longer one; not_evaluable if steps are lost in the
         !> rounding of t.
         integer, intent(out) :: stat
-        real(wp) :: now(size(rate)), last(size(rate)), values(size(rate)), change, largest, h, wanted
+        real(wp), dimension(merge(size(self%gamma), size(self%phi_t), of_velocity)) :: rate, now, last, values, unit
+        real(wp) :: uncertainty, change, largest, h, wanted
         logical :: is_taken
         integer :: i, k, last_stat
 
         is_taken = .false.
-        doubt = huge(1.0_wp)
+        rate = 0.0_wp
+        uncertainty = huge(1.0_wp)
         stat = status_ok
         last_stat = status_not_evaluable
+        unit = self%row_scale(:size(unit))
         wanted = longest_step*share
         do k = 1, n_steps
-            ! One that is added to t without rounding.
-            h = (t + wanted) - t
+            ! Round the step so that it is added to t exactly.
+            h = (self%t + wanted) - self%t
             if (.not. h > 0.0_wp) exit
             now = 0.0_wp
             largest = 1.0_wp
             do i = 1, 4
-                call evaluator%evaluate(merge(need_jacobian + need_nu, need_phi, of_velocity), t + place(i)*h, &
-                    q + merge(place(i)*h, 0.0_wp, of_velocity)*qd, qd, counts, stat)
+                call evaluator%evaluate(merge(need_jacobian + need_nu, need_phi, of_velocity), self%t + place(i)*h, &
+                    self%q + merge(place(i)*h, 0.0_wp, of_velocity)*self%qd, self%qd, counts, stat)
                 if (stat /= 0) exit
                 if (of_velocity) then
-                    call evaluator%times_jacobian(qd, .false., values)
+                    call evaluator%times_jacobian(self%qd, .false., values)
                     values = values - evaluator%terms%nu
                 else
                     values = evaluator%terms%phi
                 end if
-                call add(i, values, now)
-                largest = max(largest, maxval(abs(values)/row_scale))
+                now = factor(i)*now + sign_of(i)*values
+                largest = max(largest, maxval(abs(values)/unit))
             end do
             now = now/(divisor*h)
             ! A long step may reach where a model has no value.
             if (stat == 0 .and. last_stat == 0) then
-                ! And what rounding may be, of the values and of t in the model: two steps may agree by chance.
-                change = maxval(abs(now - last)/row_scale) + maxval(abs(now)/row_scale)*spacing(t)/h + epsilon(h)*largest/h
-                ! The first one without a comparison: if all are NaN, it shall be seen.
-                if (change < doubt .or. .not. is_taken) rate = now
-                if (change < doubt) doubt = change
+                ! Two steps may agree by chance: add the rounding of the values and of t in the model.
+                change = maxval(abs(now - last)/unit) + maxval(abs(now)/unit)*spacing(self%t)/h + epsilon(h)*largest/h
+                ! Keep the first derivative without a comparison, so that NaN are seen.
+                if (change < uncertainty .or. .not. is_taken) rate = now
+                if (change < uncertainty) uncertainty = change
                 is_taken = .true.
             end if
             last = now
             last_stat = stat
             wanted = next_step*wanted
         end do
+        if (of_velocity) then
+            self%gamma = rate
+            self%uncertainty_of_gamma = uncertainty
+        else
+            self%phi_t = rate
+            self%uncertainty_of_phi_t = uncertainty
+        end if
         if (is_taken) then
             stat = status_ok
         else if (stat == status_ok) then
@@ -489,5 +481,4 @@ contains
             evaluator%failed_term = 'differences in time'
         end if
     end subroutine differentiate_in_time
-
 end module tandem_model_reference

@@ -43,11 +43,22 @@ module tandem_model_verification
         integer :: stat = 0
     end type finding_type
 
+    !> Comparisons of one model.
+    type :: comparison_type
+        class(model_type), pointer :: model => null()
+        type(evaluator_type) :: evaluator
+        type(reference_type) :: reference
+        type(counts_type) :: counts
+        type(finding_type), allocatable :: findings(:)
+        !> Last procedure called.
+        character(len=20) :: failed = ''
+    end type comparison_type
+
     !> Central differences of fourth order have an error of about eps**(4/5) = 3e-13 of the size of the function; the error of a
     !> wrong formula is 1e-3 and more. Functions may be large compared with their derivatives.
     real(wp), parameter :: tolerance = 1.0e-6_wp
     !> Differences that leave more of their largest entry than this do not tell a right formula from a wrong one.
-    real(wp), parameter :: most_doubt = 1.0e-3_wp
+    real(wp), parameter :: most_uncertain = 1.0e-3_wp
     !> Up to so many coordinates the matrices of a model with a pattern are full, as dense charts take them; more are compressed.
     !> Full ones of more than the second number take gigabytes.
     integer, parameter :: most_full = 200, most_coordinates = 5000
@@ -65,9 +76,7 @@ contains
         !> One per compared procedure.
         type(finding_type), allocatable, intent(out) :: findings(:)
         type(error_type), allocatable, intent(out) :: error
-        type(evaluator_type) :: evaluator
-        type(counts_type) :: counts
-        type(reference_type) :: reference
+        type(comparison_type) :: work
         type(structure_type) :: structure
         type(pack_type) :: pack
         character(len=40) :: problem
@@ -85,31 +94,46 @@ contains
         call model%set_time_scale(t, q, qd)
         call ieee_get_flag(ieee_all, flags)
         call choose_structure(model, structure)
+        work%model => model
         do
-            call evaluator%initialize(model, compressed=structure%is_compressed)
+            work%findings = [finding_type ::]
+            call work%evaluator%initialize(model, compressed=structure%is_compressed)
             ! Compared below.
-            evaluator%mass_is_trusted = .true.
-            call reference%initialize(model, structure)
+            work%evaluator%mass_is_trusted = .true.
+            call work%reference%initialize(model, structure)
             seed = 12345
             do state = 1, n_states
-                call verify_at(model, evaluator, reference, t, q, qd, seed, counts, findings, holds)
+                call choose_state()
+                call compare_all(work, holds)
                 if (.not. holds) exit
             end do
             if (holds .or. n_states < 1) exit
-            ! Something depends on coordinates that the pattern does not tell of, which it may but for C and M.
+            ! Some term depends on coordinates outside of the pattern, which is an error only for C and M.
             if (model%n > most_coordinates) then
                 call set_error(error, status_work_limit, 'the model "'//model%name//'" has '//to_text(model%n)// &
                     ' coordinates, and depends on more of them than its pattern says: too many to compare its procedures', &
                     'check a smaller model of the same elements')
                 exit
             end if
-            deallocate (findings)
-            allocate (findings(0))
             call structure%take_all(model%n, model%n_constraints())
         end do
+        if (.not. allocated(error)) call move_alloc(work%findings, findings)
         call pack%begin_reading('model', memory, problem)
         call model%pack_state(pack)
         call ieee_set_flag(ieee_all, flags)
+
+    contains
+
+        !> Choose a random state near the given one.
+        subroutine choose_state()
+            associate (there => work%reference, scale => work%reference%scale, n => model%n)
+                there%t = t
+                there%q = q + 0.1_wp*scale*random_vector(seed, n)
+                there%qd = qd + scale/model%time_scale*random_vector(seed, n)
+                there%qdd = scale/model%time_scale**2*random_vector(seed, n)
+                there%lambda = random_vector(seed, model%n_constraints())
+            end associate
+        end subroutine choose_state
     end subroutine verify_model
 
     !> Take the structure of a model from its pattern if it has one.
@@ -135,117 +159,92 @@ contains
         has_single = any([(model%gives(part), part=of_jacobian_derivative, of_force_qd)])
     end function has_single
 
-    !> Compare at one random state.
-    subroutine verify_at(model, evaluator, reference, t, q, qd, seed, counts, findings, holds)
-        class(model_type), intent(inout), target :: model
-        type(evaluator_type), intent(inout) :: evaluator
-        type(reference_type), intent(inout) :: reference
-        !> Near this state.
-        real(wp), intent(in) :: t, q(:), qd(:)
-        !> Of random numbers.
-        integer, intent(inout) :: seed
-        type(counts_type), intent(inout) :: counts
-        type(finding_type), allocatable, intent(inout) :: findings(:)
-        !> False where coordinates change more than they may by the pattern; looked at where there is no finding yet.
+    !> Compare all procedures at one state.
+    subroutine compare_all(self, holds)
+        type(comparison_type), intent(inout) :: self
+        !> False if terms depend on coordinates outside of the pattern; tested at the first state only.
         logical, intent(out) :: holds
-        character(len=len(evaluator%failed_term)) :: failed
         integer :: stat
 
         holds = .true.
-        associate (scale => reference%scale, n => model%n)
-            reference%t = t
-            reference%q = q + 0.1_wp*scale*random_vector(seed, n)
-            reference%qd = qd + scale/model%time_scale*random_vector(seed, n)
-            reference%qdd = scale/model%time_scale**2*random_vector(seed, n)
-            reference%lambda = random_vector(seed, model%n_constraints())
+        associate (model => self%model, evaluator => self%evaluator, reference => self%reference, counts => self%counts)
+            call reference%find_row_scales(model, evaluator, counts, stat)
+            reference%lambda = reference%lambda/reference%row_scale
+            if (stat == 0) call reference%differentiate(model, evaluator, counts, stat)
+            if (stat == 0 .and. size(self%findings) == 0 .and. reference%structure%is_of_pattern) then
+                call reference%check_structure(model, evaluator, counts, holds, stat)
+                if (stat == 0 .and. .not. holds) return
+            end if
+            if (stat == 0) call compare_terms(self, stat)
+            if (stat == 0) call compare_mass(self, stat)
+            self%failed = evaluator%failed_term
         end associate
-        call reference%find_row_scales(model, evaluator, counts, stat)
-        reference%lambda = reference%lambda/reference%row_scale
-        if (stat == 0) call reference%differentiate(model, evaluator, counts, stat)
-        if (stat == 0 .and. size(findings) == 0 .and. reference%structure%is_of_pattern) then
-            call reference%check_structure(model, evaluator, counts, holds, stat)
-            if (stat == 0 .and. .not. holds) return
-        end if
-        if (stat == 0) call compare_terms(model, evaluator, reference, counts, findings, stat)
-        if (stat == 0) call compare_mass(model, evaluator, reference, counts, findings, stat)
-        failed = evaluator%failed_term
         if (stat == 0) then
-            call compare_single(model, reference, findings, failed, stat)
-            if (stat == 0) call compare_fused(model, reference, findings, failed, stat)
+            call compare_single(self, stat)
+            if (stat == 0) call compare_fused(self, stat)
             if (stat /= 0) stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
         end if
-        if (stat /= 0) call add_finding(findings, finding_type(name='evaluation of '//failed, passed=.false., stat=stat))
-    end subroutine verify_at
+        if (stat /= 0) call add_finding(self, finding_type(name='evaluation of '//self%failed, passed=.false., stat=stat))
+    end subroutine compare_all
 
     !> Phi_q, nu and gamma.
-    subroutine compare_terms(model, evaluator, reference, counts, findings, stat)
-        class(model_type), intent(in) :: model
-        type(evaluator_type), intent(inout) :: evaluator
-        type(reference_type), intent(in) :: reference
-        type(counts_type), intent(inout) :: counts
-        type(finding_type), allocatable, intent(inout) :: findings(:)
+    subroutine compare_terms(self, stat)
+        type(comparison_type), intent(inout) :: self
         integer, intent(out) :: stat
-        real(wp), allocatable :: spread_out(:, :)
+        real(wp), allocatable :: jacobian(:, :)
 
-        call evaluator%evaluate(need_jacobian + need_nu + need_gamma + need_mass, reference%t, reference%q, reference%qd, counts, &
-            stat)
-        if (stat /= 0) return
-        associate (terms => evaluator%terms, nh => model%n_holonomic)
-            if (nh > 0) then
-                if (terms%is_compressed) then
-                    call spread_jacobian(spread_out)
-                    call compare_rows('holonomic_jacobian', spread_out, reference%rows_q(:nh, :, of_phi), reference, findings)
-                else
-                    call compare_rows('holonomic_jacobian', terms%jacobian(:nh, :), reference%rows_q(:nh, :, of_phi), reference, &
-                        findings)
+        associate (model => self%model, evaluator => self%evaluator, reference => self%reference)
+            call evaluator%evaluate(need_jacobian + need_nu + need_gamma + need_mass, reference%t, reference%q, reference%qd, &
+                self%counts, stat)
+            if (stat /= 0) return
+            associate (terms => evaluator%terms, nh => model%n_holonomic)
+                if (nh > 0) then
+                    if (terms%is_compressed) then
+                        call spread_jacobian(reference%structure)
+                    else
+                        jacobian = terms%jacobian(:nh, :)
+                    end if
+                    call compare_rows(self, 'holonomic_jacobian', jacobian, reference%rows_q(:nh, :, of_phi))
+                    call compare_vector(self, 'holonomic_rate', -terms%nu(:nh), reference%phi_t, reference%uncertainty_of_phi_t)
                 end if
-                call compare_vector('holonomic_rate', -terms%nu(:nh), reference%phi_t, reference%phi_t_doubt, &
-                    reference%row_scale, findings)
-            end if
-            if (model%n_constraints() > 0 .and. iand(evaluator%has, need_gamma) /= 0) then
-                call compare_vector('constraint_acceleration', terms%gamma, reference%gamma, reference%gamma_doubt, &
-                    reference%row_scale, findings)
-            end if
+                if (model%n_constraints() > 0 .and. iand(evaluator%has, need_gamma) /= 0) call compare_vector(self, &
+                    'constraint_acceleration', terms%gamma, reference%gamma, reference%uncertainty_of_gamma)
+            end associate
         end associate
 
     contains
 
         !> Rows of Phi_q with the columns of the structure from those of the pattern.
-        subroutine spread_jacobian(jacobian)
-            real(wp), allocatable, intent(out) :: jacobian(:, :)
+        subroutine spread_jacobian(s)
+            type(structure_type), intent(in) :: s
             integer :: i, j, k
 
-            associate (nh => model%n_holonomic, s => reference%structure)
-                allocate (jacobian(nh, s%width), source=0.0_wp)
-                do j = 1, model%n
-                    do k = s%row_start(s%set(j)), s%row_start(s%set(j) + 1) - 1
-                        i = s%rows(k)
-                        if (i <= nh) jacobian(i, s%column(j)) = evaluator%terms%jacobian(i, model%pattern%column(j))
-                    end do
+            allocate (jacobian(self%model%n_holonomic, s%width), source=0.0_wp)
+            do j = 1, self%model%n
+                do k = s%row_start(s%set(j)), s%row_start(s%set(j) + 1) - 1
+                    i = s%rows(k)
+                    if (i > size(jacobian, 1)) cycle
+                    jacobian(i, s%column(j)) = self%evaluator%terms%jacobian(i, self%model%pattern%column(j))
                 end do
-            end associate
+            end do
         end subroutine spread_jacobian
     end subroutine compare_terms
 
     !> The symmetry, the constancy and the blocks of M, which was evaluated.
-    subroutine compare_mass(model, evaluator, reference, counts, findings, stat)
-        class(model_type), intent(in) :: model
-        type(evaluator_type), intent(inout) :: evaluator
-        type(reference_type), intent(in) :: reference
-        type(counts_type), intent(inout) :: counts
-        type(finding_type), allocatable, intent(inout) :: findings(:)
+    subroutine compare_mass(self, stat)
+        type(comparison_type), intent(inout) :: self
         integer, intent(out) :: stat
         real(wp), allocatable :: mass(:, :), other(:, :)
 
         stat = 0
-        associate (terms => evaluator%terms)
+        associate (model => self%model, evaluator => self%evaluator, terms => self%evaluator%terms, reference => self%reference)
             mass = terms%mass
             call transpose_mass(mass, other)
             call compare_masses('mass_matrix (symmetry)', mass, other)
             if (model%constant_mass) then
-                ! It is evaluated once, unless it is asked for anew.
+                ! Evaluate it again.
                 evaluator%mass_is_known = .false.
-                call evaluator%evaluate(need_mass, reference%t, reference%q, reference%qd, counts, stat)
+                call evaluator%evaluate(need_mass, reference%t, reference%q, reference%qd, self%counts, stat)
                 if (stat /= 0) return
                 call compare_masses('constant_mass', terms%mass, mass)
                 terms%mass = mass
@@ -266,17 +265,17 @@ contains
             real(wp), allocatable, intent(out) :: transposed(:, :)
             integer :: c, first, i
 
-            if (.not. evaluator%terms%is_compressed) then
+            if (.not. self%evaluator%terms%is_compressed) then
                 allocate (transposed, source=transpose(matrix))
                 return
             end if
             allocate (transposed, mold=matrix)
             transposed = 0.0_wp
-            associate (column => model%pattern%mass_column)
-                do i = 1, model%n
+            associate (column => self%model%pattern%mass_column)
+                do i = 1, self%model%n
                     first = i - column(i)
                     do c = 1, size(matrix, 2)
-                        if (first + c > model%n) exit
+                        if (first + c > self%model%n) exit
                         ! The next block begins with column 1.
                         if (column(first + c) /= c) exit
                         transposed(i, c) = matrix(first + c, column(i))
@@ -285,7 +284,7 @@ contains
             end associate
         end subroutine transpose_mass
 
-        !> Compare two of M, of which entries of compressed ones that belong to no block do not count.
+        !> Compare two mass matrices; entries of compressed ones that belong to no block do not count.
         subroutine compare_masses(name, value, expected)
             character(len=*), intent(in) :: name
             real(wp), intent(in) :: value(:, :), expected(:, :)
@@ -293,15 +292,15 @@ contains
             real(wp) :: used(size(value, 1), size(value, 2))
             integer :: c, first, i
 
-            if (.not. evaluator%terms%is_compressed) then
+            if (.not. self%evaluator%terms%is_compressed) then
                 call compare(name, value, expected, finding)
             else
                 used = expected
-                associate (column => model%pattern%mass_column)
-                    do i = 1, model%n
+                associate (column => self%model%pattern%mass_column)
+                    do i = 1, self%model%n
                         first = i - column(i)
                         do c = 1, size(value, 2)
-                            if (first + c <= model%n) then
+                            if (first + c <= self%model%n) then
                                 if (column(first + c) == c) used(i, c) = value(i, c)
                             end if
                         end do
@@ -310,7 +309,7 @@ contains
                     finding%column = finding%row - column(max(finding%row, 1)) + finding%column
                 end associate
             end if
-            call add_finding(findings, finding)
+            call add_finding(self, finding)
         end subroutine compare_masses
     end subroutine compare_mass
 
@@ -338,12 +337,8 @@ contains
     end function has_gamma
 
     !> The single derivative procedures that the model has.
-    subroutine compare_single(model, reference, findings, failed, stat)
-        class(model_type), intent(inout) :: model
-        type(reference_type), intent(in) :: reference
-        type(finding_type), allocatable, intent(inout) :: findings(:)
-        !> Failed procedure, and its status.
-        character(len=*), intent(inout) :: failed
+    subroutine compare_single(self, stat)
+        type(comparison_type), intent(inout) :: self
         integer, intent(out) :: stat
         character(len=*), parameter :: name(of_jacobian_derivative:of_force_qd) = [character(len=20) :: 'jacobian_derivative', &
             'nu_derivative', 'gamma_q', 'gamma_qd', 'mass_derivative', 'reaction_derivative', 'force_q', 'force_qd']
@@ -351,133 +346,123 @@ contains
         integer :: part
 
         stat = 0
-        if (.not. has_single(model)) return
-        allocate (block_m(model%n_constraints(), model%n), block_n(model%n, model%n), source=0.0_wp)
-        associate (t => reference%t, q => reference%q, qd => reference%qd, of_rows => reference%rows_q, &
-            of_forces => reference%forces_q)
+        associate (model => self%model, there => self%reference, of_rows => self%reference%rows_q, &
+            of_forces => self%reference%forces_q)
+            if (.not. has_single(model)) return
+            allocate (block_m(model%n_constraints(), model%n), block_n(model%n, model%n), source=0.0_wp)
             do part = of_jacobian_derivative, of_force_qd
                 if (.not. model%gives(part)) cycle
                 if ((part == of_gamma_q .or. part == of_gamma_qd) .and. .not. has_gamma(model)) cycle
-                failed = name(part)
+                self%failed = name(part)
                 select case (part)
                 case (of_mass_derivative)
-                    call model%evaluate_part(part, t, q, reference%qdd, block_n, stat)
+                    call model%evaluate_part(part, there%t, there%q, there%qdd, block_n, stat)
                 case (of_reaction_derivative)
-                    call model%evaluate_part(part, t, q, reference%lambda, block_n, stat)
+                    call model%evaluate_part(part, there%t, there%q, there%lambda, block_n, stat)
                 case (of_force_q, of_force_qd)
-                    call model%evaluate_part(part, t, q, qd, block_n, stat)
+                    call model%evaluate_part(part, there%t, there%q, there%qd, block_n, stat)
                 case default
-                    call model%evaluate_part(part, t, q, qd, block_m, stat)
+                    call model%evaluate_part(part, there%t, there%q, there%qd, block_m, stat)
                 end select
                 if (stat /= 0) return
                 select case (part)
-                case (of_jacobian_derivative)
-                    call compare_rows(name(part), block_m, of_rows(:, :, of_c_qd), reference, findings)
-                case (of_nu_derivative)
-                    call compare_rows(name(part), block_m, of_rows(:, :, of_nu), reference, findings)
-                case (of_gamma_q)
-                    call compare_rows(name(part), block_m, of_rows(:, :, of_gamma), reference, findings)
-                case (of_gamma_qd)
-                    call compare_rows(name(part), block_m, reference%gamma_qd, reference, findings)
-                case (of_mass_derivative)
-                    call compare_forces(name(part), block_n, of_forces(:, :, of_mass), reference, findings)
-                case (of_reaction_derivative)
-                    call compare_forces(name(part), block_n, of_forces(:, :, of_reaction), reference, findings)
-                case (of_force_q)
-                    call compare_forces(name(part), block_n, of_forces(:, :, of_force), reference, findings)
-                case default ! of_force_qd
-                    call compare_forces(name(part), block_n, reference%force_qd, reference, findings)
+                case (of_jacobian_derivative); call compare_rows(self, name(part), block_m, of_rows(:, :, of_c_qd))
+                case (of_nu_derivative); call compare_rows(self, name(part), block_m, of_rows(:, :, of_nu))
+                case (of_gamma_q); call compare_rows(self, name(part), block_m, of_rows(:, :, of_gamma))
+                case (of_gamma_qd); call compare_rows(self, name(part), block_m, there%gamma_qd)
+                case (of_mass_derivative); call compare_forces(self, name(part), block_n, of_forces(:, :, of_mass))
+                case (of_reaction_derivative); call compare_forces(self, name(part), block_n, of_forces(:, :, of_reaction))
+                case (of_force_q); call compare_forces(self, name(part), block_n, of_forces(:, :, of_force))
+                case (of_force_qd); call compare_forces(self, name(part), block_n, there%force_qd)
                 end select
             end do
         end associate
     end subroutine compare_single
 
     !> The five sums of the fused procedure, as far as the model provides them.
-    subroutine compare_fused(model, reference, findings, failed, stat)
-        class(model_type), intent(inout) :: model
-        type(reference_type), intent(in) :: reference
-        type(finding_type), allocatable, intent(inout) :: findings(:)
-        character(len=*), intent(inout) :: failed
-        !> A status code.
+    subroutine compare_fused(self, stat)
+        type(comparison_type), intent(inout) :: self
+        !> Status of the procedure.
         integer, intent(out) :: stat
+        character(len=*), parameter :: label = 'evaluate_derivatives: '
         type(derivatives_type) :: d
 
         stat = 0
-        if (model%provides_derivatives == 0) return
-        if (reference%structure%is_compressed) then
-            call d%allocate(model%n, model%n_constraints(), reference%structure%column)
-        else
-            call d%allocate(model%n, model%n_constraints())
-        end if
-        call model%evaluate_derivatives(model%provides_derivatives, reference%t, reference%q, reference%qd, reference%qdd, &
-            reference%lambda, d, stat)
-        failed = 'evaluate_derivatives'
-        if (stat /= 0) return
-        associate (of_rows => reference%rows_q, of_forces => reference%forces_q)
-            if (btest(model%provides_derivatives, 0)) call compare_rows('evaluate_derivatives: velocity_q', d%velocity_q, &
-                of_rows(:, :, of_c_qd) - of_rows(:, :, of_nu), reference, findings)
-            if (btest(model%provides_derivatives, 1) .and. has_gamma(model)) call compare_rows( &
-                'evaluate_derivatives: acceleration_q', d%acceleration_q, of_rows(:, :, of_c_qdd) + of_rows(:, :, of_gamma), &
-                reference, findings)
-            if (btest(model%provides_derivatives, 2) .and. has_gamma(model)) call compare_rows( &
-                'evaluate_derivatives: acceleration_qd', d%acceleration_qd, reference%gamma_qd, reference, findings)
-            if (btest(model%provides_derivatives, 3)) call compare_forces('evaluate_derivatives: dynamics_q', d%dynamics_q, &
-                of_forces(:, :, of_mass) + of_forces(:, :, of_reaction) - of_forces(:, :, of_force), reference, findings)
-            if (btest(model%provides_derivatives, 4)) call compare_forces('evaluate_derivatives: dynamics_qd', d%dynamics_qd, &
-                -reference%force_qd, reference, findings)
+        associate (model => self%model, there => self%reference, of_rows => self%reference%rows_q, &
+            of_forces => self%reference%forces_q, given => self%model%provides_derivatives)
+            if (given == 0) return
+            if (there%structure%is_compressed) then
+                call d%allocate(model%n, model%n_constraints(), there%structure%column)
+            else
+                call d%allocate(model%n, model%n_constraints())
+            end if
+            self%failed = 'evaluate_derivatives'
+            call model%evaluate_derivatives(given, there%t, there%q, there%qd, there%qdd, there%lambda, d, stat)
+            if (stat /= 0) return
+            if (btest(given, 0)) call compare_rows(self, label//'velocity_q', d%velocity_q, &
+                of_rows(:, :, of_c_qd) - of_rows(:, :, of_nu))
+            if (btest(given, 1) .and. has_gamma(model)) call compare_rows(self, label//'acceleration_q', d%acceleration_q, &
+                of_rows(:, :, of_c_qdd) + of_rows(:, :, of_gamma))
+            if (btest(given, 2) .and. has_gamma(model)) call compare_rows(self, label//'acceleration_qd', d%acceleration_qd, &
+                there%gamma_qd)
+            if (btest(given, 3)) call compare_forces(self, label//'dynamics_q', d%dynamics_q, &
+                of_forces(:, :, of_mass) + of_forces(:, :, of_reaction) - of_forces(:, :, of_force))
+            if (btest(given, 4)) call compare_forces(self, label//'dynamics_qd', d%dynamics_qd, -there%force_qd)
         end associate
     end subroutine compare_fused
 
     !> Compare matrices with a row for each row of C, or for some of the first.
-    subroutine compare_rows(name, value, expected, reference, findings)
+    subroutine compare_rows(self, name, value, expected)
+        type(comparison_type), intent(inout) :: self
         character(len=*), intent(in) :: name
         real(wp), intent(in) :: value(:, :), expected(:, :)
-        type(reference_type), intent(in) :: reference
-        type(finding_type), allocatable, intent(inout) :: findings(:)
         type(finding_type) :: finding
 
-        call compare(name, value, expected, finding, reference%row_scale)
-        if (reference%structure%is_compressed) finding%column = reference%structure%coordinate_of_row(finding%row, finding%column)
-        call add_finding(findings, finding)
+        call compare(name, value, expected, finding, self%reference%row_scale)
+        associate (s => self%reference%structure)
+            if (s%is_compressed) finding%column = s%coordinate_of_row(finding%row, finding%column)
+        end associate
+        call add_finding(self, finding)
     end subroutine compare_rows
 
     !> Compare matrices with a row for each force.
-    subroutine compare_forces(name, value, expected, reference, findings)
+    subroutine compare_forces(self, name, value, expected)
+        type(comparison_type), intent(inout) :: self
         character(len=*), intent(in) :: name
         real(wp), intent(in) :: value(:, :), expected(:, :)
-        type(reference_type), intent(in) :: reference
-        type(finding_type), allocatable, intent(inout) :: findings(:)
         type(finding_type) :: finding
 
         call compare(name, value, expected, finding)
-        if (reference%structure%is_compressed) finding%column = reference%structure%coordinate_of_force(finding%row, &
-            finding%column)
-        call add_finding(findings, finding)
+        associate (s => self%reference%structure)
+            if (s%is_compressed) finding%column = s%coordinate_of_force(finding%row, finding%column)
+        end associate
+        call add_finding(self, finding)
     end subroutine compare_forces
 
     !> Compare vectors.
-    subroutine compare_vector(name, value, expected, doubt, row_scale, findings)
+    subroutine compare_vector(self, name, value, expected, uncertainty)
+        type(comparison_type), intent(inout) :: self
         character(len=*), intent(in) :: name
         real(wp), intent(in) :: value(:), expected(:)
-        !> Uncertainty of the expected values on the scales of the rows, and these scales.
-        real(wp), intent(in) :: doubt, row_scale(:)
-        type(finding_type), allocatable, intent(inout) :: findings(:)
+        !> Uncertainty of the expected values on the scales of the rows.
+        real(wp), intent(in) :: uncertainty
         type(finding_type) :: finding
 
-        call compare(name, reshape(value, [size(value), 1]), reshape(expected, [size(expected), 1]), finding, row_scale, doubt)
+        call compare(name, reshape(value, [size(value), 1]), reshape(expected, [size(expected), 1]), finding, &
+            self%reference%row_scale, uncertainty)
         finding%column = 0
-        call add_finding(findings, finding)
+        call add_finding(self, finding)
     end subroutine compare_vector
 
     !> Compare matrices and find the worst entry.
-    subroutine compare(name, value, expected, finding, row_scale, doubt)
+    subroutine compare(name, value, expected, finding, row_scale, uncertainty)
         character(len=*), intent(in) :: name
         real(wp), intent(in) :: value(:, :), expected(:, :)
         type(finding_type), intent(inout) :: finding
         !> The scales of the rows, at least as many as there are; 1 where absent.
         real(wp), intent(in), optional :: row_scale(:)
         !> Uncertainty of the expected values, from the difference of two ways to compute them; negligible if absent.
-        real(wp), intent(in), optional :: doubt
+        real(wp), intent(in), optional :: uncertainty
         real(wp) :: allowed, scale, off(size(value, 1), size(value, 2)), unit(size(value, 1))
         integer :: place_of_worst(2), j
 
@@ -499,22 +484,24 @@ contains
             finding%expected = expected(finding%row, finding%column)
             finding%error = off(finding%row, finding%column)/scale
             allowed = tolerance
-            if (present(doubt)) allowed = max(tolerance, min(10*doubt/scale, most_doubt))
+            if (present(uncertainty)) allowed = max(tolerance, min(10*uncertainty/scale, most_uncertain))
             finding%passed = all(abs(value) <= huge(1.0_wp)) .and. finding%error <= allowed
         end if
     end subroutine compare
 
     !> Add a finding, or keep the worse of two with the same name.
-    subroutine add_finding(findings, finding)
-        type(finding_type), allocatable, intent(inout) :: findings(:)
+    subroutine add_finding(self, finding)
+        type(comparison_type), intent(inout) :: self
         type(finding_type), intent(in) :: finding
         integer :: i
 
-        do i = 1, size(findings)
-            if (findings(i)%name /= finding%name) cycle
-            if ((findings(i)%passed .and. .not. finding%passed) .or. finding%error > findings(i)%error) findings(i) = finding
-            return
+        do i = 1, size(self%findings)
+            associate (known => self%findings(i))
+                if (known%name /= finding%name) cycle
+                if ((known%passed .and. .not. finding%passed) .or. finding%error > known%error) known = finding
+                return
+            end associate
         end do
-        findings = [findings, finding]
+        self%findings = [self%findings, finding]
     end subroutine add_finding
 end module tandem_model_verification

@@ -1,33 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Queries of a run: states at times within the last step, multipliers and energies at any queried state, and the cost of the whole
-!> run.
+!> Queries of a run: multipliers and energies at any queried state, and the cost of the whole run.
 submodule(tandem_simulation) tandem_simulate_answers
     use tandem_model_timer, only: of_kinetic_energy, of_potential_energy
     implicit none (type, external)
 
 contains
-
-    module procedure look_at
-        integer :: stat
-
-        call self%check_ready(error)
-        if (allocated(error)) return
-        call self%part_end()
-        call self%between%output%look_at(t, self%stepper, self%chart, self%model, self%method%implicit, self%local_error, &
-            self%start, self%next, self%state, self%errors, stat)
-        if (stat == status_ok) return
-        if (stat == status_invalid_option) then
-            call set_error(error, stat, 't = '//to_text(t)//' is not within the last step', &
-                'use times within the last step')
-        else
-            call self%fail(stat, 'between steps at t = '//to_text(t), error)
-        end if
-        call self%look_back()
-    end procedure look_at
-
-    module procedure look_back
-        if (self%is_ready) call self%between%output%look_back(self%state, self%errors, self%model, self%chart)
-    end procedure look_back
 
     module procedure multipliers
         integer :: stat

@@ -1,8 +1,15 @@
 ! SPDX-License-Identifier: MIT
-!> Error control of the motion between the ends of steps, if states there are requested.
+!> Motion between the ends of steps: dense output, and its error control if states there are requested. Dense output does not affect
+!> the integration: the original state is restored.
 submodule(tandem_simulation) tandem_simulate_between
     use tandem_simulate_warning, only: dense_limit
     implicit none (type, external)
+
+    !> Error of the slope of an interpolant, times the step, over its largest error: 7 to 10 for the methods here, by their
+    !> polynomials.
+    real(wp), parameter :: miss_of_error = 7.0_wp
+    !> The error of q that results from an error of qd, over the step times it; the largest is that of Hermite's polynomial.
+    real(wp), parameter :: q_by_qd = 0.25_wp
 
 contains
 
@@ -50,13 +57,171 @@ contains
 
     contains
 
+        !> The error at a position, 0 at the start of the step, 1 at its end. The chart is unchanged. The error is undefined if
+        !> the position is not evaluable.
         subroutine measure_at(place, norm)
             real(wp), intent(in) :: place
             real(wp), intent(out) :: norm
+            integer :: i
 
-            call self%between%output%measure(place, self%stepper, self%chart, self%model, self%method%implicit, self%local_error, &
-                self%start, self%state, self%control%weight_q, self%control%weight_qd, norm, stat)
+            norm = 0.0_wp
+            associate (output => self%between%output, control => self%control, from => self%start%t)
+                if (.not. allocated(output%probe%q)) call output%probe%allocate(self%model%n)
+                call self%chart%get_memory(output%memory)
+                output%probe%t = from + place*(self%state%t - from)
+                call go_to(self%stepper, self%chart, self%start, self%state, output%probe, output%slope, stat)
+                if (stat == status_ok) then
+                    call find_errors(self%state%t - from, self%method%implicit, self%model%n_constraints() > 0, self%chart, &
+                        self%local_error, output%probe, output%slope, output%filtered)
+                    do i = 1, self%model%n
+                        norm = max(norm, output%slope(i, 1)*control%weight_q(i), output%slope(i, 2)*control%weight_qd(i))
+                    end do
+                end if
+                call self%chart%set_memory(output%memory)
+            end associate
             norm = norm/(share*dense_limit)
         end subroutine measure_at
     end subroutine measure
+
+    module procedure look_at
+        real(wp) :: part_q, part_qd
+        integer :: rows(3), stat
+
+        call self%check_ready(error)
+        if (allocated(error)) return
+        call self%part_end()
+        associate (output => self%between%output, state => self%state)
+            if (.not. output%is_looking) then
+                call output%keep(state, self%errors)
+                output%kept_segment = self%model%segment
+                if (output%has_step) call self%chart%get_memory(output%memory)
+                output%is_looking = .true.
+            end if
+            if (abs(t - output%kept%t) <= 0.0_wp) then
+                call self%look_back()
+                return
+            end if
+            if (.not. (output%has_step .and. t >= self%start%t .and. t <= output%kept%t)) then
+                call set_error(error, status_invalid_option, 't = '//to_text(t)//' is not within the last step', &
+                    'use times within the last step')
+                call self%look_back()
+                return
+            end if
+            call enter_segment(self, output%segment)
+            state%t = t
+            call go_to(self%stepper, self%chart, self%start, self%next, state, output%slope, stat)
+            if (stat == status_ok) call self%chart%find_errors(t, state%q, state%qd, state%qdd, self%errors, rows, stat)
+            if (stat /= status_ok) then
+                call self%fail(stat, 'between steps at t = '//to_text(t), error)
+                call self%look_back()
+                return
+            end if
+            call find_errors(self%next%t - self%start%t, self%method%implicit, self%model%n_constraints() > 0, self%chart, &
+                self%local_error, state, output%slope, output%filtered)
+            call self%local_error%largest_parts(state, output%slope(:, 1), output%slope(:, 2), part_q, part_qd)
+            output%largest_q = max(output%largest_q, part_q)
+            output%largest_qd = max(output%largest_qd, part_qd)
+        end associate
+    end procedure look_at
+
+    module procedure look_back
+        if (.not. (self%is_ready .and. self%between%output%is_looking)) return
+        associate (output => self%between%output)
+            output%is_looking = .false.
+            call output%give_back(self%state, self%errors)
+            if (.not. output%has_step) return
+            call enter_segment(self, output%kept_segment)
+            call self%chart%set_memory(output%memory)
+        end associate
+    end procedure look_back
+
+    !> Set the segment of the model.
+    subroutine enter_segment(self, segment)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: segment
+
+        if (self%model%segment == segment) return
+        self%model%segment = segment
+        call self%chart%forget(.false.)
+    end subroutine enter_segment
+
+    !> Set `state` for its time within a step, on all three constraint levels, and the slope of the interpolant.
+    subroutine go_to(stepper, chart, start, arrived, state, slope, stat)
+        class(stepper_type), intent(inout) :: stepper
+        class(chart_type), intent(inout) :: chart
+        !> The states at the ends of the step.
+        type(state_type), intent(in) :: start, arrived
+        type(state_type), intent(inout) :: state
+        !> Slopes of q and qd (n, 2).
+        real(wp), allocatable, intent(inout) :: slope(:, :)
+        integer, intent(out) :: stat
+
+        if (.not. allocated(slope)) allocate (slope(size(state%q), 2))
+        call stepper%interpolate(chart, start, arrived, state, slope(:, 1), slope(:, 2), stat)
+        if (stat == status_ok) then
+            call follow_states(start, arrived, state, slope)
+            call chart%project(state%t, state%q, state%qd, .true., stat)
+        end if
+        if (stat == status_ok) call chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)
+    end subroutine go_to
+
+    !> The point and the velocity of interpolated increments. Increments are the motion itself except for the part that the
+    !> constraints have removed since the chart's origin, at both ends of the step; between them that part is interpolated linearly.
+    !> So the curve meets the states at both ends, and deviates from the manifold by no more than the error of the interpolant.
+    pure subroutine follow_states(a, b, state, slope)
+        !> The states at the ends of the step.
+        type(state_type), intent(in) :: a, b
+        type(state_type), intent(inout) :: state
+        real(wp), intent(inout) :: slope(:, :)
+        real(wp) :: h, x, off
+        integer :: i
+
+        h = b%t - a%t
+        x = (state%t - a%t)/h
+        do i = 1, size(state%q)
+            off = (b%q(i) - a%q(i)) - (b%dq(i) - a%dq(i))
+            state%q(i) = a%q(i) + (state%dq(i) - a%dq(i)) + x*off
+            slope(i, 1) = slope(i, 1) + off/h
+            off = (b%qd(i) - a%qd(i)) - (b%dqd(i) - a%dqd(i))
+            state%qd(i) = a%qd(i) + (state%dqd(i) - a%dqd(i)) + x*off
+            slope(i, 2) = slope(i, 2) + off/h
+        end do
+    end subroutine follow_states
+
+    !> Turn the slope of the interpolant at a state into moduli of errors: residuals of the dense output in the equations of motion.
+    !> Interpolants agree with the motion at both ends; so their errors are a part of the step times the difference between the
+    !> slope and the rates at the state. Needs no evaluation of the model.
+    subroutine find_errors(h, is_implicit, is_bound, chart, scales, state, error, filtered)
+        !> Size of the step.
+        real(wp), intent(in) :: h
+        !> True if the method is implicit; true if there are constraints.
+        logical, intent(in) :: is_implicit, is_bound
+        class(chart_type), intent(inout) :: chart
+        type(local_error_type), intent(in) :: scales
+        type(state_type), intent(in) :: state
+        !> Slopes of q and qd, then their errors (n, 2).
+        real(wp), intent(inout) :: error(:, :)
+        !> Errors after the filter of implicit methods (n, 2).
+        real(wp), allocatable, intent(inout) :: filtered(:, :)
+        real(wp) :: part
+        integer :: i
+
+        part = h/miss_of_error
+        error(:, 1) = part*(error(:, 1) - state%qd)
+        error(:, 2) = part*(error(:, 2) - state%qdd)
+        call chart%remove_normal(error(:, 1), error(:, 2))
+        if (is_implicit) then
+            ! As for local errors: a stiff mode has a rate that is large against its error.
+            if (.not. allocated(filtered)) allocate (filtered(size(error, 1), 2))
+            filtered(:, :) = error
+            call filter_error(chart, filtered(:, 1), filtered(:, 2))
+            if (scales%largest_part(state, filtered(:, 1), filtered(:, 2)) < &
+                0.1_wp*scales%largest_part(state, error(:, 1), error(:, 2))) error(:, :) = filtered
+        end if
+        do i = 1, size(error, 1)
+            error(i, 2) = abs(error(i, 2))
+            error(i, 1) = abs(error(i, 1)) + q_by_qd*h*error(i, 2)
+        end do
+        if (is_bound) call scales%add_turn(state, error(:, 1), error(:, 2))
+    end subroutine find_errors
 end submodule tandem_simulate_between

@@ -128,12 +128,12 @@ contains
     end subroutine set_tableau
 
     !> Increments within the last step, of order 7, by three additional stages that are evaluated once per step.
-    subroutine interpolate(self, chart, start, arrived, t, dq, dqd, slope_q, slope_qd, stat)
+    subroutine interpolate(self, chart, start, arrived, state, slope_q, slope_qd, stat)
         class(dop853_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: start, arrived
-        real(wp), intent(in) :: t
-        real(wp), intent(out), contiguous :: dq(:), dqd(:), slope_q(:), slope_qd(:)
+        type(state_type), intent(inout) :: state
+        real(wp), intent(out), contiguous :: slope_q(:), slope_qd(:)
         integer, intent(out) :: stat
         real(wp) :: h, x, factor
         integer :: i, k
@@ -148,7 +148,7 @@ contains
             end do
             self%has_extra = .true.
         end if
-        x = (t - start%t)/h
+        x = (state%t - start%t)/h
         self%y = 0.0_wp
         self%slope = 0.0_wp
         do k = 4, 1, -1
@@ -158,26 +158,26 @@ contains
             self%slope = factor*self%slope + merge(1.0_wp, -1.0_wp, mod(k, 2) == 0)*self%part
         end do
         associate (n => self%n, offset => self%offset, rate => self%rate)
-            call blend(x, h, self%y(:n), self%slope(:n), start%dq, arrived%dq, rate(:n, 1), rate(:n, 13), dq, slope_q)
-            call blend(x, h, self%y(offset + 1:offset + n), self%slope(offset + 1:offset + n), start%dqd, arrived%dqd, &
-                rate(offset + 1:offset + n, 1), rate(offset + 1:offset + n, 13), dqd, slope_qd)
+            call blend(self%y(:n), self%slope(:n), start%dq, arrived%dq, rate(:n, 1), rate(:n, 13), state%dq, slope_q)
+            call blend(self%y(offset + 1:offset + n), self%slope(offset + 1:offset + n), start%dqd, arrived%dqd, &
+                rate(offset + 1:offset + n, 1), rate(offset + 1:offset + n, 13), state%dqd, slope_qd)
         end associate
+
+    contains
+
+        !> Nested polynomial of Hairer, Norsett, Wanner I, section II.6, around its inner part, and its derivative.
+        elemental subroutine blend(inner, inner_slope, y0, y1, rate0, rate1, y, slope)
+            !> Inner part and its derivative with respect to x, and values and rates at the ends.
+            real(wp), intent(in) :: inner, inner_slope, y0, y1, rate0, rate1
+            real(wp), intent(out) :: y, slope
+
+            y = inner + 2*(y1 - y0) - h*(rate0 + rate1)
+            slope = y + inner_slope*x
+            y = y*x + h*rate0 - (y1 - y0)
+            slope = slope*(1.0_wp - x) - y
+            y = y*(1.0_wp - x) + y1 - y0
+            slope = (slope*x + y)/h
+            y = y0 + y*x
+        end subroutine blend
     end subroutine interpolate
-
-    !> Nested polynomial of Hairer, Norsett, Wanner I, section II.6, around its inner part, and its derivative.
-    elemental subroutine blend(x, h, inner, inner_slope, y0, y1, rate0, rate1, y, slope)
-        !> Place in the step, 0 to 1, and step size.
-        real(wp), intent(in) :: x, h
-        !> Inner part and its derivative with respect to x, and values and rates at the ends.
-        real(wp), intent(in) :: inner, inner_slope, y0, y1, rate0, rate1
-        real(wp), intent(out) :: y, slope
-
-        y = inner + 2*(y1 - y0) - h*(rate0 + rate1)
-        slope = y + inner_slope*x
-        y = y*x + h*rate0 - (y1 - y0)
-        slope = slope*(1.0_wp - x) - y
-        y = y*(1.0_wp - x) + y1 - y0
-        slope = (slope*x + y)/h
-        y = y0 + y*x
-    end subroutine blend
 end module tandem_stepper_dop853

@@ -10,6 +10,7 @@
 module tandem_stepper_explicit
     use tandem_kinds, only: lane, short, wp
     use tandem_linalg_aligned, only: allocate_aligned
+    use tandem_linalg_kernels, only: copy
     use tandem_pack, only: pack_type
     use tandem_stepper, only: properties_type, stepper_type, weighted_norm
     use tandem_stepper_combination, only: combination_type
@@ -223,8 +224,10 @@ contains
                 if (stat /= 0) exit
             end do
             if (stat == 0) then
-                call leave_stages(n, h, self%b(s), state%dq, state%dqd, next%q, next%qd, next%qdd, self%q, sum_q, sum_qd, &
-                    next%dq, next%dqd)
+                ! The last stage is stored for `stiffness`, with its rates in place of the sums.
+                call copy(n, next%q, self%q)
+                call leave_sums(n, h, self%b(s), state%dq, next%qd, sum_q, next%dq)
+                call leave_sums(n, h, self%b(s), state%dqd, next%qdd, sum_qd, next%dqd)
                 call arrive(self, chart, h, next, stat)
             end if
         end associate
@@ -272,23 +275,19 @@ contains
         end do
     end subroutine follow
 
-    !> Increments at the end of the step from the sums with the last stage, which is stored for `stiffness`, with its rates in place
-    !> of the sums.
-    pure subroutine leave_stages(n, h, weight, from_q, from_qd, q, qd, qdd, last_q, sum_q, sum_qd, dq, dqd)
+    !> Increments at the end of the step from sums of rates and the rates of the last stage, which replace the sums.
+    pure subroutine leave_sums(n, h, weight, from, rate, sum, increment)
         integer, intent(in) :: n
-        real(wp), intent(in) :: h, weight, from_q(n), from_qd(n), q(n), qd(n), qdd(n)
-        real(wp), intent(inout) :: last_q(n), sum_q(n), sum_qd(n), dq(n), dqd(n)
+        real(wp), intent(in) :: h, weight, from(n), rate(n)
+        real(wp), intent(inout) :: sum(n), increment(n)
         integer :: i
 
         !GCC$ UNROLL 1
         do i = 1, n
-            dq(i) = from_q(i) + h*(sum_q(i) + weight*qd(i))
-            dqd(i) = from_qd(i) + h*(sum_qd(i) + weight*qdd(i))
-            sum_q(i) = qd(i)
-            sum_qd(i) = qdd(i)
-            last_q(i) = q(i)
+            increment(i) = from(i) + h*(sum(i) + weight*rate(i))
+            sum(i) = rate(i)
         end do
-    end subroutine leave_stages
+    end subroutine leave_sums
 
     !> Store the start of the stages, before the first call of `set_stage` in a step.
     subroutine take_start(self, state)

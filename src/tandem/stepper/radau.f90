@@ -443,21 +443,21 @@ contains
 
     !> Collocation polynomial: increments between the ends have the order of the stages, independent of stiffness. Its integrals use
     !> the method's own nodes, which are exact for polynomials of twice its degree.
-    subroutine interpolate(self, chart, start, arrived, t, dq, dqd, slope_q, slope_qd, stat)
+    subroutine interpolate(self, chart, start, arrived, state, slope_q, slope_qd, stat)
         class(radau_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: start, arrived
-        real(wp), intent(in) :: t
-        real(wp), intent(out), contiguous :: dq(:), dqd(:), slope_q(:), slope_qd(:)
+        type(state_type), intent(inout) :: state
+        real(wp), intent(out), contiguous :: slope_q(:), slope_qd(:)
         integer, intent(out) :: stat
         real(wp) :: h, integral, slope, x
         integer :: j, k
 
         stat = 0
         h = arrived%t - start%t
-        x = (t - start%t)/h
-        dq = start%dq
-        dqd = start%dqd
+        x = (state%t - start%t)/h
+        state%dq(:) = start%dq
+        state%dqd(:) = start%dqd
         slope_q = 0.0_wp
         slope_qd = 0.0_wp
         associate (m => self%tableau, s => self%tableau%stages)
@@ -467,8 +467,8 @@ contains
                 do k = 1, s
                     integral = integral + h*x*m%a(k, s)*part(m%c(:s), j, x*m%c(k))
                 end do
-                dq = dq + integral*self%rate_q(:, j)
-                dqd = dqd + integral*self%rate_qd(:, j)
+                state%dq(:) = state%dq + integral*self%rate_q(:, j)
+                state%dqd(:) = state%dqd + integral*self%rate_qd(:, j)
                 slope_q = slope_q + slope*self%rate_q(:, j)
                 slope_qd = slope_qd + slope*self%rate_qd(:, j)
             end do

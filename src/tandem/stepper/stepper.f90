@@ -126,30 +126,30 @@ contains
     !> Increments at a time within the last step: the polynomial of degree 5 through position increment, velocity and acceleration
     !> at both ends (Hermite), and its derivative. Position errors are of order h^6, velocity errors of order h^5, which is no less
     !> than the order of the step's own error up to order 5. Methods with a better polynomial override this.
-    subroutine interpolate(self, chart, start, arrived, t, dq, dqd, slope_q, slope_qd, stat)
+    subroutine interpolate(self, chart, start, arrived, state, slope_q, slope_qd, stat)
         class(stepper_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         !> The states at the ends of the step.
         type(state_type), intent(in) :: start, arrived
-        !> Time between them.
-        real(wp), intent(in) :: t
-        !> Position and velocity increments (n), and their derivatives.
-        real(wp), intent(out), contiguous :: dq(:), dqd(:), slope_q(:), slope_qd(:)
+        !> Its time is between them; its increments are set.
+        type(state_type), intent(inout) :: state
+        !> Derivatives of the position and velocity increments (n).
+        real(wp), intent(out), contiguous :: slope_q(:), slope_qd(:)
         !> A status code.
         integer, intent(out) :: stat
         real(wp) :: h, shape(6), slope(6), bend(6)
 
         stat = 0
         h = arrived%t - start%t
-        call quintic(h, (t - start%t)/h, shape, slope, bend)
-        dq = shape(1)*start%dq + shape(2)*start%qd + shape(3)*start%qdd + &
+        call quintic(h, (state%t - start%t)/h, shape, slope, bend)
+        state%dq(:) = shape(1)*start%dq + shape(2)*start%qd + shape(3)*start%qdd + &
             shape(4)*arrived%dq + shape(5)*arrived%qd + shape(6)*arrived%qdd
         slope_q = slope(1)*start%dq + slope(2)*start%qd + slope(3)*start%qdd + &
             slope(4)*arrived%dq + slope(5)*arrived%qd + slope(6)*arrived%qdd
         slope_qd = bend(1)*start%dq + bend(2)*start%qd + bend(3)*start%qdd + &
             bend(4)*arrived%dq + bend(5)*arrived%qd + bend(6)*arrived%qdd
         ! The origin of the chart cancels in the difference of velocities.
-        dqd = start%dqd - start%qd + slope_q
+        state%dqd(:) = start%dqd - start%qd + slope_q
     end subroutine interpolate
 
     !> Relative error of recent steps of equal size, against s + |y|: determines the tolerance of the next stages.

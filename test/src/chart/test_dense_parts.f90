@@ -10,6 +10,7 @@ module test_dense_parts
     use tandem_status, only: status_chart_left, status_ok, status_singular_mass
     use tandem_chart_dense_dynamics, only: dynamics_type
     use tandem_model_natural_scale, only: constraint_errors, position_errors, velocity_errors
+    use tandem_model_terms, only: terms_type
     use tandem_linalg_refinement, only: refinement_type
     use testdrive, only: error_type, new_unittest, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
@@ -68,6 +69,17 @@ contains
         call check_below(error, abs(worst - 0.4_wp), 1.0e-16_wp, 'deviation from 0.4')
     end subroutine test_velocity_scale
 
+    !> Terms with given constraints.
+    pure function terms_of(phi, nu, gamma, c) result(terms)
+        real(wp), intent(in) :: phi(:), nu(:), gamma(:), c(:, :)
+        type(terms_type) :: terms
+
+        terms%phi = phi
+        terms%nu = nu
+        terms%gamma = gamma
+        terms%jacobian = c
+    end function terms_of
+
     subroutine test_acceleration_scale(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: c(1, 2), errors(3)
@@ -75,8 +87,8 @@ contains
 
         c(1, :) = [3.0_wp, -4.0_wp]
         ! Residual 30 - 20 + 50 = 60, scale 30 + 20 + 50; the levels before as above.
-        call constraint_errors([1.0_wp], [50.0_wp], [50.0_wp], c, [10.0_wp, 5.0_wp], [10.0_wp, 5.0_wp], [10.0_wp, 5.0_wp], &
-            [1.0_wp, 1.0_wp], 1.0_wp, errors, rows)
+        call constraint_errors(terms_of([1.0_wp], [50.0_wp], [50.0_wp], c), [10.0_wp, 5.0_wp], [10.0_wp, 5.0_wp], &
+            [10.0_wp, 5.0_wp], [1.0_wp, 1.0_wp], 1.0_wp, errors, rows)
         call check_below(error, maxval(abs(errors - [0.02_wp, 0.4_wp, 0.6_wp])), 1.0e-16_wp, 'deviation from 1/50, 0.4, 0.6')
         call check_true(error, all(rows == 1), 'rows')
     end subroutine test_acceleration_scale
@@ -117,12 +129,13 @@ contains
         call check_true(error, worst >= huge(1.0_wp), 'the error of a NaN')
         call check_count(error, row, 2, 'row')
         ! Of several equal ones the first.
-        call constraint_errors(phi, [phi(2), phi(2)], phi, c, c(:, 1), c(:, 1), c(:, 1), c(:, 1), 1.0_wp, errors, rows)
+        call constraint_errors(terms_of(phi, [phi(2), phi(2)], phi, c), c(:, 1), c(:, 1), c(:, 1), c(:, 1), 1.0_wp, errors, &
+            rows)
         call check_true(error, all(errors >= huge(1.0_wp)), 'the errors of NaNs')
         call check_true(error, all(rows == [2, 1, 2]), 'rows')
         c(2, 1) = phi(2)
-        call constraint_errors([0.0_wp, 0.0_wp], c(:, 2), c(:, 2), c, c(:, 2), c(:, 2), c(:, 2), [1.0_wp, 1.0_wp], 1.0_wp, &
-            errors, rows)
+        call constraint_errors(terms_of([0.0_wp, 0.0_wp], c(:, 2), c(:, 2), c), c(:, 2), c(:, 2), c(:, 2), [1.0_wp, 1.0_wp], &
+            1.0_wp, errors, rows)
         call check_true(error, all(errors(2:) >= huge(1.0_wp)), 'the errors of a NaN in C')
         call check_true(error, all(rows(2:) == 2), 'rows')
         ! After a row with an error, and infinite like its own scale.
@@ -153,7 +166,7 @@ contains
                 scale = 0.5_wp + abs(random_column(seed, n))
                 ! A row of zeros is its own scale, and without a right-hand side it has no error.
                 c(1 + m/3, :) = 0.0_wp
-                call constraint_errors(phi, nu, gamma, c, q, qd, qdd, scale, 1.0_wp, errors, rows)
+                call constraint_errors(terms_of(phi, nu, gamma, c), q, qd, qdd, scale, 1.0_wp, errors, rows)
                 expected = [level(c(:nh, :), phi, 0*c(:nh, 1), q, scale), level(c, matmul(c, qd) - nu, nu, qd, scale), &
                     level(c, matmul(c, qdd) + gamma, gamma, qdd, scale)]
                 call check_below(error, maxval(abs(errors - expected)/max(expected, tiny(1.0_wp))), 1.0e-12_wp, 'the three errors')

@@ -428,7 +428,7 @@ contains
             real(wp), intent(in) :: place(2), velocity(2), turned, omega
 
             if (allocated(error)) return
-            call mechanism%add_body(name, 1.0_wp, place, error, inertia=[1/12.0_wp], angle=-turned, velocity=velocity, &
+            call mechanism%add_body(name, 1.0_wp, place, error, inertia=[1/12.0_wp], orientation=[-turned], velocity=velocity, &
                 omega=[-omega])
         end subroutine add_rod
 

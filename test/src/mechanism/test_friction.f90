@@ -5,7 +5,7 @@ module test_friction
     use differences, only: random_vector
     use mechanism_checks, only: verify
     use stage_corrections, only: correct_stage
-    use tandem, only: failure_type => error_type, mechanism_type, options_type, terms_type, wp
+    use tandem, only: failure_type => error_type, friction_law_type, mechanism_type, options_type, terms_type, wp
     use tandem_chart, only: chart_type, step_end
     use tandem_chart_dense, only: dense_chart_type
     use tandem_chart_factory, only: new_chart
@@ -66,11 +66,14 @@ contains
         call check_no_failure(error, failure)
         call mechanism%add_joint('c', 'prismatic', 'two', 'three', failure, at=place(:n), axis=slide(:n))
         call check_no_failure(error, failure)
-        call mechanism%add_friction('rub_a', 'a', failure, mu, 1.3_wp, static=2*mu, radius=0.1_wp)
+        call mechanism%add_friction('rub_a', 'a', failure, friction_law_type(dynamic=mu, speed=1.3_wp, static=2*mu), &
+            radius=0.1_wp)
         call check_no_failure(error, failure)
-        call mechanism%add_friction('rub_b', 'b', failure, mu, 0.7_wp, radius=0.15_wp, arm=0.5_wp, viscous=0.2_wp)
+        call mechanism%add_friction('rub_b', 'b', failure, friction_law_type(dynamic=mu, speed=0.7_wp, viscous=0.2_wp), &
+            radius=0.15_wp, arm=0.5_wp)
         call check_no_failure(error, failure)
-        call mechanism%add_friction('rub_c', 'c', failure, mu, 0.9_wp, static=1.5_wp*mu, arm=0.8_wp)
+        call mechanism%add_friction('rub_c', 'c', failure, friction_law_type(dynamic=mu, speed=0.9_wp, static=1.5_wp*mu), &
+            arm=0.8_wp)
         call check_no_failure(error, failure)
     end subroutine draw
 
@@ -244,7 +247,8 @@ contains
             mechanism%gravity = [0.0_wp, -9.81_wp, 0.0_wp]
             call mechanism%add_body('block', 1.0_wp, [0.0_wp, 0.2_wp], failure, inertia=[0.1_wp], velocity=[3.0_wp, 0.0_wp])
             call mechanism%add_joint('rail', 'prismatic', 'ground', 'block', failure, at=[0.0_wp, 0.0_wp], axis=[1.0_wp, 0.0_wp])
-            call mechanism%add_friction('rub', 'rail', failure, merge(0.49_wp, 0.51_wp, mod(k, 2) == 1), 1.0e-3_wp, arm=0.1_wp)
+            call mechanism%add_friction('rub', 'rail', failure, &
+                friction_law_type(dynamic=merge(0.49_wp, 0.51_wp, mod(k, 2) == 1), speed=1.0e-3_wp), arm=0.1_wp)
             call check_no_failure(error, failure)
             call mechanism%define(failure)
             call mechanism%start(q, qd)
@@ -266,21 +270,23 @@ contains
         real(wp), parameter :: mu = 0.3_wp
 
         call draw(mechanism, .false., error)
-        call mechanism%add_friction('rub', 'd', failure, mu, 1.0_wp)
+        call mechanism%add_friction('rub', 'd', failure, friction_law_type(dynamic=mu, speed=1.0_wp))
         call expect('friction rub: there is no joint d')
-        call mechanism%add_friction('rub', 'a', failure, mu, 1.0_wp)
+        call mechanism%add_friction('rub', 'a', failure, friction_law_type(dynamic=mu, speed=1.0_wp))
         call expect('rotates and has no radius')
-        call mechanism%add_friction('rub', 'c', failure, mu, 1.0_wp, radius=1.0_wp)
+        call mechanism%add_friction('rub', 'c', failure, friction_law_type(dynamic=mu, speed=1.0_wp), radius=1.0_wp)
         call expect('slides and has a radius')
-        call mechanism%add_friction('rub', 'a', failure, mu, 1.0_wp, normal=1.0_wp, radius=1.0_wp)
+        call mechanism%add_friction('rub', 'a', failure, friction_law_type(dynamic=mu, speed=1.0_wp), normal=1.0_wp, &
+            radius=1.0_wp)
         call expect('has both a normal force')
-        call mechanism%add_friction('rub', 'a', failure, mu, 0.0_wp, radius=1.0_wp)
+        call mechanism%add_friction('rub', 'a', failure, friction_law_type(dynamic=mu, speed=0.0_wp), radius=1.0_wp)
         call expect('invalid coefficients or an invalid speed')
-        call mechanism%add_friction('rub', 'a', failure, mu, 1.0_wp, static=0.2_wp, radius=1.0_wp)
+        call mechanism%add_friction('rub', 'a', failure, friction_law_type(dynamic=mu, speed=1.0_wp, static=0.2_wp), &
+            radius=1.0_wp)
         call expect('invalid coefficients or an invalid speed')
-        call mechanism%add_friction('rub', 'a', failure, mu, 1.0_wp, radius=-1.0_wp)
+        call mechanism%add_friction('rub', 'a', failure, friction_law_type(dynamic=mu, speed=1.0_wp), radius=-1.0_wp)
         call expect('invalid normal force or radius')
-        call mechanism%add_friction('rub', 'c', failure, mu, 1.0_wp, arm=0.0_wp)
+        call mechanism%add_friction('rub', 'c', failure, friction_law_type(dynamic=mu, speed=1.0_wp), arm=0.0_wp)
         call expect('an arm that is not positive')
 
     contains

@@ -5,8 +5,8 @@ module test_massless_wheel
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
     use kkt, only: kkt_type
     use mechanism_checks, only: check_drawing, draw, go, verify
-    use tandem, only: expression_law, expression_type, failure_type => error_type, mechanism_type, motorcycle_type, &
-        parse_expression, ramp, simulation_type, sine_type, terms_type, wp
+    use tandem, only: expression_law, expression_type, failure_type => error_type, friction_law_type, mechanism_type, &
+        motorcycle_type, parse_expression, plane_type, ramp, simulation_type, sine_type, terms_type, wp
     use tandem_linalg_random, only: random_vector
     use tandem_rigid_euler_parameters, only: rotation
     use terms_at, only: get_terms
@@ -43,10 +43,10 @@ contains
         integer :: i
 
         call draw(mechanism, .false.)
-        call mechanism%add_massless_wheel('wheel', 'first', 0.8_wp, axle, failure, open=.true.)
+        call mechanism%add_massless_wheel('wheel', 'first', 0.8_wp, axle, failure, plane=plane_type(open=.true.))
         call check_no_failure(error, failure)
-        call mechanism%add_massless_wheel('tyre', 'second.tip', 0.5_wp, axle, failure, steer=swing, about=strut, normal=normal, &
-            height=-0.2_wp, open=.true., rise=swing, crown=0.1_wp)
+        call mechanism%add_massless_wheel('tyre', 'second.tip', 0.5_wp, axle, failure, steer=swing, about=strut, crown=0.1_wp, &
+            plane=plane_type(normal=normal, height=-0.2_wp, open=.true., rise=swing))
         call check_no_failure(error, failure)
         call verify(mechanism, 'on bodies', error)
         call check_count(error, mechanism%n, 14, 'coordinates on bodies')
@@ -54,13 +54,13 @@ contains
         call check_count(error, mechanism%n_nonholonomic, 2, 'rows at velocity level on bodies')
 
         call draw(mechanism, .false.)
-        call mechanism%add_massless_wheel('front', 'first.tip', 0.8_wp, axle, failure, along=strut, open=.true.)
+        call mechanism%add_massless_wheel('front', 'first.tip', 0.8_wp, axle, failure, along=strut, plane=plane_type(open=.true.))
         call check_no_failure(error, failure)
-        call mechanism%add_massless_wheel('rear', 'second', 0.5_wp, axle, failure, along=strut, steer=swing, normal=normal, &
-            height=-0.2_wp, open=.true., rise=swing, crown=0.1_wp)
+        call mechanism%add_massless_wheel('rear', 'second', 0.5_wp, axle, failure, along=strut, steer=swing, crown=0.1_wp, &
+            plane=plane_type(normal=normal, height=-0.2_wp, open=.true., rise=swing))
         call check_no_failure(error, failure)
         call mechanism%add_massless_wheel('third', 'second.tip', 0.5_wp, axle, failure, along=strut, steer=swing, &
-            about=[0.3_wp, 1.0_wp, 0.2_wp], open=.true.)
+            about=[0.3_wp, 1.0_wp, 0.2_wp], plane=plane_type(open=.true.))
         call check_no_failure(error, failure)
         call parse_expression(law, '300*x^3 + 20*v*abs(v)', [character(len=1) :: 't', 'x', 'v'], failure)
         call check_no_failure(error, failure)
@@ -192,7 +192,7 @@ contains
         call mechanism%add_knife_edge('back', 'chassis.rear', x, failure)
         call check_no_failure(error, failure)
         call mechanism%add_massless_wheel('front', 'chassis.front', hand%wheel_radius, x, failure, along=down, &
-            steer=sine_type(amplitude=hand%amplitude, rate=1.0_wp), open=.true.)
+            steer=sine_type(amplitude=hand%amplitude, rate=1.0_wp), plane=plane_type(open=.true.))
         call check_no_failure(error, failure)
         call mechanism%add_torsion('suspension', 'front', failure, stiffness=hand%stiffness, damping=hand%damping, &
             angle=hand%spring_length() - 1.0_wp)
@@ -256,8 +256,8 @@ contains
         call mechanism%add_knife_edge('back', 'cart.left', x, failure)
         call check_no_failure(error, failure)
         if (is_light) then
-            call mechanism%add_massless_wheel('front', 'cart.hub', radius, x, failure, along=down, steer=steer, rise=rise, &
-                crown=crown)
+            call mechanism%add_massless_wheel('front', 'cart.hub', radius, x, failure, along=down, steer=steer, crown=crown, &
+                plane=plane_type(rise=rise))
             call check_no_failure(error, failure)
             call mechanism%add_torsion('spring', 'front', failure, stiffness=150.0_wp, damping=20.0_wp, angle=0.02_wp)
         else
@@ -270,7 +270,7 @@ contains
             call check_no_failure(error, failure)
             call mechanism%add_joint('axle', 'revolute', 'fork', 'rim', failure, at=hub, axis=x)
             call check_no_failure(error, failure)
-            call mechanism%add_rolling_disk('front', 'rim', radius, x, failure, rise=rise, crown=crown)
+            call mechanism%add_rolling_disk('front', 'rim', radius, x, failure, crown=crown, plane=plane_type(rise=rise))
             call check_no_failure(error, failure)
             call mechanism%add_spring('spring', 'cart.head', 'fork', failure, stiffness=150.0_wp, damping=20.0_wp, length=1.02_wp)
         end if
@@ -307,17 +307,17 @@ contains
         call expect('has only one of steer and its axis')
         call mechanism%add_massless_wheel('it', 'first', 0.3_wp, axle, failure)
         call expect('above its plane in the reference configuration')
-        call mechanism%add_massless_wheel('it', 'first', 0.3_wp, axle, failure, open=.true.)
+        call mechanism%add_massless_wheel('it', 'first', 0.3_wp, axle, failure, plane=plane_type(open=.true.))
         call check_no_failure(error, failure)
         call mechanism%add_torsion('spring', 'it', failure, stiffness=1.0_wp)
         call expect('the wheel it has no coordinate')
         call mechanism%add_joint_sensor('way', 'it', failure)
         call expect('the wheel it does not slide')
-        call mechanism%add_massless_wheel('other', 'second', 0.3_wp, axle, failure, along=strut, open=.true.)
+        call mechanism%add_massless_wheel('other', 'second', 0.3_wp, axle, failure, along=strut, plane=plane_type(open=.true.))
         call check_no_failure(error, failure)
         call mechanism%add_torsion('spring', 'other.angle', failure, stiffness=1.0_wp)
         call expect('the wheel other has no coordinate')
-        call mechanism%add_friction('rub', 'other', failure, 0.3_wp, 0.01_wp)
+        call mechanism%add_friction('rub', 'other', failure, friction_law_type(dynamic=0.3_wp, speed=0.01_wp))
         call expect('has no normal component')
 
     contains

@@ -4,7 +4,7 @@
 module test_mechanism_elements
     use asserts, only: check_count, check_no_failure, check_true
     use mechanism_checks, only: check_drawing, draw, verify
-    use tandem, only: failure_type => error_type, mechanism_type, polynomial_type, ramp, sine_type, wp
+    use tandem, only: failure_type => error_type, mechanism_type, plane_type, polynomial_type, ramp, sine_type, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -188,16 +188,17 @@ contains
         call check_no_failure(error, failure)
         call verify(mechanism, 'knife edge in space', error)
         call draw(mechanism, .false.)
-        call mechanism%add_rolling_disk('coin', 'first', 0.8_wp, [1.0_wp, 0.2_wp, 0.3_wp], failure, open=.true.)
+        call mechanism%add_rolling_disk('coin', 'first', 0.8_wp, [1.0_wp, 0.2_wp, 0.3_wp], failure, plane=plane_type(open=.true.))
         call check_no_failure(error, failure)
         call mechanism%add_rolling_disk('wheel', 'second.tip', 0.4_wp, [1.0_wp, 0.2_wp, 0.3_wp], failure, &
-            normal=[0.1_wp, 0.9_wp, -0.4_wp], height=-0.2_wp, open=.true.)
+            plane=plane_type(normal=[0.1_wp, 0.9_wp, -0.4_wp], height=-0.2_wp, open=.true.))
         call check_no_failure(error, failure)
         call verify(mechanism, 'disks', error)
         call draw(mechanism, .false.)
-        call mechanism%add_rolling_sphere('ball', 'first', 0.8_wp, failure, open=.true.)
+        call mechanism%add_rolling_sphere('ball', 'first', 0.8_wp, failure, plane=plane_type(open=.true.))
         call check_no_failure(error, failure)
-        call mechanism%add_rolling_sphere('globe', 'second.tip', 0.4_wp, failure, normal=[0.1_wp, 0.9_wp, -0.4_wp], open=.true.)
+        call mechanism%add_rolling_sphere('globe', 'second.tip', 0.4_wp, failure, &
+            plane=plane_type(normal=[0.1_wp, 0.9_wp, -0.4_wp], open=.true.))
         call check_no_failure(error, failure)
         call verify(mechanism, 'spheres', error)
     end subroutine test_rolling
@@ -270,7 +271,7 @@ contains
         call expect('knife edge blade is on the ground')
         call mechanism%add_rolling_disk('coin', 'first', 0.0_wp, x, failure)
         call expect('radius that is not positive')
-        call mechanism%add_rolling_disk('coin', 'first', 1.0_wp, x, failure, normal=x)
+        call mechanism%add_rolling_disk('coin', 'first', 1.0_wp, x, failure, plane=plane_type(normal=x))
         call expect('lies flat')
         call mechanism%add_rolling_disk('coin', 'first', 1.0_wp, x, failure)
         call expect('rolling disk coin is -1.1')

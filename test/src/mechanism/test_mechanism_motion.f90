@@ -199,7 +199,7 @@ contains
             character(len=*), intent(in) :: name
             real(wp), intent(in) :: mass, inertia, position(2), direction
 
-            call mechanism%add_body(name, mass, position, failure, inertia=[inertia], angle=direction)
+            call mechanism%add_body(name, mass, position, failure, inertia=[inertia], orientation=[direction])
             call check_no_failure(error, failure)
         end subroutine add
 
@@ -277,7 +277,7 @@ contains
         omega = matmul(rotation(p/norm2(p)), spin)
         mechanism%gravity = [0.0_wp, 0.0_wp, -9.81_wp]
         call mechanism%add_body('ball', 0.7_wp, [0.0_wp, 0.0_wp, 1.0_wp], failure, inertia=[1.0_wp, 1.5_wp, 2.0_wp], &
-            euler_parameters=p, velocity=[omega(2), -omega(1), 0.0_wp], omega=omega)
+            orientation=p, velocity=[omega(2), -omega(1), 0.0_wp], omega=omega)
         call check_no_failure(error, failure)
         call mechanism%add_rolling_sphere('rolling', 'ball', 1.0_wp, failure)
         call check_no_failure(error, failure)
@@ -303,7 +303,7 @@ contains
         velocity = cross(omega, up - cos(alpha)*axis)/sin(alpha)
         mechanism%gravity = [0.0_wp, 0.0_wp, -9.81_wp]
         call mechanism%add_body('disk', 1.0_wp, [0.0_wp, 0.0_wp, sin(alpha)], failure, inertia=[0.5_wp, 0.25_wp, 0.25_wp], &
-            euler_parameters=[cos(half), 0.0_wp, sin(half), 0.0_wp], velocity=velocity, omega=omega)
+            orientation=[cos(half), 0.0_wp, sin(half), 0.0_wp], velocity=velocity, omega=omega)
         call check_no_failure(error, failure)
         call mechanism%add_rolling_disk('rim', 'disk', 1.0_wp, axis, failure)
         call check_no_failure(error, failure)

@@ -7,7 +7,7 @@ module test_mechanism_references
     use kkt, only: kkt_type
     use mechanism_checks, only: go
     use tandem, only: articulated_vehicle_type, expression_function, expression_type, failure_type => error_type, mechanism_type, &
-        parse_expression, ramp, simulation_type, statistics_type, wp
+        parse_expression, plane_type, ramp, simulation_type, statistics_type, wp
     use tandem_linalg_random, only: random_vector
     use tandem_mechanism_vector, only: cross
     use tandem_rigid_euler_parameters, only: g_product, rotation
@@ -61,7 +61,7 @@ contains
         omega = matmul(a, spin)
         mechanism%gravity = [0.0_wp, 0.0_wp, -9.81_wp]
         call mechanism%add_body('stone', 1.0_wp, [0.0_wp, 0.0_wp, -y(3)], failure, inertia=[2.0e-4_wp, 16.0e-4_wp, 17.0e-4_wp, &
-            -2.0e-5_wp, 0.0_wp, 0.0_wp], euler_parameters=p, velocity=-cross(omega, y), omega=omega)
+            -2.0e-5_wp, 0.0_wp, 0.0_wp], orientation=p, velocity=-cross(omega, y), omega=omega)
         call check_no_failure(error, failure)
         call mechanism%add_point('stone', 'centre', centre, failure)
         call check_no_failure(error, failure)
@@ -93,7 +93,8 @@ contains
         call mechanism%add_body('ball', 2.0_wp, place, failure, inertia=spread(0.4_wp*2.0_wp*radius**2, 1, 3), &
             velocity=velocity, omega=omega)
         call check_no_failure(error, failure)
-        call mechanism%add_rolling_sphere('rolling', 'ball', radius, failure, rotation=ramp(0.3_wp, rate), pivot=pivot)
+        call mechanism%add_rolling_sphere('rolling', 'ball', radius, failure, &
+            plane=plane_type(rotation=ramp(0.3_wp, rate), pivot=pivot))
         call check_no_failure(error, failure)
         call go(mechanism, 1.0e-11_wp, t, simulation, error)
         if (allocated(error)) return
@@ -245,7 +246,7 @@ contains
             along = [cos(down(i)), 0.0_wp, -sin(down(i))]
             pin = [(3 - 2*i)*0.05_wp, 0.0_wp, 1.0_wp]
             call mechanism%add_body('rod'//number(i), 0.3_wp, pin + along/2, failure, inertia=[thin, thick, thick], &
-                euler_parameters=[cos(down(i)/2), 0.0_wp, sin(down(i)/2), 0.0_wp], velocity=rate*cross(z, pin + along/2), &
+                orientation=[cos(down(i)/2), 0.0_wp, sin(down(i)/2), 0.0_wp], velocity=rate*cross(z, pin + along/2), &
                 omega=rate*z)
             call check_no_failure(error, failure)
             call mechanism%add_body('ball'//number(i), 5.0_wp, pin + along, failure, velocity=rate*cross(z, pin + along))
@@ -329,7 +330,7 @@ contains
                 e = [cos(start(i)), sin(start(i))]
                 mechanism = mechanism_type()
                 mechanism%planar = .true.
-                call mechanism%add_body('rotor', 1.0_wp, arm*e, failure, inertia=[0.01_wp], angle=start(i), &
+                call mechanism%add_body('rotor', 1.0_wp, arm*e, failure, inertia=[0.01_wp], orientation=[start(i)], &
                     velocity=arm*rate*[-e(2), e(1)], omega=[rate])
                 call check_no_failure(error, failure)
                 call mechanism%add_joint('pivot', 'revolute', 'ground', 'rotor', failure, at=[0.0_wp, 0.0_wp])

@@ -5,7 +5,7 @@ module test_mechanism_rows
     use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
     use mechanism_checks, only: check_drawing, draw, verify
     use tandem, only: assembly_type, expression_function, expression_type, failure_type => error_type, finding_type, &
-        mechanism_type, options_type, parse_expression, polynomial_type, ramp, simulation_type, sine_type, terms_type, &
+        mechanism_type, options_type, parse_expression, plane_type, polynomial_type, ramp, simulation_type, sine_type, terms_type, &
         verify_model, wp
     use terms_at, only: get_terms
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -176,10 +176,10 @@ contains
         real(wp), parameter :: inertia(3) = 0.1_wp
 
         call mechanism%add_body('a', 1.0_wp, [0.0_wp, 0.0_wp, 0.0_wp], failure, inertia=inertia, &
-            euler_parameters=turned_by([-0.163_wp, -0.482_wp, 0.599_wp]))
+            orientation=turned_by([-0.163_wp, -0.482_wp, 0.599_wp]))
         call check_no_failure(error, failure)
         call mechanism%add_body('b', 1.0_wp, [1.0_wp, 0.0_wp, 0.0_wp], failure, inertia=inertia, &
-            euler_parameters=turned_by([0.040_wp, -0.292_wp, -0.782_wp]))
+            orientation=turned_by([0.040_wp, -0.292_wp, -0.782_wp]))
         call check_no_failure(error, failure)
         call mechanism%add_joint('ja', 'revolute', 'ground', 'a', failure, at=[0.581_wp, 0.365_wp, 0.294_wp], &
             axis=[0.346_wp, 0.822_wp, 0.330_wp])
@@ -369,7 +369,7 @@ contains
         call mechanism%add_body('mass', 0.4_wp, at, failure)
         call check_no_failure(error, failure)
         call mechanism%add_massless_wheel('front', 'second', 0.8_wp, [0.0_wp, 1.0_wp, 0.0_wp], failure, &
-            along=[0.0_wp, 0.0_wp, 1.0_wp], open=.true.)
+            along=[0.0_wp, 0.0_wp, 1.0_wp], plane=plane_type(open=.true.))
         call check_no_failure(error, failure)
         call mechanism%add_coupling('clutch', ['pin'], [1.0_wp], failure, locked=.false.)
         call check_no_failure(error, failure)
@@ -470,21 +470,22 @@ contains
         call check_no_failure(error, failure)
         call verify(mechanism, 'steered wheel in space', error)
         call draw(mechanism, .false.)
-        call mechanism%add_rolling_ellipsoid('egg', 'first', [0.8_wp, 0.5_wp, 0.3_wp], failure, open=.true.)
+        call mechanism%add_rolling_ellipsoid('egg', 'first', [0.8_wp, 0.5_wp, 0.3_wp], failure, plane=plane_type(open=.true.))
         call check_no_failure(error, failure)
-        call mechanism%add_rolling_ellipsoid('pebble', 'second.tip', [0.3_wp, 0.5_wp, 0.4_wp], failure, normal=normal, &
-            open=.true., rotation=law, pivot=at, rise=swing, slide=swing, along=along)
+        call mechanism%add_rolling_ellipsoid('pebble', 'second.tip', [0.3_wp, 0.5_wp, 0.4_wp], failure, &
+            plane=plane_type(normal=normal, open=.true., rotation=law, pivot=at, rise=swing, slide=swing, along=along))
         call check_no_failure(error, failure)
         call verify(mechanism, 'ellipsoids', error)
         call draw(mechanism, .false.)
-        call mechanism%add_rolling_disk('tyre', 'first', 0.8_wp, [1.0_wp, 0.2_wp, 0.3_wp], failure, open=.true., crown=0.2_wp)
+        call mechanism%add_rolling_disk('tyre', 'first', 0.8_wp, [1.0_wp, 0.2_wp, 0.3_wp], failure, crown=0.2_wp, &
+            plane=plane_type(open=.true.))
         call check_no_failure(error, failure)
-        call mechanism%add_rolling_disk('wheel', 'second.tip', 0.4_wp, [1.0_wp, 0.2_wp, 0.3_wp], failure, &
-            normal=normal, height=-0.2_wp, open=.true., crown=0.1_wp, rotation=law, pivot=at, rise=law, slide=law, along=along)
+        call mechanism%add_rolling_disk('wheel', 'second.tip', 0.4_wp, [1.0_wp, 0.2_wp, 0.3_wp], failure, crown=0.1_wp, &
+            plane=plane_type(normal=normal, height=-0.2_wp, open=.true., rotation=law, pivot=at, rise=law, slide=law, along=along))
         call check_no_failure(error, failure)
         call verify(mechanism, 'round rims', error)
         call draw(mechanism, .false.)
-        call mechanism%add_rolling_sphere('ball', 'first.tip', 0.8_wp, failure, open=.true., rotation=swing)
+        call mechanism%add_rolling_sphere('ball', 'first.tip', 0.8_wp, failure, plane=plane_type(open=.true., rotation=swing))
         call check_no_failure(error, failure)
         call verify(mechanism, 'sphere on a turntable', error)
     end subroutine test_rolling
@@ -545,9 +546,10 @@ contains
         call expect('a semi-axis that is not positive')
         call mechanism%add_rolling_disk('rim', 'first', 0.3_wp, axis, failure, crown=0.3_wp)
         call expect('a crown that is not between')
-        call mechanism%add_rolling_sphere('ball2', 'first', 1.0_wp, failure, slide=ramp(0.0_wp, 1.0_wp))
+        call mechanism%add_rolling_sphere('ball2', 'first', 1.0_wp, failure, plane=plane_type(slide=ramp(0.0_wp, 1.0_wp)))
         call expect('has only one of slide and along')
-        call mechanism%add_rolling_sphere('ball2', 'first', 1.0_wp, failure, slide=ramp(0.0_wp, 1.0_wp), along=axis)
+        call mechanism%add_rolling_sphere('ball2', 'first', 1.0_wp, failure, &
+            plane=plane_type(slide=ramp(0.0_wp, 1.0_wp), along=axis))
         call expect('slides out of itself')
 
     contains

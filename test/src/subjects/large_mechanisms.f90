@@ -175,7 +175,7 @@ contains
             associate (c => cos(angle), s => sin(angle))
                 call mechanism%add_body(numbered('a', i), mass, [1.15_wp*c, 1.15_wp*s, 0.0_wp], error, &
                     inertia=[0.1_wp, 1.0_wp, 1.0_wp]*inertia, velocity=[-1.15_wp*s, 1.15_wp*c, 0.0_wp], &
-                    euler_parameters=[cos(angle/2), 0.0_wp, 0.0_wp, sin(angle/2)], omega=[0.0_wp, 0.0_wp, 1.0_wp])
+                    orientation=[cos(angle/2), 0.0_wp, 0.0_wp, sin(angle/2)], omega=[0.0_wp, 0.0_wp, 1.0_wp])
                 if (.not. allocated(error)) call mechanism%add_joint(numbered('h', i), 'revolute', 'hub', numbered('a', i), &
                     error, at=[c, s, 0.0_wp], axis=[-s, c, 0.0_wp])
             end associate

@@ -27,15 +27,15 @@ contains
         mechanism%planar = planar
         mechanism%gravity = [0.3_wp, -9.81_wp, 1.0_wp]
         if (planar) then
-            call mechanism%add_body('first', 1.3_wp, [0.4_wp, 0.2_wp], failure, inertia=[0.7_wp], angle=0.3_wp)
-            call mechanism%add_body('second', 0.7_wp, [1.1_wp, 0.9_wp], failure, inertia=[0.2_wp], angle=-0.8_wp)
+            call mechanism%add_body('first', 1.3_wp, [0.4_wp, 0.2_wp], failure, inertia=[0.7_wp], orientation=[0.3_wp])
+            call mechanism%add_body('second', 0.7_wp, [1.1_wp, 0.9_wp], failure, inertia=[0.2_wp], orientation=[-0.8_wp])
             call mechanism%add_point('first', 'tip', [0.3_wp, 0.1_wp], failure)
             call mechanism%add_point('second', 'tip', [-0.2_wp, 0.4_wp], failure)
         else
             call mechanism%add_body('first', 1.3_wp, [0.4_wp, 0.2_wp, -0.1_wp], failure, inertia=[0.7_wp, 0.8_wp, 0.9_wp], &
-                euler_parameters=[0.8_wp, 0.2_wp, -0.4_wp, 0.3_wp])
+                orientation=[0.8_wp, 0.2_wp, -0.4_wp, 0.3_wp])
             call mechanism%add_body('second', 0.7_wp, [1.1_wp, 0.9_wp, 0.3_wp], failure, &
-                inertia=[0.5_wp, 0.6_wp, 0.7_wp, 0.05_wp, -0.02_wp, 0.01_wp], euler_parameters=[0.5_wp, -0.6_wp, 0.2_wp, 0.4_wp])
+                inertia=[0.5_wp, 0.6_wp, 0.7_wp, 0.05_wp, -0.02_wp, 0.01_wp], orientation=[0.5_wp, -0.6_wp, 0.2_wp, 0.4_wp])
             call mechanism%add_point('first', 'tip', [0.3_wp, 0.1_wp, 0.2_wp], failure)
             call mechanism%add_point('second', 'tip', [-0.2_wp, 0.4_wp, 0.1_wp], failure)
         end if

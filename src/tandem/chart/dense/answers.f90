@@ -167,21 +167,11 @@ contains
         end if
         call self%model%set_magnitudes(q, self%work%magnitude)
         if (allocated(self%rows%dropped)) then
-            call measure(self%model%all_rows)
+            call constraint_errors(self%model%all_rows, self%work%magnitude, qd, qdd, self%scale, self%rate, errors, rows)
         else
-            call measure(self%model%terms)
+            call constraint_errors(self%model%terms, self%work%magnitude, qd, qdd, self%scale, self%rate, errors, rows)
         end if
         if (.not. maxval(errors) < huge(1.0_wp)) call self%name_infinite(stat)
-
-    contains
-
-        !> The three errors of a set of rows.
-        subroutine measure(terms)
-            type(terms_type), intent(in) :: terms
-
-            call constraint_errors(terms%phi, terms%nu, terms%gamma, terms%jacobian, self%work%magnitude, qd, qdd, self%scale, &
-                self%rate, errors, rows)
-        end subroutine measure
     end procedure do_find_errors
 
     !> Find the term that is not finite, if there is one, after a failure. Invalidate the point, so that it can be tried again.

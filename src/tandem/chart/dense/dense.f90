@@ -19,7 +19,7 @@ module tandem_chart_dense
     use tandem_model_derivatives, only: derivatives_type, need_all_derivatives
     use tandem_model_differences, only: differences_type
     use tandem_model_evaluator, only: evaluator_type
-    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi, terms_type
+    use tandem_model_terms, only: need_force, need_gamma, need_jacobian, need_mass, need_nu, need_phi
     use tandem_option_rules, only: projects_stages
     use tandem_options, only: chart_policies, options_type
     use tandem_pack, only: pack_type
