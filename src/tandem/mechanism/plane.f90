@@ -37,13 +37,13 @@ contains
         real(wp), intent(in), optional :: pivot(:), along(:)
         type(plane_type) :: plane
 
-        if (present(normal)) plane%normal = normal
+        if (present(normal)) allocate (plane%normal, source=normal)
         if (present(height)) plane%height = height
         if (present(open)) plane%open = open
         if (present(rise)) allocate (plane%rise, source=rise)
         if (present(rotation)) allocate (plane%rotation, source=rotation)
-        if (present(pivot)) plane%pivot = pivot
+        if (present(pivot)) allocate (plane%pivot, source=pivot)
         if (present(slide)) allocate (plane%slide, source=slide)
-        if (present(along)) plane%along = along
+        if (present(along)) allocate (plane%along, source=along)
     end function new_plane
 end module tandem_mechanism_plane

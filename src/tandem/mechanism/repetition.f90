@@ -192,7 +192,9 @@ contains
 
         n = size(scope%names)
         depth = size(scope%indices) + 1
-        inside%names = [character(len=key_length) :: scope%names, index_name]
+        allocate (inside%names(n + 1))
+        inside%names(:n) = scope%names
+        inside%names(n + 1) = index_name
         do i = first, last
             inside%values = [scope%values, real(i, wp)]
             inside%indices = [scope%indices, i]
@@ -213,7 +215,7 @@ contains
                     copy%n_heading = len(heading(entry%key, 2*depth + 2))
                     if (copy%n_heading == len(entry%key)) copy%n_heading = len(heading(entry%key, 2*depth + 1))
                     allocate (copy%index_names(depth))
-                    copy%index_names = inside%names(n - depth + 2:)
+                    copy%index_names = inside%names(n - depth + 2:)(:len(copy%index_names))
                     copy%index_values = inside%indices
                     copy%is_first = .not. state%is_copied(k)
                     state%is_copied(k) = .true.

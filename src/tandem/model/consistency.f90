@@ -65,10 +65,12 @@ contains
         if (speed*abs(span) > longest) path = sign(longest/speed, span)
         ! Single procedures set terms that are not compressed.
         call probe%initialize(model, compressed=allocated(model%pattern) .and. iand(model%provides, of_pattern) == of_pattern)
-        call judge(0.5_wp, length(of_look:of_look), is_wrong)
+        call judge(probe, model%n_holonomic, t, q, qd, magnitude, path, 0.5_wp, length(of_look:of_look), counts, value, rate, &
+            is_wrong)
         do i = 1, size(place)
             if (.not. any(is_wrong)) return
-            call judge(place(i), length, is_wrong_here)
+            call judge(probe, model%n_holonomic, t, q, qd, magnitude, path, place(i), length, counts, value, rate, &
+                is_wrong_here)
             is_wrong = is_wrong .and. is_wrong_here
         end do
         found = findloc(is_wrong, .true.)
@@ -78,92 +80,6 @@ contains
                 to_text(rate(row, kind))))//', t = '//to_text(t + place(size(place))*path)// &
                 '; correct the procedure (tandem check, verify_model compare them all)'
         end associate
-
-    contains
-
-        !> Rows whose procedures contradict differences of every length at one place of the path. Sets `value` to the values of the
-        !> procedures, and `rate` to the differences of the last length.
-        subroutine judge(place, lengths, is_wrong)
-            !> Place as a part of the path; lengths from the longest to the shortest.
-            real(wp), intent(in) :: place, lengths(:)
-            logical, intent(out) :: is_wrong(:, :)
-            !> A wrong formula differs by more than `share` of the given or expected value, or of the terms that cancel in it; a
-            !> gamma below `least_share` of these terms does not matter.
-            real(wp), parameter :: share = 1.0e-3_wp, least_share = 1.0e-6_wp
-            !> Rounding error of the terms that cancel.
-            real(wp), parameter :: rounding = 100*epsilon(1.0_wp)
-            real(wp), dimension(size(value, 1), n_kinds) :: least, most, error, allowed
-            real(wp) :: product(size(value, 1)), s
-            integer :: k, stat
-
-            is_wrong = .false.
-            value = 0.0_wp
-            rate = 0.0_wp
-            call probe%evaluate(need_jacobian + need_nu + need_gamma, t + place*path, q + place*path*qd, qd, counts, stat)
-            if (stat /= status_ok) return
-            s = lengths(size(lengths))*abs(path)
-            associate (terms => probe%terms, speed => maxval(abs(qd)/magnitude))
-                call probe%times_jacobian(qd, .false., product)
-                value(:model%n_holonomic, of_jacobian) = product(:model%n_holonomic)
-                value(:model%n_holonomic, of_nu) = value(:model%n_holonomic, of_jacobian) - terms%nu(:model%n_holonomic)
-                value(:, of_gamma) = terms%gamma
-                call probe%times_jacobian(qd, .true., allowed(:, of_jacobian))
-                allowed(:, of_nu) = allowed(:, of_jacobian) + abs(terms%nu)
-                allowed(:, of_gamma) = (least_share*speed + rounding/s)*allowed(:, of_nu)
-                call probe%times_jacobian(magnitude, .true., product)
-                do k = of_jacobian, of_nu
-                    allowed(:, k) = share*allowed(:, k) + rounding/s*product
-                end do
-            end associate
-            least = huge(1.0_wp)
-            most = -huge(1.0_wp)
-            error = huge(1.0_wp)
-            do k = 1, size(lengths)
-                call differentiate(t + place*path, q + place*path*qd, lengths(k)*abs(path), stat)
-                if (stat /= status_ok) return
-                least = min(least, rate)
-                most = max(most, rate)
-                error = min(error, abs(rate - value))
-            end do
-            ! NaN remain in the sums, but escape comparisons.
-            if (.not. sum(abs(value)) + sum(abs(rate)) + sum(abs(most) + abs(least)) <= huge(1.0_wp)) return
-            allowed = max(allowed, max(share, 10*spacing(t)/s)*max(abs(value), abs(least), abs(most)))
-            is_wrong = error > allowed .and. most - least < 0.5_wp*error
-            if (iand(probe%has, need_gamma) == 0) is_wrong(:, of_gamma) = .false.
-        end subroutine judge
-
-        !> Central differences over times of 2 s.
-        subroutine differentiate(t, q, s, stat)
-            real(wp), intent(in) :: t, q(:), s
-            integer, intent(out) :: stat
-            real(wp) :: ahead, behind, side, product(size(rate, 1))
-            integer :: i
-
-            rate = 0.0_wp
-            stat = status_ok
-            ! Values after rounding.
-            ahead = t + s
-            behind = t - s
-            if (.not. ahead > behind) then
-                stat = 1
-                return
-            end if
-            do i = 1, 2
-                side = merge(1.0_wp, -1.0_wp, i == 1)/(ahead - behind)
-                associate (terms => probe%terms, moved => merge(ahead, behind, i == 1))
-                    if (model%n_holonomic > 0) then
-                        call probe%evaluate(need_phi, t, q + (moved - t)*qd, qd, counts, stat)
-                        if (stat /= status_ok) return
-                        rate(:model%n_holonomic, of_jacobian) = rate(:model%n_holonomic, of_jacobian) + side*terms%phi
-                    end if
-                    call probe%evaluate(need_phi + need_jacobian + need_nu, moved, q + (moved - t)*qd, qd, counts, stat)
-                    if (stat /= status_ok) return
-                    if (model%n_holonomic > 0) rate(:model%n_holonomic, of_nu) = rate(:model%n_holonomic, of_nu) + side*terms%phi
-                    call probe%times_jacobian(qd, .false., product)
-                    rate(:, of_gamma) = rate(:, of_gamma) + side*(product - terms%nu)
-                end associate
-            end do
-        end subroutine differentiate
     end subroutine find_contradiction
 
     !> Report of the value of a procedure and the expected one.
@@ -182,4 +98,98 @@ contains
             text = 'gamma of the constraint "'//row//'" is '//value//', but C qd - nu changes by '//rate
         end select
     end function report
+
+    !> Rows whose procedures contradict differences of every length at one place of the path.
+    subroutine judge(probe, nh, t, q, qd, magnitude, path, place, lengths, counts, value, rate, is_wrong)
+        type(evaluator_type), intent(inout) :: probe
+        integer, intent(in) :: nh
+        !> Start of the path, the larger of |q| and the scale of each coordinate (n), and duration of the path.
+        real(wp), intent(in) :: t, q(:), qd(:), magnitude(:), path
+        !> Place as a part of the path; lengths from the longest to the shortest.
+        real(wp), intent(in) :: place, lengths(:)
+        type(counts_type), intent(inout) :: counts
+        !> Values of the procedures, and the differences of the last length (m, n_kinds).
+        real(wp), intent(out) :: value(:, :), rate(:, :)
+        logical, intent(out) :: is_wrong(:, :)
+        !> A wrong formula differs by more than `share` of the given or expected value, or of the terms that cancel in it; a gamma
+        !> below `least_share` of these terms does not matter.
+        real(wp), parameter :: share = 1.0e-3_wp, least_share = 1.0e-6_wp
+        !> Rounding error of the terms that cancel.
+        real(wp), parameter :: rounding = 100*epsilon(1.0_wp)
+        real(wp), dimension(size(value, 1), n_kinds) :: least, most, error, allowed
+        real(wp) :: product(size(value, 1)), s
+        integer :: k, stat
+
+        is_wrong = .false.
+        value = 0.0_wp
+        rate = 0.0_wp
+        call probe%evaluate(need_jacobian + need_nu + need_gamma, t + place*path, q + place*path*qd, qd, counts, stat)
+        if (stat /= status_ok) return
+        s = lengths(size(lengths))*abs(path)
+        associate (terms => probe%terms, speed => maxval(abs(qd)/magnitude))
+            call probe%times_jacobian(qd, .false., product)
+            value(:nh, of_jacobian) = product(:nh)
+            value(:nh, of_nu) = value(:nh, of_jacobian) - terms%nu(:nh)
+            value(:, of_gamma) = terms%gamma
+            call probe%times_jacobian(qd, .true., allowed(:, of_jacobian))
+            allowed(:, of_nu) = allowed(:, of_jacobian) + abs(terms%nu)
+            allowed(:, of_gamma) = (least_share*speed + rounding/s)*allowed(:, of_nu)
+            call probe%times_jacobian(magnitude, .true., product)
+            do k = of_jacobian, of_nu
+                allowed(:, k) = share*allowed(:, k) + rounding/s*product
+            end do
+        end associate
+        least = huge(1.0_wp)
+        most = -huge(1.0_wp)
+        error = huge(1.0_wp)
+        do k = 1, size(lengths)
+            call differentiate(probe, nh, t + place*path, q + place*path*qd, qd, lengths(k)*abs(path), counts, rate, stat)
+            if (stat /= status_ok) return
+            least = min(least, rate)
+            most = max(most, rate)
+            error = min(error, abs(rate - value))
+        end do
+        ! NaN remain in the sums, but escape comparisons.
+        if (.not. sum(abs(value)) + sum(abs(rate)) + sum(abs(most) + abs(least)) <= huge(1.0_wp)) return
+        allowed = max(allowed, max(share, 10*spacing(t)/s)*max(abs(value), abs(least), abs(most)))
+        is_wrong = error > allowed .and. most - least < 0.5_wp*error
+        if (iand(probe%has, need_gamma) == 0) is_wrong(:, of_gamma) = .false.
+    end subroutine judge
+
+    !> Central differences over times of 2 s.
+    subroutine differentiate(probe, nh, t, q, qd, s, counts, rate, stat)
+        type(evaluator_type), intent(inout) :: probe
+        integer, intent(in) :: nh
+        real(wp), intent(in) :: t, q(:), qd(:), s
+        type(counts_type), intent(inout) :: counts
+        real(wp), intent(out) :: rate(:, :)
+        integer, intent(out) :: stat
+        real(wp) :: ahead, behind, side, product(size(rate, 1))
+        integer :: i
+
+        rate = 0.0_wp
+        stat = status_ok
+        ! Values after rounding.
+        ahead = t + s
+        behind = t - s
+        if (.not. ahead > behind) then
+            stat = 1
+            return
+        end if
+        do i = 1, 2
+            side = merge(1.0_wp, -1.0_wp, i == 1)/(ahead - behind)
+            associate (terms => probe%terms, moved => merge(ahead, behind, i == 1))
+                if (nh > 0) then
+                    call probe%evaluate(need_phi, t, q + (moved - t)*qd, qd, counts, stat)
+                    if (stat /= status_ok) return
+                    rate(:nh, of_jacobian) = rate(:nh, of_jacobian) + side*terms%phi
+                end if
+                call probe%evaluate(need_phi + need_jacobian + need_nu, moved, q + (moved - t)*qd, qd, counts, stat)
+                if (stat /= status_ok) return
+                if (nh > 0) rate(:nh, of_nu) = rate(:nh, of_nu) + side*terms%phi
+                call probe%times_jacobian(qd, .false., product)
+                rate(:, of_gamma) = rate(:, of_gamma) + side*(product - terms%nu)
+            end associate
+        end do
+    end subroutine differentiate
 end module tandem_model_consistency

@@ -37,11 +37,8 @@ module tandem_model_differences
         real(wp), allocatable :: block_m(:, :), block_n(:, :)
     contains
         procedure, public :: initialize, evaluate_gamma, evaluate_derivatives, has_all_derivatives, pack_state
-        procedure :: residuals
+        procedure :: add_single, differentiate, difference_by, residuals
     end type differences_type
-
-    !> Displacements and weights of central differences of fourth order.
-    real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp], weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
 
     !> Bits for terms of single procedures to be replaced by differences.
     integer, parameter :: from_jacobian = 1, from_nu = 2, from_gamma = 4, from_mass = 8, from_reaction = 16, from_force = 32
@@ -94,6 +91,9 @@ contains
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
+        !> Displacements in units of s, and weights times s.
+        real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp]
+        real(wp), parameter :: weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
         !> eps**(1/5) balances rounding, eps / s, against truncation, s**4.
         real(wp), parameter :: balance = epsilon(1.0_wp)**0.2_wp
         real(wp) :: s, speed
@@ -130,8 +130,6 @@ contains
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
-        real(wp), allocatable :: sums(:)
-        !> Parts to be replaced by differences with respect to q and to qd, sums of the parameters above.
         integer :: missing_q, missing_qd, i
 
         stat = 0
@@ -145,186 +143,256 @@ contains
                     if (btest(fused, i - 1)) counts%derivatives(i) = counts%derivatives(i) + 1
                 end do
             end if
-            if (stat == 0 .and. self%has_constraints) call set_constraints()
-            if (stat == 0) call set_dynamics()
+            if (stat == 0) call self%add_single(fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
             if (associated(model%state%timer)) call model%state%timer%end_call()
+            if (stat /= 0) then
+                stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
+                return
+            end if
+            if (missing_q /= 0) then
+                call self%differentiate(.false., missing_q, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+            end if
+            if (stat == status_ok .and. missing_qd /= 0) then
+                call self%differentiate(.true., missing_qd, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+            end if
         end associate
-        if (stat /= 0) then
-            stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
+    end subroutine evaluate_derivatives
+
+    !> Set the sums that the fused procedure does not provide from the model's single procedures, and list the missing parts.
+    subroutine add_single(self, fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
+        class(differences_type), intent(inout) :: self
+        !> Sums already set.
+        integer, intent(in) :: fused
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        type(counts_type), intent(inout) :: counts
+        !> Parts to be replaced by differences, sums of the parameters above.
+        integer, intent(out) :: missing_q, missing_qd
+        !> Status of the procedures.
+        integer, intent(out) :: stat
+
+        missing_q = 0
+        missing_qd = 0
+        stat = 0
+        if (self%has_constraints) call add_single_constraints(self, fused, t, q, qd, qdd, derivatives, counts, missing_q, &
+            missing_qd, stat)
+        if (stat == 0) call add_single_dynamics(self, fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, &
+            stat)
+    end subroutine add_single
+
+    !> Set the sums of the constraints.
+    subroutine add_single_constraints(self, fused, t, q, qd, qdd, derivatives, counts, missing_q, missing_qd, stat)
+        class(differences_type), intent(inout) :: self
+        integer, intent(in) :: fused
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        type(counts_type), intent(inout) :: counts
+        integer, intent(inout) :: missing_q, missing_qd
+        integer, intent(out) :: stat
+
+        stat = 0
+        associate (model => self%model, d => derivatives)
+            if (iand(fused, need_velocity_q) == 0) then
+                d%velocity_q = 0.0_wp
+                if (model%gives(of_jacobian_derivative)) then
+                    call model%evaluate_part(of_jacobian_derivative, t, q, qd, d%velocity_q, stat)
+                    if (stat /= 0) return
+                else
+                    missing_q = ior(missing_q, from_jacobian)
+                end if
+                if (model%gives(of_nu_derivative)) then
+                    call model%evaluate_part(of_nu_derivative, t, q, qd, self%block_m, stat)
+                    if (stat /= 0) return
+                    d%velocity_q = d%velocity_q - self%block_m
+                else if (iand(self%has, need_nu) /= 0) then
+                    missing_q = ior(missing_q, from_nu)
+                end if
+                if (iand(missing_q, from_jacobian + from_nu) == 0) counts%derivatives(1) = counts%derivatives(1) + 1
+            end if
+            if (iand(fused, need_acceleration_q) == 0) then
+                d%acceleration_q = 0.0_wp
+                if (model%gives(of_jacobian_derivative)) then
+                    call model%evaluate_part(of_jacobian_derivative, t, q, qdd, d%acceleration_q, stat)
+                    if (stat /= 0) return
+                else
+                    missing_q = ior(missing_q, from_jacobian)
+                end if
+                if (model%gives(of_gamma_q)) then
+                    call model%evaluate_part(of_gamma_q, t, q, qd, self%block_m, stat)
+                    if (stat /= 0) return
+                    d%acceleration_q = d%acceleration_q + self%block_m
+                else
+                    missing_q = ior(missing_q, from_gamma)
+                end if
+                if (iand(missing_q, from_jacobian + from_gamma) == 0) counts%derivatives(2) = counts%derivatives(2) + 1
+            end if
+            if (iand(fused, need_acceleration_qd) == 0) then
+                d%acceleration_qd = 0.0_wp
+                if (model%gives(of_gamma_qd)) then
+                    call model%evaluate_part(of_gamma_qd, t, q, qd, d%acceleration_qd, stat)
+                    if (stat /= 0) return
+                else
+                    missing_qd = ior(missing_qd, from_gamma)
+                end if
+                if (iand(missing_qd, from_gamma) == 0) counts%derivatives(3) = counts%derivatives(3) + 1
+            end if
+        end associate
+    end subroutine add_single_constraints
+
+    !> Set the sums of the equations of motion.
+    subroutine add_single_dynamics(self, fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
+        class(differences_type), intent(inout) :: self
+        integer, intent(in) :: fused
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        type(counts_type), intent(inout) :: counts
+        integer, intent(inout) :: missing_q, missing_qd
+        integer, intent(out) :: stat
+
+        stat = 0
+        associate (model => self%model, d => derivatives)
+            if (iand(fused, need_dynamics_q) == 0) then
+                d%dynamics_q = 0.0_wp
+                if (.not. model%constant_mass) then
+                    if (model%gives(of_mass_derivative)) then
+                        call model%evaluate_part(of_mass_derivative, t, q, qdd, d%dynamics_q, stat)
+                        if (stat /= 0) return
+                    else
+                        missing_q = ior(missing_q, from_mass)
+                    end if
+                end if
+                if (self%has_constraints) then
+                    if (model%gives(of_reaction_derivative)) then
+                        call model%evaluate_part(of_reaction_derivative, t, q, lambda, self%block_n, stat)
+                        if (stat /= 0) return
+                        d%dynamics_q = d%dynamics_q + self%block_n
+                    else
+                        missing_q = ior(missing_q, from_reaction)
+                    end if
+                end if
+                if (model%gives(of_force_q)) then
+                    call model%evaluate_part(of_force_q, t, q, qd, self%block_n, stat)
+                    if (stat /= 0) return
+                    d%dynamics_q = d%dynamics_q - self%block_n
+                else if (iand(self%has, need_force) /= 0) then
+                    missing_q = ior(missing_q, from_force)
+                end if
+                if (iand(missing_q, from_mass + from_reaction + from_force) == 0) counts%derivatives(4) = counts%derivatives(4) + 1
+            end if
+            if (iand(fused, need_dynamics_qd) == 0) then
+                d%dynamics_qd = 0.0_wp
+                if (model%gives(of_force_qd)) then
+                    call model%evaluate_part(of_force_qd, t, q, qd, d%dynamics_qd, stat)
+                    d%dynamics_qd = -d%dynamics_qd
+                else if (iand(self%has, need_force) /= 0) then
+                    missing_qd = ior(missing_qd, from_force)
+                end if
+                if (iand(missing_qd, from_force) == 0) counts%derivatives(5) = counts%derivatives(5) + 1
+            end if
+        end associate
+    end subroutine add_single_dynamics
+
+    !> Add differences of the missing parts, with respect to q or to qd.
+    subroutine differentiate(self, by_qd, missing, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
+        class(differences_type), intent(inout) :: self
+        logical, intent(in) :: by_qd
+        integer, intent(in) :: missing, fused
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+        type(counts_type), intent(inout) :: counts
+        integer, intent(out) :: stat
+        real(wp), allocatable :: sums(:)
+        integer :: j
+
+        self%q = q
+        self%qd = qd
+        if (self%is_central) then
+            allocate (sums(2*size(self%velocity) + size(q)), source=0.0_wp)
+        else
+            call self%residuals(missing, t, qd, qdd, lambda, counts, stat)
+            if (stat /= status_ok) return
+            self%velocity0 = self%velocity
+            self%acceleration0 = self%acceleration
+            self%dynamics0 = self%dynamics
+        end if
+        do j = 1, size(q)
+            call self%difference_by(by_qd, j, missing, t, qd, qdd, lambda, counts, sums, stat)
+            if (stat /= status_ok) return
+            self%q(j) = q(j)
+            self%qd(j) = qd(j)
+            associate (d => derivatives)
+                if (by_qd) then
+                    if (iand(missing, from_gamma) /= 0) d%acceleration_qd(:, j) = self%acceleration
+                    if (iand(missing, from_force) /= 0) d%dynamics_qd(:, j) = self%dynamics
+                else
+                    if (iand(fused, need_velocity_q) == 0) d%velocity_q(:, j) = d%velocity_q(:, j) + self%velocity
+                    if (iand(fused, need_acceleration_q) == 0) d%acceleration_q(:, j) = d%acceleration_q(:, j) + self%acceleration
+                    if (iand(fused, need_dynamics_q) == 0) d%dynamics_q(:, j) = d%dynamics_q(:, j) + self%dynamics
+                end if
+            end associate
+        end do
+    end subroutine differentiate
+
+    !> Derivative of the missing parts with respect to entry j of self%q or self%qd, which stays displaced: a forward difference
+    !> from the stored residuals, or a central one.
+    subroutine difference_by(self, by_qd, j, missing, t, qd, qdd, lambda, counts, sums, stat)
+        class(differences_type), intent(inout) :: self
+        logical, intent(in) :: by_qd
+        integer, intent(in) :: j, missing
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: qd(:), qdd(:), lambda(:)
+        type(counts_type), intent(inout) :: counts
+        !> Work space of central differences.
+        real(wp), intent(inout), allocatable :: sums(:)
+        integer, intent(out) :: stat
+        !> Displacements and weights of fourth order.
+        real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp], weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
+        real(wp) :: x, scale, moved, delta
+        integer :: i
+
+        x = merge(self%qd(j), self%q(j), by_qd)
+        scale = self%scale(j)*merge(self%rate, 1.0_wp, by_qd)
+        if (.not. allocated(sums)) then
+            moved = x + sqrt(epsilon(1.0_wp))*max(abs(x), scale)
+            call look(moved)
+            if (stat /= status_ok) return
+            delta = moved - x
+            self%velocity = (self%velocity - self%velocity0)/delta
+            self%acceleration = (self%acceleration - self%acceleration0)/delta
+            self%dynamics = (self%dynamics - self%dynamics0)/delta
             return
         end if
-        if (missing_q /= 0) call differentiate(.false., missing_q)
-        if (stat == status_ok .and. missing_qd /= 0) call differentiate(.true., missing_qd)
+        ! A power of two, so that the displacements are exact to the last digit of x: eps**(1/5) balances rounding and truncation.
+        delta = 2.0_wp**nint(log(epsilon(1.0_wp)**0.2_wp*max(abs(x), scale))/log(2.0_wp))
+        sums = 0.0_wp
+        do i = 1, 4
+            call look(x + place(i)*delta)
+            if (stat /= status_ok) return
+            sums = sums + weight(i)/delta*[self%velocity, self%acceleration, self%dynamics]
+        end do
+        associate (m => size(self%velocity))
+            self%velocity = sums(:m)
+            self%acceleration = sums(m + 1:2*m)
+            self%dynamics = sums(2*m + 1:)
+        end associate
 
     contains
 
-        !> True if the fused procedure has set a sum.
-        logical function has_sum(need)
-            integer, intent(in) :: need
-
-            has_sum = iand(self%model%provides_derivatives, need) /= 0
-        end function has_sum
-
-        !> Add a single procedure of the model to a sum, or mark the part as missing.
-        subroutine add_part(part, v, factor, block, sum, bit, missing)
-            integer, intent(in) :: part, bit
-            !> Further argument of the part.
-            real(wp), intent(in) :: v(:), factor
-            !> Work space.
-            real(wp), intent(inout) :: block(:, :), sum(:, :)
-            integer, intent(inout) :: missing
-
-            if (stat /= 0) return
-            if (.not. self%model%gives(part)) then
-                missing = ior(missing, bit)
-                return
-            end if
-            call self%model%evaluate_part(part, t, q, v, block, stat)
-            if (stat == 0) sum = sum + factor*block
-        end subroutine add_part
-
-        !> Count a sum without missing parts.
-        subroutine count_sum(i, missing)
-            integer, intent(in) :: i, missing
-
-            if (stat == 0 .and. missing == 0) counts%derivatives(i) = counts%derivatives(i) + 1
-        end subroutine count_sum
-
-        !> Set the sums of the constraints that the fused procedure does not provide.
-        subroutine set_constraints()
-            associate (d => derivatives, block => self%block_m)
-                if (.not. has_sum(need_velocity_q)) then
-                    d%velocity_q = 0.0_wp
-                    call add_part(of_jacobian_derivative, qd, 1.0_wp, block, d%velocity_q, from_jacobian, missing_q)
-                    call add_part(of_nu_derivative, qd, -1.0_wp, block, d%velocity_q, if_any(from_nu, need_nu), missing_q)
-                    call count_sum(1, iand(missing_q, from_jacobian + from_nu))
-                end if
-                if (.not. has_sum(need_acceleration_q)) then
-                    d%acceleration_q = 0.0_wp
-                    call add_part(of_jacobian_derivative, qdd, 1.0_wp, block, d%acceleration_q, from_jacobian, missing_q)
-                    call add_part(of_gamma_q, qd, 1.0_wp, block, d%acceleration_q, from_gamma, missing_q)
-                    call count_sum(2, iand(missing_q, from_jacobian + from_gamma))
-                end if
-                if (.not. has_sum(need_acceleration_qd)) then
-                    d%acceleration_qd = 0.0_wp
-                    call add_part(of_gamma_qd, qd, 1.0_wp, block, d%acceleration_qd, from_gamma, missing_qd)
-                    call count_sum(3, iand(missing_qd, from_gamma))
-                end if
-            end associate
-        end subroutine set_constraints
-
-        !> Set the sums of the equations of motion.
-        subroutine set_dynamics()
-            associate (d => derivatives, block => self%block_n, of_force => if_any(from_force, need_force))
-                if (.not. has_sum(need_dynamics_q)) then
-                    d%dynamics_q = 0.0_wp
-                    if (.not. self%model%constant_mass) then
-                        call add_part(of_mass_derivative, qdd, 1.0_wp, block, d%dynamics_q, from_mass, missing_q)
-                    end if
-                    if (self%has_constraints) then
-                        call add_part(of_reaction_derivative, lambda, 1.0_wp, block, d%dynamics_q, from_reaction, missing_q)
-                    end if
-                    call add_part(of_force_q, qd, -1.0_wp, block, d%dynamics_q, of_force, missing_q)
-                    call count_sum(4, iand(missing_q, from_mass + from_reaction + from_force))
-                end if
-                if (.not. has_sum(need_dynamics_qd)) then
-                    d%dynamics_qd = 0.0_wp
-                    call add_part(of_force_qd, qd, -1.0_wp, block, d%dynamics_qd, of_force, missing_qd)
-                    call count_sum(5, iand(missing_qd, from_force))
-                end if
-            end associate
-        end subroutine set_dynamics
-
-        !> A bit if the model has a term, else 0.
-        integer function if_any(bit, need)
-            integer, intent(in) :: bit, need
-
-            if_any = merge(bit, 0, iand(self%has, need) /= 0)
-        end function if_any
-
-        !> Add differences of the missing parts, with respect to q or to qd.
-        subroutine differentiate(by_qd, missing)
-            logical, intent(in) :: by_qd
-            integer, intent(in) :: missing
-            integer :: j
-
-            self%q = q
-            self%qd = qd
-            if (self%is_central) then
-                sums = spread(0.0_wp, 1, 2*size(self%velocity) + size(q))
-            else
-                call self%residuals(missing, t, qd, qdd, lambda, counts, stat)
-                if (stat /= status_ok) return
-                self%velocity0 = self%velocity
-                self%acceleration0 = self%acceleration
-                self%dynamics0 = self%dynamics
-            end if
-            do j = 1, size(q)
-                call difference_by(by_qd, j, missing)
-                if (stat /= status_ok) return
-                associate (d => derivatives)
-                    if (by_qd) then
-                        if (iand(missing, from_gamma) /= 0) d%acceleration_qd(:, j) = self%acceleration
-                        if (iand(missing, from_force) /= 0) d%dynamics_qd(:, j) = self%dynamics
-                    else
-                        if (.not. has_sum(need_velocity_q)) d%velocity_q(:, j) = d%velocity_q(:, j) + self%velocity
-                        if (.not. has_sum(need_acceleration_q)) d%acceleration_q(:, j) = d%acceleration_q(:, j) + self%acceleration
-                        if (.not. has_sum(need_dynamics_q)) d%dynamics_q(:, j) = d%dynamics_q(:, j) + self%dynamics
-                    end if
-                end associate
-            end do
-        end subroutine differentiate
-
-        !> Derivative of the missing parts with respect to entry j of q or qd: a forward difference from the stored residuals, or a
-        !> central one.
-        subroutine difference_by(by_qd, j, missing)
-            logical, intent(in) :: by_qd
-            integer, intent(in) :: j, missing
-            real(wp) :: x, size_of_x, moved, delta
-            integer :: k
-
-            x = merge(qd(j), q(j), by_qd)
-            size_of_x = max(abs(x), self%scale(j)*merge(self%rate, 1.0_wp, by_qd))
-            if (.not. self%is_central) then
-                moved = x + sqrt(epsilon(1.0_wp))*size_of_x
-                delta = moved - x
-                call displace(by_qd, j, moved, missing)
-                self%velocity = (self%velocity - self%velocity0)/delta
-                self%acceleration = (self%acceleration - self%acceleration0)/delta
-                self%dynamics = (self%dynamics - self%dynamics0)/delta
-                return
-            end if
-            ! A power of two makes the displacements exact to the last digit of x: eps**(1/5) balances rounding and truncation.
-            delta = 2.0_wp**nint(log(epsilon(1.0_wp)**0.2_wp*size_of_x)/log(2.0_wp))
-            sums = 0.0_wp
-            do k = 1, 4
-                call displace(by_qd, j, x + place(k)*delta, missing)
-                if (stat /= status_ok) return
-                sums = sums + weight(k)/delta*[self%velocity, self%acceleration, self%dynamics]
-            end do
-            associate (m => size(self%velocity))
-                self%velocity = sums(:m)
-                self%acceleration = sums(m + 1:2*m)
-                self%dynamics = sums(2*m + 1:)
-            end associate
-        end subroutine difference_by
-
-        !> Residuals with a displaced entry of q or qd.
-        subroutine displace(by_qd, j, x, missing)
-            logical, intent(in) :: by_qd
-            integer, intent(in) :: j, missing
-            real(wp), intent(in) :: x
+        subroutine look(displaced)
+            real(wp), intent(in) :: displaced
 
             if (by_qd) then
-                self%qd(j) = x
+                self%qd(j) = displaced
             else
-                self%q(j) = x
+                self%q(j) = displaced
             end if
             call self%residuals(missing, t, qd, qdd, lambda, counts, stat)
-            self%q(j) = q(j)
-            self%qd(j) = qd(j)
-        end subroutine displace
-    end subroutine evaluate_derivatives
+        end subroutine look
+    end subroutine difference_by
 
     !> True if no derivative needs differences.
     pure logical function has_all_derivatives(self) result(has_all)

@@ -4,7 +4,7 @@
 !>   H x + C' lambda = f,   C x = g,
 !>
 !> with H = M for accelerations and consistent starts, H = K for equilibria, H = I for projections. Rows of C may depend on each
-!> other. There is a sparse and a dense implementation; `choose_saddle` selects one by the predicted cost.
+!> other. There is a sparse and a dense implementation; `suits_sparse` predicts which costs less.
 module tandem_saddle
     use tandem_kinds, only: wp
     use tandem_linalg_order, only: list_type

@@ -200,7 +200,7 @@ contains
         type(local_error_type), intent(in) :: scales
         type(state_type), intent(in) :: state
         !> Slopes of q and qd, then their errors (n, 2).
-        real(wp), intent(inout) :: error(:, :)
+        real(wp), intent(inout), contiguous :: error(:, :)
         !> Errors after the filter of implicit methods (n, 2).
         real(wp), allocatable, intent(inout) :: filtered(:, :)
         real(wp) :: part

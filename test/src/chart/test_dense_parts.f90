@@ -74,10 +74,10 @@ contains
         real(wp), intent(in) :: phi(:), nu(:), gamma(:), c(:, :)
         type(terms_type) :: terms
 
-        terms%phi = phi
-        terms%nu = nu
-        terms%gamma = gamma
-        terms%jacobian = c
+        allocate (terms%phi, source=phi)
+        allocate (terms%nu, source=nu)
+        allocate (terms%gamma, source=gamma)
+        allocate (terms%jacobian, source=c)
     end function terms_of
 
     subroutine test_acceleration_scale(error)
