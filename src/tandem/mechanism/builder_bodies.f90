@@ -30,15 +30,17 @@ contains
         if (present(inertia)) call take_inertia(self%planar, label, inertia, body, error)
         if (allocated(error)) return
         if (present(orientation)) then
-            if (size(orientation) /= merge(1, 4, self%planar) .or. .not. (self%planar .or. norm2(orientation) > 0.0_wp)) then
-                call refuse(label//': invalid orientation', 'give an angle in the plane, and unit Euler parameters in space', error)
-                return
-            end if
-            if (self%planar) then
+            if (size(orientation) /= merge(1, 4, self%planar)) then
+                call refuse(label//': the orientation has '//to_text(size(orientation))//' entries', &
+                    'give an angle in the plane, four Euler parameters in space', error)
+            else if (self%planar) then
                 body%angle = orientation(1)
-            else
+            else if (norm2(orientation) > 0.0_wp) then
                 body%p = orientation/norm2(orientation)
+            else
+                call refuse(label//': the Euler parameters are zero or not finite', 'give a unit quaternion', error)
             end if
+            if (allocated(error)) return
         end if
         if (present(omega)) then
             if (size(omega) /= merge(1, 3, self%planar)) then

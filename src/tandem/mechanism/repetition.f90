@@ -89,10 +89,10 @@ contains
             associate (entry => entries%list(i))
                 if (index(entry%key, 'repeat.') /= 1) then
                     call state%expanded%append(entry)
-                    cycle
+                    cycle copying
                 end if
                 head = heading(entry%key, 2)
-                if (state%repeats%find(head//'.count') > 0) cycle
+                if (state%repeats%find(head//'.count') > 0) cycle copying
                 ! The first pass counts, so that too many copies are refused before they are made.
                 do k = merge(1, 2, any([(index(entries%list(j)%key, head//'.repeat.') == 1, j=i, entries%n)])), 2
                     state%n_copies = 0

@@ -80,7 +80,7 @@ contains
     !> Add n columns with the distance m: C qd, C qdd and the scales of `lane` rows from the first entry of c on.
     pure subroutine add_columns(n, m, c, q, qd, qdd, scale, rate, sums)
         integer, intent(in) :: n, m
-        real(wp), intent(in) :: c(*), q(n), qd(n), qdd(n), scale(n), rate
+        real(wp), intent(in) :: c((n - 1)*m + lane), q(n), qd(n), qdd(n), scale(n), rate
         real(wp), intent(inout) :: sums(lane, n_sums)
         real(wp) :: a, magnitude_q, magnitude_qd, magnitude_qdd
         integer :: first, i, j, s

@@ -373,7 +373,7 @@ contains
                 case (of_mass_derivative); call compare_forces(self, name(part), block_n, of_forces(:, :, of_mass))
                 case (of_reaction_derivative); call compare_forces(self, name(part), block_n, of_forces(:, :, of_reaction))
                 case (of_force_q); call compare_forces(self, name(part), block_n, of_forces(:, :, of_force))
-                case (of_force_qd); call compare_forces(self, name(part), block_n, there%force_qd)
+                case default; call compare_forces(self, name(part), block_n, there%force_qd)
                 end select
             end do
         end associate
