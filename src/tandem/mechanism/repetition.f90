@@ -8,6 +8,7 @@ module tandem_mechanism_repetition
     use tandem_mechanism_element_keys, only: key_length
     use tandem_mechanism_entries, only: entries_type, entry_type, is_number, is_text, number_value, text_value, value_type
     use tandem_mechanism_expression, only: expression_type, parse_expression
+    use tandem_mechanism_expression_parser, only: name_length
     use tandem_mechanism_parameters, only: check_parameter_name
     use tandem_status, only: status_invalid_model
     implicit none (type, external)
@@ -215,7 +216,7 @@ contains
                     copy%n_heading = len(heading(entry%key, 2*depth + 2))
                     if (copy%n_heading == len(entry%key)) copy%n_heading = len(heading(entry%key, 2*depth + 1))
                     allocate (copy%index_names(depth))
-                    copy%index_names = inside%names(n - depth + 2:)(:len(copy%index_names))
+                    copy%index_names(:) = [character(len=name_length) :: inside%names(n - depth + 2:)]
                     copy%index_values = inside%indices
                     copy%is_first = .not. state%is_copied(k)
                     state%is_copied(k) = .true.
