@@ -42,6 +42,8 @@ module tandem_chart
         !> Number of redundant rows left out, and their numbers after `leave_out_dependent`, ascending.
         integer :: n_dropped = 0
         integer, allocatable :: left_out(:)
+        !> True if C of the origin corrects the ends of steps whose stages were not projected, which limits the length of steps.
+        logical :: has_reach = .false.
         !> The model's timer.
         class(timer_type), pointer :: timer => null()
     contains

@@ -14,6 +14,9 @@ module tandem_chart_goal
         !> True for an iterate of an implicit stage: the next correction moves it. True for the first one, with predicted rates and
         !> coordinates.
         logical :: is_iterate = .false., is_first = .false.
+        !> True for the end of an explicit step whose stages were not projected: the last one lies beside it by the error of the
+        !> step, and its factor corrects it. Otherwise it is corrected along the complement of the chart's origin.
+        logical :: follows_stages = .false.
         !> Number of the stage, 0 for none. Charts store data of a stage under its number until the next step.
         integer :: stage = 0
         !> Size of the step: errors of a stage are nearly equal in successive steps.

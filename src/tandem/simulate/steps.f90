@@ -409,6 +409,7 @@ contains
         longest_next = self%stepper%longest_next()
         ! Steps with stages on the manifold must fail if branches cross: this reveals a change of branch.
         if (self%method%implicit .or. self%options%chart /= 'every_step' .or. self%stepper%projects_stages) return
+        if (.not. self%chart%has_reach) return
         call self%attempts%reach%find_longest(self%chart, self%state, self%next, within_reach)
         longest_next = min(longest_next, within_reach)
     end function longest_next

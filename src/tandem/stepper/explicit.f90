@@ -152,7 +152,7 @@ contains
             self%rate(i, 1) = state%qd(i)
             self%rate(self%offset + i, 1) = state%qdd(i)
         end do
-        call chart%start_step(state%qdd)
+        if (self%projects_stages) call chart%start_step(state%qdd)
         call take_start(self, state)
         stat = 0
         !GCC$ UNROLL 1
@@ -201,7 +201,7 @@ contains
 
         s = size(self%b)
         associate (n => self%n, sum_q => self%y(:self%n), sum_qd => self%y(self%offset + 1:self%offset + self%n))
-            call chart%start_step(state%qdd)
+            if (self%projects_stages) call chart%start_step(state%qdd)
             stat = 0
             do i = 2, s
                 if (i == 2) then
@@ -379,6 +379,7 @@ contains
         type(goal_type) :: goal
 
         goal%defect = h**2*self%defect(size(self%defect))
+        goal%follows_stages = .not. self%projects_stages
         call chart%restore(next%t, next%dq, next%dqd, goal, next%q, next%qd, stat)
         if (stat == 0) call chart%accelerate(next%t, next%q, next%qd, step_end, next%qdd, stat)
     end subroutine arrive

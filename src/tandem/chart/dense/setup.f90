@@ -14,6 +14,7 @@ contains
 
         self%mode%refines = options%refresh == 'refine'
         self%mode%is_implicit = implicit
+        self%has_reach = .true.
         self%follows_stiffness = implicit .and. damps .and. options%chart /= 'paper'
         self%mode%uses_svd = options%basis == 'svd'
         ! The reach of kept charts is measured for the paper's complement. Without restored stages it makes ends of steps more

@@ -75,13 +75,24 @@ module tandem_chart_sparse_motion
         procedure :: do_attach, do_set_origin, start_step, get_memory, set_memory, forget
         procedure :: leave_out_dependent, find_partners
         procedure :: restore, do_accelerate
-        procedure, non_overridable :: fail_here, restore_position, restore_velocity
+        procedure, non_overridable :: fail_here, restore_position, restore_velocity, restore_near
         procedure, private, non_overridable :: make_origin
         procedure, private, non_overridable :: meet_velocity
         procedure, private, nopass, non_overridable :: recall
     end type sparse_motion_type
 
     interface
+        !> Bring a point beside the manifold onto it, by the factor of the point itself or of a nearby one.
+        module subroutine restore_near(self, t, is_near, q, qd, stat)
+            implicit none (type, external)
+            class(sparse_motion_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            !> True if the last point is so near that its factor may be used.
+            logical, intent(in) :: is_near
+            real(wp), intent(inout) :: q(self%n), qd(self%n)
+            integer, intent(out) :: stat
+        end subroutine restore_near
+
         !> qd = qd0 + eta - Y0 x with C qd = nu.
         module subroutine restore_velocity(self, t, q, increment, goal, qd, stat)
             implicit none (type, external)
@@ -380,6 +391,15 @@ contains
         integer, intent(out) :: stat
         logical :: has_phi
 
+        if (goal%follows_stages) then
+            if (associated(self%timer)) call self%timer%begin_operation(of_position)
+            q = self%q0 + dq
+            qd = self%qd0 + dqd
+            call self%restore_near(t, .true., q, qd, stat)
+            self%delta = (q - self%q0) - dq
+            if (associated(self%timer)) call self%timer%end_operation()
+            return
+        end if
         if (associated(self%timer)) call self%timer%begin_operation(of_position)
         call self%restore_position(t, dq, goal, q, stat)
         if (associated(self%timer)) call self%timer%end_operation()

@@ -2,7 +2,7 @@
 !> The sparse tangent-space chart at (t0, q0, qd0), for mechanisms of many bodies: the cost of a step is proportional to their
 !> number. Operations at points and between steps; `tandem_chart_sparse_motion` contains the operations of steps.
 module tandem_chart_sparse
-    use tandem_chart, only: least_bend, measure_type, need_change, need_contraction, need_line, need_rank
+    use tandem_chart, only: measure_type, need_change, need_line, need_rank
     use tandem_chart_sparse_factor, only: least_pivot
     use tandem_chart_sparse_coupled_stages, only: sparse_coupled_type
     use tandem_chart_sparse_motion, only: find_obstacle
@@ -20,8 +20,6 @@ module tandem_chart_sparse
 
     !> The chart by blocks of a factor.
     type, extends(sparse_coupled_type) :: sparse_chart_type
-        !> Work space of `contraction` (n).
-        real(wp), allocatable, private :: correction(:), displacement(:)
     contains
         procedure :: do_project, remove_normal, do_find_multipliers, do_find_errors, do_measure, pack_state
     end type sparse_chart_type
@@ -37,81 +35,11 @@ contains
         integer, intent(out) :: stat
 
         if (moves_q) then
-            call restore_near(self, t, q, qd, stat)
+            call self%restore_near(t, .false., q, qd, stat)
         else
             call project_velocity(self, t, q, qd, stat)
         end if
     end subroutine do_project
-
-    !> Bring a point beside the manifold onto it, by the factor of the point itself, which is reused while Phi falls fast.
-    subroutine restore_near(self, t, q, qd, stat)
-        class(sparse_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(inout) :: q(self%n), qd(self%n)
-        integer, intent(out) :: stat
-        integer, parameter :: most = 30
-        real(wp), parameter :: fast = 0.1_wp, slow = 0.5_wp
-        real(wp) :: error, last_error
-        integer :: k, pass
-
-        self%failure%row = 0
-        last_error = huge(1.0_wp)
-        stat = status_ok
-        associate (s => self%system)
-            do k = 0, merge(most, -1, s%nh > 0)
-                call s%model%evaluate_phi(t, q, self%counts, stat)
-                if (stat /= status_ok) then
-                    self%failure%term = trim(s%model%failed_term)
-                    return
-                end if
-                error = largest(s%nh, s%model%terms%phi, self%phi_weight)
-                if (.not. error <= huge(1.0_wp)) then
-                    call s%name_infinite(stat)
-                    self%failure%term = trim(s%model%failed_term)
-                    return
-                end if
-                if (error <= self%end_tolerance) exit
-                ! Rounding prevents further convergence; the point is near enough.
-                if (error <= self%tolerance .and. error > slow*last_error) exit
-                if (k == most) then
-                    stat = status_position_diverged
-                    self%failure%row = maxloc(abs(s%model%terms%phi)*self%phi_weight, dim=1)
-                    self%failure%value = error
-                    return
-                end if
-                if (k == 0 .or. error > fast*last_error) call go_there()
-                if (stat /= status_ok) return
-                s%g(:s%nh) = -s%model%terms%phi
-                s%g(s%nh + 1:) = 0.0_wp
-                call s%factor(s%here)%solve(s%analysis, .false., q, s%g, s%x, s%z)
-                q = q + s%x
-                last_error = error
-            end do
-            call go_there()
-            if (stat /= status_ok) return
-            s%has_phi = s%nh > 0
-            ! The second pass removes the rounding error of the first.
-            do pass = 1, 2
-                s%g(:) = s%model%terms%nu
-                call s%factor(s%here)%multiply(s%analysis, qd, s%g)
-                call s%factor(s%here)%solve(s%analysis, .false., qd, s%g, s%x, s%z)
-                qd = qd + s%x
-            end do
-            if (sum(abs(qd)) <= huge(1.0_wp)) return
-            stat = status_not_finite
-            call s%name_infinite(stat)
-            self%failure%term = trim(s%model%failed_term)
-        end associate
-
-    contains
-
-        !> Compute the factor at the point.
-        subroutine go_there()
-            call self%system%visit(t, q, self%counts, stat)
-            if (stat == status_ok) call self%system%factorize(self%counts, stat)
-            if (stat /= status_ok) call self%fail_here(stat)
-        end subroutine go_there
-    end subroutine restore_near
 
     !> Remove from errors of rates at the point of the last projection their components normal to a curve.
     subroutine remove_normal(self, error_q, error_qd)
@@ -225,11 +153,6 @@ contains
         if (iand(need, need_line) /= 0) stat = loss_ahead(self, t_from, q_from, t, q)
         if (stat /= status_ok) return
         if (iand(need, need_change) /= 0) measure%change = relative_change(self)
-        if (iand(need, need_contraction) /= 0) then
-            if (.not. allocated(self%correction)) allocate (self%correction(self%n), self%displacement(self%n))
-            self%displacement(:) = q - q_from
-            measure%contraction = contraction(self, self%displacement)
-        end if
     end subroutine do_measure
 
     !> Number of steps like the one to (t, q) until C loses rank.
@@ -340,27 +263,6 @@ contains
         end associate
         relative_change = sqrt(sum(change/max(length, tiny(1.0_wp))))
     end function relative_change
-
-    !> Part of the correction of a displacement that C of the start leaves at the current point, see `measure_type`.
-    real(wp) function contraction(self, displacement)
-        class(sparse_chart_type), intent(inout) :: self
-        real(wp), intent(in), contiguous :: displacement(:)
-        real(wp) :: below
-
-        contraction = 0.0_wp
-        associate (s => self%system)
-            if (s%nh == 0) return
-            s%g(:) = 0.0_wp
-            call s%factor(s%base)%multiply(s%analysis, displacement, s%g)
-            s%g(:) = -s%g
-            below = largest(s%nh, s%g, self%phi_weight)
-            if (.not. below > least_bend) return
-            s%g(s%nh + 1:) = 0.0_wp
-            call s%factor(s%base)%solve(s%analysis, .false., displacement, s%g, self%correction, s%z)
-            call s%factor(s%here)%multiply(s%analysis, self%correction, s%g)
-            contraction = largest(s%nh, s%g, self%phi_weight)/below
-        end associate
-    end function contraction
 
     !> The origin, the factors there and at the last point, and the state of iterations.
     subroutine pack_state(self, pack)
