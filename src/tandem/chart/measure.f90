@@ -22,8 +22,9 @@ module tandem_chart_measure
         real(wp) :: fallen = 1.0_wp, loosened = 1.0_wp
         !> `need_change`: change of C from the start of the step, rows of unit length, Frobenius norm.
         real(wp) :: change = 0.0_wp
-        !> `need_contraction`, for charts with a reach: the part of the correction of the displacement back to the manifold that Newton's iteration with C of
-        !> the start leaves at the end. 0 if C has not changed, and for small corrections; 1 if the iteration stagnates.
+        !> `need_contraction`, for charts with a reach: the part of the correction of the displacement back to the manifold that
+        !> Newton's iteration with C of the start leaves at the end. 0 if C has not changed, and for small corrections; 1 if the
+        !> iteration stagnates.
         real(wp) :: contraction = 0.0_wp
         !> `need_policy`: |v|_2 and |w|_2 in scaled coordinates; |D|_2 and |Fbar|_2, 1 at the origin, then the secants of the angles
         !> between the tangent spaces; condition number of (38) or (81); most corrections of an iteration for u, B or H since the

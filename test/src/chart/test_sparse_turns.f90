@@ -2,9 +2,9 @@
 !> Tests of the sparse chart with large rotations within a step: a rotor with its closed form, a bicycle against the dense chart.
 module test_sparse_turns
     use asserts, only: check_close, check_no_failure
-    use tandem, only: failure_type => error_type, mechanism_type, options_type, simulation_type, wp
+    use tandem, only: failure_type => error_type, long, mechanism_type, options_type, simulation_type, statistics_type, wp
     use tandem_io, only: find_scene, read_scene, scene_type
-    use testdrive, only: error_type, new_unittest, unittest_type
+    use testdrive, only: check, error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
 
@@ -20,6 +20,7 @@ contains
 
         testsuite = [ &
             new_unittest('a-fast-rotor', test_rotor), &
+            new_unittest('steps-of-more-than-half-a-turn', test_half_turns), &
             new_unittest('wheels-under-error-control', test_wheels)]
     end subroutine collect_sparse_turns
 
@@ -35,32 +36,66 @@ contains
         character(len=9), parameter :: name(4) = ['0.3 rad  ', '0.8 rad  ', '1.3 rad  ', '1.8 rad  ']
         type(mechanism_type), target :: mechanism
         type(simulation_type) :: simulation
-        type(failure_type), allocatable :: failure
         type(options_type) :: options
-        real(wp) :: angle, q(7), qd(7)
+        real(wp) :: angle
         integer :: i
 
         options%stepper = 'dop853'
         options%chart_kind = 'sparse'
         do i = 1, size(turn)
             options%step = turn(i)/speed
-            mechanism = mechanism_type()
-            call mechanism%add_body('rotor', 2.0_wp, origin, failure, inertia=[0.06_wp, 0.12_wp, 0.06_wp], omega=speed*y_axis)
-            if (.not. allocated(failure)) call mechanism%add_joint('axle', 'revolute', 'ground', 'rotor', failure, at=origin, &
-                axis=y_axis)
-            if (.not. allocated(failure)) call mechanism%define(failure)
-            call check_no_failure(error, failure)
-            if (allocated(error)) return
-            call mechanism%start(q, qd)
-            call simulation%initialize(mechanism, options, 0.0_wp, q, qd, failure)
-            if (.not. allocated(failure)) call simulation%integrate(steps*options%step, failure)
-            call check_no_failure(error, failure)
+            call run_rotor(mechanism, simulation, options, speed, steps*options%step, error)
             if (allocated(error)) return
             angle = steps*turn(i)
             call check_close(error, simulation%state%q, [origin, cos(0.5_wp*angle), 0.0_wp, sin(0.5_wp*angle), 0.0_wp], left(i), &
                 name(i))
         end do
     end subroutine test_rotor
+
+    !> At loose tolerances a step exceeds half a turn, beyond which C of its start does not correct its end. The error stays below
+    !> the sum of the local ones, each of which is below the tolerance.
+    subroutine test_half_turns(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: speed = 100.0_wp, t_end = 1.0_wp, pi = acos(-1.0_wp)
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+        type(statistics_type) :: statistics
+        type(options_type) :: options
+
+        options%stepper = 'dop853'
+        options%chart_kind = 'sparse'
+        options%rtol = 1.0e-3_wp
+        call run_rotor(mechanism, simulation, options, speed, t_end, error)
+        if (allocated(error)) return
+        statistics = simulation%statistics()
+        call check(error, statistics%steps*pi < speed*t_end, 'no step exceeds half a turn')
+        if (.not. allocated(error)) call check(error, statistics%failed, 0_long, 'attempts that fail')
+        if (.not. allocated(error)) call check_close(error, simulation%state%q, [origin, cos(0.5_wp*speed*t_end), 0.0_wp, &
+            sin(0.5_wp*speed*t_end), 0.0_wp], statistics%steps*options%rtol, 'at the end')
+    end subroutine test_half_turns
+
+    !> Run a rotor about the y axis.
+    subroutine run_rotor(mechanism, simulation, options, speed, t_end, error)
+        type(mechanism_type), intent(out), target :: mechanism
+        type(simulation_type), intent(inout) :: simulation
+        type(options_type), intent(in) :: options
+        !> Angular velocity (rad/s) and end of the run (s).
+        real(wp), intent(in) :: speed, t_end
+        type(error_type), allocatable, intent(out) :: error
+        type(failure_type), allocatable :: failure
+        real(wp) :: q(7), qd(7)
+
+        call mechanism%add_body('rotor', 2.0_wp, origin, failure, inertia=[0.06_wp, 0.12_wp, 0.06_wp], omega=speed*y_axis)
+        if (.not. allocated(failure)) call mechanism%add_joint('axle', 'revolute', 'ground', 'rotor', failure, at=origin, &
+            axis=y_axis)
+        if (.not. allocated(failure)) call mechanism%define(failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call mechanism%start(q, qd)
+        call simulation%initialize(mechanism, options, 0.0_wp, q, qd, failure)
+        if (.not. allocated(failure)) call simulation%integrate(t_end, failure)
+        call check_no_failure(error, failure)
+    end subroutine run_rotor
 
     !> The wheels of the bicycle turn by more than a radian in a step that the error allows. Every tolerance ends on the motion of
     !> the dense chart, explicit and implicit.
