@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The command line as a library: a program that calls `command_line` with its own models runs, checks, studies and resumes scenes
-!> of them as `tandem` does with the shipped ones, which are included too. See example/dependent.
+!> The command line as a library. A program that calls `command_line` with its own models can run, check, study and resume scenes
+!> with these models as `tandem` does with the shipped ones, which are included. See example/dependent.
 module tandem_command_line
     use tandem, only: error_type
     use tandem_cli_arguments, only: arguments_type, read_arguments
@@ -40,12 +40,12 @@ module tandem_command_line
 
 contains
 
-    !> Execute the command line: find the subcommand and pass the rest to it.
+    !> Execute the command line: find the subcommand and pass the remaining arguments to it.
     subroutine command_line(code, models)
-        !> Exit code: 0 done, 1 the run failed, 2 the input was wrong, 128 + n ended by signal n.
+        !> Exit code: 0 success, 1 failed run, 2 invalid input, 128 + n end by signal n.
         integer, intent(out) :: code
-        !> Models in addition to the shipped ones, each with the procedure that reads it from a scene; they take precedence over a
-        !> shipped one of the same name.
+        !> Additional models, each with the procedure that reads it from a scene. They take precedence over shipped models with the
+        !> same name.
         type(scene_model_type), intent(in), optional :: models(:)
         type(arguments_type) :: arguments
         type(error_type), allocatable :: error

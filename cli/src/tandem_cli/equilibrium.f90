@@ -11,9 +11,9 @@ module tandem_cli_equilibrium
 
     public :: equilibrium
 
-    !> Largest number of coordinates that are printed; the object of --json contains all.
+    !> Largest number of coordinates that are printed as text; JSON output contains all.
     integer, parameter :: most_names = 60
-    !> Largest number of coordinates for the stability analysis, which takes minutes for more with its full matrices.
+    !> Largest number of coordinates for the stability analysis, which uses full matrices and takes minutes beyond this size.
     integer, parameter :: most_judged = 300
 
 contains
@@ -50,7 +50,7 @@ contains
         code = done
     end subroutine equilibrium
 
-    !> Print as text.
+    !> Print the result as text.
     subroutine print_equilibrium(scene, linearisation)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: linearisation
@@ -78,7 +78,7 @@ contains
         end associate
     end subroutine print_equilibrium
 
-    !> Print as one object.
+    !> Print the result as one JSON object.
     subroutine print_json(scene, linearisation)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: linearisation

@@ -9,7 +9,7 @@ module tandem_cli_help
 
     public :: help, help_with, refuse_command
 
-    !> Widths of the usage of a subcommand, and of an option.
+    !> Widths of the columns for usage and options.
     integer, parameter :: usage_width = 36, option_width = 27
 
 contains

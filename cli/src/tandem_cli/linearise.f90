@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> tandem linearise: the linear equations of small motions about a start, an equilibrium, a steady motion or a time of a run, their
-!> eigenvalues and modes.
+!> tandem linearise: linear equations, eigenvalues and modes of small motions about the start, an equilibrium, a steady motion, or a
+!> state of a run.
 module tandem_cli_linearise
     use tandem, only: error_type, floquet_type, inputs_type, linearisation_type, of_motion, set_error, simulation_type, wp
     use tandem_cli_arguments, only: arguments_type

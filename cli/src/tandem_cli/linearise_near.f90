@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem linearise --near: the eigenvalues of a large mechanism nearest to a shift, at an equilibrium or about a steady motion.
+!> tandem linearise --near: eigenvalues of a large mechanism nearest to a shift, at an equilibrium or about a steady motion.
 module tandem_cli_linearise_near
     use tandem, only: error_type, is_input_error, most_nearest, nearest_type, set_error, to_text, wp
     use tandem_cli_arguments, only: arguments_type
@@ -13,7 +13,7 @@ module tandem_cli_linearise_near
 
     public :: linearise_near
 
-    !> Number of modes, unless --modes is given.
+    !> Default number of modes.
     integer, parameter :: usual_modes = 10
 
 contains
@@ -38,7 +38,7 @@ contains
             call complain(error%message)
             return
         end if
-        ! A pair counts as one mode.
+        ! A complex pair counts as one mode.
         call nearest%find(scene%model, scene%t_start, scene%q, shift, 2*n_modes, error, scene%qd)
         if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call write_nearest( &
             arguments%value_of('--output', ''), scene%text, scene%model, nearest, error)
@@ -60,7 +60,7 @@ contains
         code = run_failed
     end subroutine linearise_near
 
-    !> RE or RE,IM.
+    !> Read a shift `RE` or `RE,IM`.
     subroutine read_shift(text, shift, error)
         character(len=*), intent(in) :: text
         complex(wp), intent(out) :: shift
@@ -79,7 +79,7 @@ contains
             '0 or 0,30, not "'//text//'"')
     end subroutine read_shift
 
-    !> Refuse options that select another linearisation.
+    !> Refuse options for other linearisations.
     subroutine refuse_others(arguments, error)
         type(arguments_type), intent(in) :: arguments
         type(error_type), allocatable, intent(out) :: error
@@ -94,7 +94,7 @@ contains
         end do
     end subroutine refuse_others
 
-    !> Print as text, one of each pair.
+    !> Print the result as text, with one eigenvalue per complex pair.
     subroutine print_nearest(scene, it)
         type(scene_type), intent(in) :: scene
         type(nearest_type), intent(in) :: it
@@ -118,7 +118,7 @@ contains
         end do
     end subroutine print_nearest
 
-    !> Motions along which the steady motion continues, with their rates; at most the first few.
+    !> Motions of the steady motion with their rates; only the first few if there are many.
     function rates_text(it) result(text)
         type(nearest_type), intent(in) :: it
         character(len=:), allocatable :: text
@@ -142,7 +142,7 @@ contains
         if (abs(aimag(value)) > 0.0_wp) text = text//' + '//to_text(aimag(value))//' i'
     end function complex_text
 
-    !> Print as one object; the shapes are in the file of --output.
+    !> Print the result as one JSON object; mode shapes are written by --output only.
     subroutine print_json(scene, it)
         type(scene_type), intent(in) :: scene
         type(nearest_type), intent(in) :: it

@@ -10,7 +10,7 @@ module tandem_cli_messages
 
     public :: say, finish_output, complain, in_scene_words, padded, done, run_failed, input_wrong, signalled
 
-    !> Exit codes; after a signal its number is added to `signalled`, as in shells.
+    !> Exit codes. After a signal, its number is added to `signalled`, as in shells.
     integer, parameter :: done = 0, run_failed = 1, input_wrong = 2, signalled = 128
 
     interface
@@ -22,7 +22,7 @@ module tandem_cli_messages
             integer(c_size_t), value :: length
         end subroutine c_say
 
-        !> Flush the output; returns the length of the reason if some of it is lost.
+        !> Flush the output. If a part of the output is lost, the result is the length of the reason, otherwise 0.
         function c_finish_output(text, size) result(length) bind(c, name='tandem_finish_output')
             import :: c_char, c_int
             implicit none (type, external)
@@ -66,7 +66,7 @@ contains
         write (error_unit, '(a)') 'tandem: '//message
     end subroutine complain
 
-    !> Message of an error; an error about the start is completed with the keys of a scene.
+    !> Message of an error. For an error about the start, the keys of a scene are mentioned.
     pure function in_scene_words(error) result(text)
         type(error_type), intent(in) :: error
         character(len=:), allocatable :: text

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem show: the complete scene as TOML that `tandem run` accepts.
+!> tandem show: a complete scene in TOML, as accepted by `tandem run`.
 module tandem_cli_show
     use tandem, only: error_type
     use tandem_cli_arguments, only: arguments_type
@@ -12,7 +12,7 @@ module tandem_cli_show
 
 contains
 
-    !> Show a scene with all defaults.
+    !> Print a scene with all defaults.
     subroutine show(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -28,7 +28,7 @@ contains
             code = input_wrong
             return
         end if
-        ! The last line already has a line end.
+        ! The text ends with a newline already.
         call say(scene%text(:len(scene%text) - 1))
         code = done
     end subroutine show

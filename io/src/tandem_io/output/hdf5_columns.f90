@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Datasets of known size whose rows are written block by block: tables too large for the memory.
+!> Datasets of known size that are written in blocks of rows, for tables too large for memory.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_columns
     implicit none (type, external)
 
     interface
-        !> Set the recording of creation times of objects by HDF5.
+        !> Enable or disable the recording of creation times of objects.
         function h5p_set_obj_track_times(properties, tracks) result(stat) bind(c, name='H5Pset_obj_track_times')
             use, intrinsic :: iso_c_binding, only: c_bool, c_int, c_int64_t
             implicit none (type, external)
@@ -39,7 +39,7 @@ contains
 
     module procedure fill_column
         integer(hid_t) :: file_space, memory_space
-        type(c_ptr) :: place
+        type(c_ptr) :: data
         integer :: stat, rank
 
         if (allocated(self%problem) .or. size(values) == 0) return
@@ -53,8 +53,8 @@ contains
             call h5sselect_hyperslab_f(file_space, h5s_select_set_f, start(first:), block(first:), stat)
             call h5screate_simple_f(rank, block(first:), memory_space, stat)
         end associate
-        place = c_loc(values)
-        call h5dwrite_f(dataset, h5t_native_double, place, stat, memory_space, file_space)
+        data = c_loc(values)
+        call h5dwrite_f(dataset, h5t_native_double, data, stat, memory_space, file_space)
         call self%note(stat, 'write '//path)
         call h5sclose_f(memory_space, stat)
         call h5sclose_f(file_space, stat)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> HDF5 operations of a resumed run: open the existing file, cut rows off, and store integers that are not rows.
+!> HDF5 operations of a resumed run: opening the existing file, removing rows, and arrays of integers that are not rows.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_resuming
     use hdf5, only: h5_integer_kind, h5dopen_f, h5dread_f, h5kind_to_type, h5ldelete_f, h5lexists_f, &
         h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f
@@ -8,7 +8,7 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_resuming
 contains
 
     module procedure open_to_append
-        !> Room for the data before the first row, and for some rows.
+        !> Space for the data before the first row and for some rows, bytes.
         integer(c_int64_t), parameter :: room = 2**19
         integer(hid_t) :: access
         integer(c_int64_t) :: size
@@ -17,16 +17,17 @@ contains
         call start_library(stat)
         call self%note(stat, 'start HDF5')
         if (allocated(self%problem)) return
-        ! An index may refer to data that a killed writer put behind the end stated in the superblock: nothing may be written there.
+        ! Indices may refer to data that a killed writer has written after the end stated in the superblock: this part must not be
+        ! overwritten.
         inquire (file=path, size=size)
-        call self%guard%take(path)
-        ! On a full disk nothing is begun.
+        call self%guard%lock(path)
+        ! On a full disk the file is left unchanged.
         call forget_reason()
         if (.not. self%guard%has_room(room)) then
             call self%note(-1, 'make '//path//' larger')
             return
         end if
-        call self%guard%mend(size)
+        call self%guard%repair(size)
         self%datasets = datasets
         call make_access(access, .true., self%driver, self%datasets)
         call forget_reason()

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Datasets written or read with all their values in one call, as for reports.
+!> Datasets that are written or read in a single call.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_tables
     use hdf5, only: h5_integer_kind, h5dopen_f, h5dread_f, h5f_acc_rdonly_f, h5kind_to_type, h5lcreate_hard_f, h5lexists_f, &
         h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f
@@ -41,13 +41,13 @@ contains
         call h5tclose_f(text_type, stat)
     end procedure put_strings
 
-    !> Make a dataset with all its values.
+    !> Create a dataset with all its values.
     subroutine put_values(self, path, file_type, memory_type, values, sizes)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
         integer(hid_t), intent(in) :: file_type, memory_type
         type(c_ptr), intent(in) :: values
-        !> Of its dimensions, in Fortran's order.
+        !> Sizes of the dimensions, in Fortran order.
         integer, intent(in) :: sizes(:)
         integer(hid_t) :: space, dataset
         integer :: stat
@@ -92,7 +92,7 @@ contains
     module procedure get
         integer(hid_t) :: dataset, space
         integer(hsize_t) :: sizes(2), largest(2)
-        type(c_ptr) :: place
+        type(c_ptr) :: buffer
         integer :: stat, rank
 
         if (allocated(self%problem)) return
@@ -106,8 +106,8 @@ contains
             call h5sget_simple_extent_dims_f(space, sizes(3 - rank:), largest(3 - rank:), stat)
             allocate (values(sizes(1), sizes(2)))
             stat = 0
-            place = c_loc(values)
-            if (size(values) > 0) call h5dread_f(dataset, h5t_native_double, place, stat)
+            buffer = c_loc(values)
+            if (size(values) > 0) call h5dread_f(dataset, h5t_native_double, buffer, stat)
         else
             stat = -1
         end if

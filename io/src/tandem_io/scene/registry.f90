@@ -27,17 +27,17 @@ module tandem_io_scene_registry
         end subroutine build_interface
     end interface
 
-    !> The name of a model in scenes, and the procedure that builds it: `scene_model_type('pendulum', build_pendulum)`.
+    !> Name of a model in scenes, and the procedure that builds it: `scene_model_type('pendulum', build_pendulum)`.
     type :: scene_model_type
         character(len=key_length) :: name
         procedure(build_interface), pointer, nopass :: build
-        !> Tables of the model besides those of every scene.
+        !> Tables of the model in addition to those of every scene.
         character(len=key_length), allocatable :: tables(:)
     end type scene_model_type
 
 contains
 
-    !> The models of this package. A new one is a file beside this one and a line here.
+    !> Models of this package. A new model needs a file beside this one and a line in this list.
     function shipped_models() result(models)
         type(scene_model_type) :: models(4)
 
