@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The public face of tandem-io: re-exports only.
+!> Public interface of tandem-io, which re-exports entities of its modules.
 module tandem_io
     use tandem_io_json, only: json_type
     use tandem_io_output_checkpoint, only: read_snapshot, snapshot_type

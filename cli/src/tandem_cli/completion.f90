@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> tandem completion: a shell script that completes subcommands, options, scenes and files, from the table of subcommands.
+!> tandem completion: a shell script that completes subcommands, options, scenes and files, according to the tables of subcommands
+!> and options.
 module tandem_cli_completion
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_commands, only: command_type, commands, options, takes_option
@@ -22,7 +23,7 @@ contains
         case ('bash')
             call say_bash()
         case ('zsh')
-            ! zsh uses functions of bash for completion.
+            ! zsh emulates the completion functions of bash.
             call say('#compdef tandem')
             call say('autoload -U +X bashcompinit && bashcompinit')
             call say_bash()
@@ -33,7 +34,7 @@ contains
         end select
     end subroutine completion
 
-    !> The script for bash. A subcommand of two words is looked up by both.
+    !> Print the script for bash. A subcommand of two words is identified by both words.
     subroutine say_bash()
         integer :: i
 

@@ -34,7 +34,7 @@ module tandem_cli_messages
 
 contains
 
-    !> Write a line to stdout. All output uses this procedure, because a write of gfortran does not report failures.
+    !> Write a line to stdout. All output must use this procedure, because writes of gfortran do not report failures.
     subroutine say(line)
         character(len=*), intent(in) :: line
 

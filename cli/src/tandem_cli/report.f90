@@ -101,7 +101,7 @@ contains
         call print_line('left out', left_out(s, scene))
     end subroutine print_report
 
-    !> The estimated error of the whole run.
+    !> Estimated error of the run.
     function error_at_end(global_error, scene) result(text)
         class(global_error_type), intent(in) :: global_error
         type(scene_type), intent(in) :: scene
@@ -254,7 +254,7 @@ contains
         if (error%stat == status_output_failed) text = 'INCOMPLETE: the file could not be completed'
     end function rows_text
 
-    !> Print energy and its drift, if written.
+    !> Print the energy and its drift, if they were written.
     subroutine print_energy(trajectory)
         type(trajectory_type), intent(in) :: trajectory
         character(len=:), allocatable :: name, text
@@ -434,7 +434,7 @@ contains
         text = to_toml(rounded)
     end function short
 
-    !> A count without blanks.
+    !> Count without blanks.
     pure function count_text(number) result(text)
         integer(long), intent(in) :: number
         character(len=:), allocatable :: text
@@ -444,7 +444,7 @@ contains
         text = trim(buffer)
     end function count_text
 
-    !> A count and the name of the counted item.
+    !> Count with the name of the counted items.
     pure function counted(number, name) result(text)
         integer(long), intent(in) :: number
         character(len=*), intent(in) :: name

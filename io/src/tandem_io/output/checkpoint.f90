@@ -48,7 +48,7 @@ module tandem_io_output_checkpoint
         procedure, private :: pack_state => pack_snapshot
     end type snapshot_type
 
-    !> Destination of snapshots.
+    !> Writer of snapshots.
     type :: checkpoint_type
         private
         integer(hid_t) :: datasets(2) = -1_hid_t
@@ -201,7 +201,7 @@ contains
     subroutine pack_snapshot(self, pack, problem)
         class(snapshot_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
-        !> Reason why it is unreadable; blank if it is readable.
+        !> Reason why the snapshot is unreadable; blank if it is readable.
         character(len=*), intent(out) :: problem
         character(len=:), allocatable :: version
 

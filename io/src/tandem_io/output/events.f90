@@ -88,7 +88,7 @@ contains
     subroutine cut(self, file, n, rows)
         class(event_output_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file
-        !> Number of coordinates, and rows.
+        !> Number of coordinates; number of rows to keep.
         integer, intent(in) :: n
         integer(long), intent(in) :: rows
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Fields of a result file besides the time, and the selection made by a scene. This table is the only list of the fields.
+!> Fields of a result file except the time, and their selection by a scene. All fields are listed in the table of this module.
 module tandem_io_output_fields
     use tandem, only: model_type, wp
     implicit none (type, external)

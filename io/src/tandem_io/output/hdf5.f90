@@ -85,9 +85,9 @@ module tandem_io_output_hdf5
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             integer(hid_t), intent(in) :: dataset
-            !> Number of dimensions of the dataset.
+            !> Path of the dataset, for messages.
             character(len=*), intent(in) :: path
-            !> How many dimensions the dataset has.
+            !> Number of dimensions of the dataset.
             integer, intent(in) :: rank
             integer(hid_t), intent(in) :: scale
         end subroutine scale_rows
@@ -109,11 +109,11 @@ module tandem_io_output_hdf5
             character(len=*), intent(in) :: path
             !> Numbers per row; 0 for one number per row, without the second dimension.
             integer, intent(in) :: width
-            !> Rows in a chunk.
+            !> Rows per chunk.
             integer, intent(in) :: chunk
             !> True if integers are stored.
             logical, intent(in) :: counts
-            !> The dataset.
+            !> Identifier of the open dataset.
             integer(hid_t), intent(out) :: dataset
             !> Scale of the rows, to be passed to `list_users` later. If absent, the dataset becomes a scale itself.
             integer(hid_t), intent(in), optional :: scale
@@ -395,7 +395,7 @@ module tandem_io_output_hdf5
             integer, intent(in) :: width
             !> Number of rows before these.
             integer(long), intent(in) :: before
-            !> The rows, one per column.
+            !> Rows, one per column.
             real(wp), intent(in), contiguous, target :: values(:, :)
         end subroutine fill_column
 
@@ -421,7 +421,7 @@ module tandem_io_output_hdf5
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
-            !> Not allocated if it is unreadable.
+            !> Not allocated if the dataset is unreadable.
             real(wp), allocatable, target, intent(out) :: values(:, :)
         end subroutine get
     end interface
@@ -432,7 +432,7 @@ contains
     subroutine create(self, path, datasets)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
-        !> Number of datasets that will grow, if `start_appending` will be called.
+        !> Number of datasets that grow; absent if `start_appending` is not called.
         integer, intent(in), optional :: datasets
         logical :: grows
         integer(hid_t) :: access, properties

@@ -73,7 +73,7 @@ contains
         end associate
     end procedure measure
 
-    !> Advance the integrals of the model to the current time, by the formula of Gauss of order 10 on the dense output.
+    !> Advance the integrals of the model to the current time by Gaussian quadrature of order 10 on the dense output.
     module procedure integrate
         integer, parameter :: n = 5
         real(wp), parameter :: a = sqrt(5 - 2*sqrt(10/7.0_wp))/3, b = sqrt(5 + 2*sqrt(10/7.0_wp))/3
@@ -129,7 +129,7 @@ contains
         integer(long) :: i, n
 
         to = simulation%state%t
-        ! A state changed by an event at the end of the step is not part of the motion within the step.
+        ! If an event has changed the state at the end of the step, the new state is not part of the motion within the step.
         if (.not. to > self%spaced_until) return
         self%spaced_until = to
         from = to - simulation%last_step
@@ -158,7 +158,7 @@ contains
         self%gathered = 0
     end procedure write_rows
 
-    !> The running number of the current chart.
+    !> Running number of the current chart.
     integer(long) function number_of_charts(simulation)
         class(simulation_type), intent(in) :: simulation
 

@@ -21,7 +21,7 @@ contains
     !> Check a path for a new result. A path that cannot be written, an existing file without `force`, and a file in use are
     !> refused. If the file does not exist, an empty one is created.
     subroutine check_target(path, force, is_new, error)
-        !> The result file.
+        !> Path of the result file.
         character(len=*), intent(in) :: path
         !> True if an existing file may be overwritten.
         logical, intent(in) :: force
@@ -175,7 +175,7 @@ contains
         if (can_be_opened) call h5fclose_f(file, stat)
     end function can_be_opened
 
-    !> True if a file exists and was written by tandem.
+    !> True if a file exists and is a result of tandem.
     logical function is_result(path)
         character(len=*), intent(in) :: path
         integer(hid_t) :: file
@@ -190,7 +190,7 @@ contains
         call h5fclose_f(file, stat)
     end function is_result
 
-    !> True if a regular file exists and is HDF5.
+    !> True if a regular file exists and is in HDF5 format.
     logical function is_hdf5(path)
         character(len=*), intent(in) :: path
         integer :: stat

@@ -51,7 +51,7 @@ module tandem_io_output_trajectory
     type, extends(observer_type) :: trajectory_type
         !> The energy at the rows.
         type(energy_type) :: energy
-        !> Rows in the file.
+        !> Number of rows in the file.
         integer(long) :: rows = 0
         !> Profile to which the time of writing is added, if any.
         type(profile_type), pointer :: profile => null()
@@ -80,7 +80,7 @@ module tandem_io_output_trajectory
         type(event_output_type), private :: events
         type(series_type), allocatable, private :: series(:)
         integer, private :: every = 1, capacity = 1, gathered = 0
-        !> Quantities of the model besides the fields, one after the other.
+        !> Values of the model's quantities, one after the other.
         real(wp), allocatable, private :: quantities(:)
         !> Multipliers and integrands of the model's integrals, and the time up to which the integrals are computed.
         real(wp), allocatable, private :: lambda(:), rates(:)
@@ -96,7 +96,7 @@ module tandem_io_output_trajectory
     end type trajectory_type
 
     interface
-        !> Compute the fields of the current state and keep them as a row.
+        !> Compute the fields of the current state and store them as a row in the buffer.
         module subroutine gather(self, simulation, error)
             implicit none (type, external)
             class(trajectory_type), intent(inout) :: self
@@ -138,7 +138,7 @@ module tandem_io_output_trajectory
             logical, intent(in) :: is_before_event
         end subroutine gather_between
 
-        !> Write the gathered rows.
+        !> Write the rows of the buffer.
         module subroutine write_rows(self)
             implicit none (type, external)
             class(trajectory_type), intent(inout) :: self
@@ -181,7 +181,7 @@ contains
     subroutine claim(self, path, error)
         class(trajectory_type), intent(inout) :: self
         character(len=*), intent(in) :: path
-        !> Another process is writing the file.
+        !> Set if another process is writing the file.
         type(error_type), allocatable, intent(out) :: error
         logical :: is_refused
 
@@ -250,7 +250,7 @@ contains
     !> Continue the file of an interrupted run, for a simulation restored from the same snapshot. Later rows are removed.
     subroutine resume(self, output, simulation, snapshot, scene, error, watcher)
         class(trajectory_type), intent(inout) :: self
-        !> Output settings with which the file was made, and its present path.
+        !> Output settings of the interrupted run, with the present path of the file.
         type(output_type), intent(in) :: output
         class(simulation_type), intent(in) :: simulation
         type(snapshot_type), intent(in) :: snapshot
@@ -506,9 +506,9 @@ contains
     subroutine close(self, simulation, run_error, error, more_follows)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(in) :: simulation
-        !> The error of the run, not allocated if it was complete.
+        !> Error that ended the run; not allocated if the run was complete.
         type(error_type), allocatable, intent(in) :: run_error
-        !> The rows or the report could not be written.
+        !> Set if the rows or the report could not be written.
         type(error_type), allocatable, intent(out) :: error
         !> True to keep the file locked against other writers until `release`; default false.
         logical, intent(in), optional :: more_follows
@@ -558,7 +558,7 @@ contains
         call self%file%close(self%more_follows)
     end subroutine write_outcome
 
-    !> Write the error of the run into the file that `close` has closed.
+    !> Write the global error of the run into the file after `close`.
     subroutine add_error(self, simulation, global_error, error)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(in) :: simulation
@@ -573,7 +573,7 @@ contains
         if (allocated(self%file%problem)) call self%fail(error)
     end subroutine add_error
 
-    !> Write the profile of the run into the file that `close` has closed.
+    !> Write the profile of the run into the file after `close`.
     subroutine add_profile(self, profile, error)
         class(trajectory_type), intent(inout) :: self
         type(profile_type), intent(in) :: profile
@@ -610,7 +610,7 @@ contains
         deallocate (self%series)
     end subroutine close_datasets
 
-    !> Make the group of events.
+    !> Create the group of events.
     subroutine open_events(self, simulation)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(in) :: simulation
@@ -669,7 +669,7 @@ contains
         class(simulation_type), intent(inout) :: simulation
         type(error_type), allocatable :: error
 
-        ! Between an event and its action there is no state to resume from; the last one is used.
+        ! Between an event and its action, no state can be saved; the previous one remains valid.
         call simulation%save_state(self%snapshot%simulation, error)
         if (allocated(error)) return
         self%snapshot%rows = self%rows
@@ -683,13 +683,13 @@ contains
             call self%watcher%pack_state(self%pack)
             call self%pack%end_writing('watcher', self%snapshot%watcher)
         end if
-        ! The sums first, so that no state counts rows without sums.
+        ! Checksums are written first, so that the saved state never refers to rows without checksums.
         call self%checksums%write(self%file, self%rows, self%events%rows, checksums_of(self))
         call self%checkpoint%write(self%file, self%snapshot)
         call self%file%flush()
     end subroutine save_simulation
 
-    !> The file's problem as an error.
+    !> Convert the problem of the file to an error.
     subroutine fail(self, error)
         class(trajectory_type), intent(in) :: self
         type(error_type), allocatable, intent(out) :: error

@@ -14,7 +14,7 @@ module tandem_io_output_verification
 
 contains
 
-    !> Read all of a result file, which stays unchanged.
+    !> Read a result file completely, without changing it, and compare it with its checksums.
     subroutine verify_result(path, finding, status, error)
         character(len=*), intent(in) :: path
         !> Result of the check.

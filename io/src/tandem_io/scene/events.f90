@@ -18,7 +18,7 @@ contains
     !> Read the events of a scene.
     subroutine read_events(reader, model, events)
         class(reader_type), intent(inout) :: reader
-        !> The model, whose coordinates and constraint rows can be watched.
+        !> Model whose coordinates, constraint rows and quantities can be watched.
         class(model_type), intent(inout) :: model
         type(threshold_event_type), allocatable, intent(out) :: events(:)
         character(len=:), allocatable :: name, watch, change

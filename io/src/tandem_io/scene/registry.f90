@@ -13,9 +13,8 @@ module tandem_io_scene_registry
     public :: scene_model_type, shipped_models
 
     abstract interface
-        !> Read [model] and what the model has in [initial]; the latter table stays open. Before, [scene] is open for keys that the
-        !> model
-        !> has there. Errors stay in the reader.
+        !> Read [model] and the model's own keys of [initial]; the latter table stays open for the caller. On entry, [scene] is open
+        !> for additional keys of the model. Errors are stored in the reader.
         subroutine build_interface(reader, model, q, qd)
             import :: reader_type, model_type, wp
             implicit none (type, external)

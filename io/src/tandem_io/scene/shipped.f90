@@ -18,7 +18,7 @@ module tandem_io_scene_shipped
     integer, parameter :: levels = 4
     !> Largest number of scenes in a list.
     integer, parameter :: most = 256
-    !> Longest path.
+    !> Largest length of a path.
     integer, parameter :: path_length = 4096
     !> File name extension of scenes.
     character(len=*), parameter :: ending = '.toml'

@@ -52,7 +52,7 @@ module tandem_io_study_trial
         real(wp) :: growth = 0.0_wp, pages = 0.0_wp
         !> Error reported to the user; NaN if none was reported.
         real(wp) :: reported = 0.0_wp
-        !> Number of warnings to the user.
+        !> Number of warnings given to the user.
         integer :: warnings = 0
         type(statistics_type) :: statistics
         !> Motion at the sample times (n, k).

@@ -233,7 +233,7 @@ contains
     !> Inputs of a case as numbers; for texts, the indices of the texts.
     pure subroutine numbers_of(self, case, numbers)
         class(plan_type), intent(in) :: self
-        !> From 1 to `n_cases`.
+        !> Number of the case, from 1 to `n_cases`.
         integer(long), intent(in) :: case
         real(wp), intent(out) :: numbers(:)
         integer(long) :: draw, grid_point, row
@@ -268,7 +268,7 @@ contains
     !> Value that a number of `numbers_of` represents.
     pure function atom_of(self, i, number) result(atom)
         class(plan_type), intent(in) :: self
-        !> The input.
+        !> Index of the input.
         integer, intent(in) :: i
         real(wp), intent(in) :: number
         type(atom_type) :: atom
@@ -283,7 +283,7 @@ contains
     !> Uniformly distributed number between 0 and 1 of a draw in a column.
     pure real(wp) function uniform_number(self, draw, column) result(u)
         class(plan_type), intent(in) :: self
-        !> From 0 on.
+        !> Number of the draw, from 0.
         integer(long), intent(in) :: draw
         integer, intent(in) :: column
         integer(long) :: point, words(4)
