@@ -46,7 +46,7 @@ def listed(names: Any) -> list[str]:
 
 def positions(result: Result) -> dict[str, tuple[np.ndarray, str]]:
     """Tracks of points, {name: (positions (nt, 2 or 3), unit)}: points of sensors, otherwise bodies, otherwise the first two coordinates."""
-    found = {name: (all_["position"].values, all_["position"].unit) for name, all_ in result.sensors.items() if "position" in all_}
+    found = {name: (group["position"].values, group["position"].unit) for name, group in result.sensors.items() if "position" in group}
     if found:
         return found
     for pattern, order in ((r"^(?P<body>.+)\.(?P<axis>[xyz])$", "xyz"), (r"^(?P<body>r)(?P<axis>[xyz])$", "xyz"),
@@ -69,7 +69,7 @@ def positions(result: Result) -> dict[str, tuple[np.ndarray, str]]:
 
 def scalars(result: Result) -> dict[str, Series]:
     """Series of sensors with a single number: {"name what": series}."""
-    return {f"{name} {what}": one for name, all_ in result.sensors.items() for what, one in all_.items() if one.values.ndim == 1}
+    return {f"{name} {what}": one for name, group in result.sensors.items() for what, one in group.items() if one.values.ndim == 1}
 
 
 def series_named(result: Result, name: str) -> tuple[np.ndarray, str]:
@@ -83,9 +83,9 @@ def series_named(result: Result, name: str) -> tuple[np.ndarray, str]:
     if name in result.diagnostics:
         return result.diagnostics[name].values, result.diagnostics[name].unit
     words = name.split()
-    for all_ in (result.sensors, *result.groups.values()):
-        if len(words) in (2, 3) and words[0] in all_ and words[1] in all_[words[0]]:
-            one = all_[words[0]][words[1]]
+    for group in (result.sensors, *result.groups.values()):
+        if len(words) in (2, 3) and words[0] in group and words[1] in group[words[0]]:
+            one = group[words[0]][words[1]]
             if one.values.ndim == 1:
                 return one.values, one.unit
             columns = list(one.names or "xyz"[:one.values.shape[1]])
@@ -99,9 +99,9 @@ def series_named(result: Result, name: str) -> tuple[np.ndarray, str]:
 def names_of(result: Result) -> list[str]:
     """All names accepted by `series_named`, with the components of vectors."""
     names = [*result.names, *(f"d({name})" for name in result.names if result.qd is not None), *result.diagnostics]
-    for all_ in (result.sensors, *result.groups.values()):
-        for name, whats in all_.items():
-            for what, one in whats.items():
+    for group in (result.sensors, *result.groups.values()):
+        for name, quantities in group.items():
+            for what, one in quantities.items():
                 names.append(f"{name} {what}")
                 if one.values.ndim > 1:
                     names += [f"{name} {what} {axis}" for axis in one.names or "xyz"[:one.values.shape[1]]]

@@ -215,13 +215,13 @@ def reactions(given: Any, names: Sequence[str] | None = None):
     """Forces and torques of joints and wheels that the file contains, with one panel per quantity."""
     results = drawn_of(given)
     found: dict[tuple[str, str], list[str]] = {}
-    for all_ in results[0].groups.values():
-        for name, whats in all_.items():
-            for what, one in whats.items():
+    for elements in results[0].groups.values():
+        for name, quantities in elements.items():
+            for what, one in quantities.items():
                 if one.unit in ("N", "N m") and (not names or name in listed(names)):
                     found.setdefault((f"{what} of joints and bodies", one.unit), []).append(f"{name} {what}")
-    for name, whats in results[0].sensors.items():
-        for what, one in whats.items():
+    for name, quantities in results[0].sensors.items():
+        for what, one in quantities.items():
             if one.unit in ("N", "N m") and (not names or name in listed(names)):
                 found.setdefault((what, one.unit), []).append(f"{name} {what}")
     if not found:
@@ -273,20 +273,20 @@ def energy_series(result, whole: bool = False) -> dict[str, np.ndarray]:
     is true, the sum over the bodies in the file."""
     parts = ("kinetic", "potential")
     known = [{name: result.diagnostics[f"{name}_energy"].values for name in parts if f"{name}_energy" in result.diagnostics}]
-    for whats in (*result.sensors.values(), *result.groups.get("balance", {}).values()):
-        known.append({name: whats[name].values for name in parts if name in whats})
+    for quantities in (*result.sensors.values(), *result.groups.get("balance", {}).values()):
+        known.append({name: quantities[name].values for name in parts if name in quantities})
     for bodies in () if whole else (result.groups.get("bodies", {}), result.sensors):
-        held = [whats for whats in bodies.values() if "kinetic_energy" in whats]
-        known.append({f"{name} of {len(held)} bod{'ies' if len(held) > 1 else 'y'}": sum(whats[f"{name}_energy"].values for whats in held)
-                      for name in parts if held and all(f"{name}_energy" in whats for whats in held)})
+        held = [quantities for quantities in bodies.values() if "kinetic_energy" in quantities]
+        known.append({f"{name} of {len(held)} bod{'ies' if len(held) > 1 else 'y'}": sum(quantities[f"{name}_energy"].values for quantities in held)
+                      for name in parts if held and all(f"{name}_energy" in quantities for quantities in held)})
     return max(known, key=len)
 
 
 def work_series(result) -> np.ndarray | None:
     """Work of motions and forces since the start, if the file contains a balance."""
-    for whats in (*result.groups.get("balance", {}).values(), *result.sensors.values()):
-        if "work_of_motions" in whats and "work_of_forces" in whats:
-            return whats["work_of_motions"].values + whats["work_of_forces"].values
+    for quantities in (*result.groups.get("balance", {}).values(), *result.sensors.values()):
+        if "work_of_motions" in quantities and "work_of_forces" in quantities:
+            return quantities["work_of_motions"].values + quantities["work_of_forces"].values
     return None
 
 

@@ -37,10 +37,12 @@ class Mechanism:
     # --- numbers and positions ----------------------------------------------------------------------------------------------
 
     def vector(self, given: Any) -> np.ndarray:
+        """Convert numbers or expressions to a vector of three components; missing ones are zero."""
         values = self.numbers.list(given)
         return np.array((values + [0.0, 0.0, 0.0])[:3])
 
     def reference_rotation(self, keys: dict) -> np.ndarray:
+        """Rotation of a body in the reference configuration."""
         if "euler_parameters" in keys:
             return normalised(self.numbers.list(keys["euler_parameters"]))
         if "rotation" in keys:
@@ -69,6 +71,7 @@ class Mechanism:
         return rotated(conjugate(rotation), position - at)
 
     def axis_in_body(self, name: str, axis: np.ndarray) -> np.ndarray:
+        """Convert an axis in the reference configuration to the axes of a body."""
         return rotated(conjugate(self.reference[name][1]), axis) if name in self.reference else axis
 
     def point(self, text: str) -> tuple[str, np.ndarray]:
@@ -99,6 +102,7 @@ class Mechanism:
         return self.bodies[name].point(position) if name in self.bodies else np.tile(position, (len(self.times), 1))
 
     def attach(self, name: str, position: np.ndarray) -> None:
+        """Record a point of a body at which an element is attached."""
         if name in self.attached and not any(np.allclose(position, other, atol=1e-12) for other in self.attached[name]):
             self.attached[name].append(position)
 
@@ -128,84 +132,86 @@ class Mechanism:
 
 def draw_mechanism(result, times: np.ndarray, values: dict[str, np.ndarray]) -> Drawing:
     """Create the drawing of a result whose model is a mechanism."""
-    found = Mechanism(result, times, values)
-    drawing = Drawing(result.name, times, planar=found.planar)
-    joints = find_joints(found)
-    for name, keys in found.elements["body"].items():
+    mechanism = Mechanism(result, times, values)
+    drawing = Drawing(result.name, times, planar=mechanism.planar)
+    joints = find_joints(mechanism)
+    for name, keys in mechanism.elements["body"].items():
         for position in (keys.get("points") or {}).values():
-            found.attach(name, found.vector(position))
-    springs = [(name, [found.point(text) for text in keys["between"]]) for name, keys in found.elements["force"].items()
+            mechanism.attach(name, mechanism.vector(position))
+    springs = [(name, [mechanism.point(text) for text in keys["between"]]) for name, keys in mechanism.elements["force"].items()
                if keys.get("type") == "spring"]
     for _, ends in springs:
         for name, position in ends:
-            found.attach(name, position)
-    rods = [(name, [found.point(text) for text in keys["between"]]) for name, keys in found.elements["constraint"].items()
+            mechanism.attach(name, position)
+    rods = [(name, [mechanism.point(text) for text in keys["between"]]) for name, keys in mechanism.elements["constraint"].items()
             if keys.get("type") == "distance" and len(keys.get("between", [])) == 2]
-    size = extent(found)
-    anchors = [found.from_body(body, position) for _, _, ends in joints for body, position in ends if position is not None]
-    anchors += [position for _, ends in [*springs, *rods] for body, position in ends if body not in found.bodies]
-    drawing.extent = extent(found, anchors)
+    size = extent(mechanism)
+    anchors = [mechanism.from_body(body, position) for _, _, ends in joints for body, position in ends if position is not None]
+    anchors += [position for _, ends in [*springs, *rods] for body, position in ends if body not in mechanism.bodies]
+    drawing.extent = extent(mechanism, anchors)
     size = max(size, min(drawing.extent, 3*size))
-    wheeled = add_wheels(found, drawing, size)
-    for i, (name, keys) in enumerate(found.elements["body"].items()):
-        add_pieces(found, found.bodies[name], keys, COLOURS[i % len(COLOURS)], size, name in wheeled)
-    drawing.bodies = [*found.bodies.values()]
-    add_joints(found, drawing, joints, size)
+    wheeled = add_wheels(mechanism, drawing, size)
+    for i, (name, keys) in enumerate(mechanism.elements["body"].items()):
+        add_pieces(mechanism, mechanism.bodies[name], keys, COLOURS[i % len(COLOURS)], size, name in wheeled)
+    drawing.bodies = [*mechanism.bodies.values()]
+    add_joints(mechanism, drawing, joints, size)
     for name, ends in springs:
-        drawing.springs.append(Spring(name, tuple("" if body not in found.bodies else body for body, _ in ends),
+        drawing.springs.append(Spring(name, tuple("" if body not in mechanism.bodies else body for body, _ in ends),
                                       tuple(position for _, position in ends), 0.03*size))
     for name, ends in rods:
-        drawing.springs.append(Spring(name, tuple("" if body not in found.bodies else body for body, _ in ends),
+        drawing.springs.append(Spring(name, tuple("" if body not in mechanism.bodies else body for body, _ in ends),
                                       tuple(position for _, position in ends), 0.0))
-    add_sensors(found, drawing)
-    add_arrows(found, drawing, joints)
-    if np.linalg.norm(found.gravity) > 0:
-        drawing.up = -found.gravity/np.linalg.norm(found.gravity)
-    place_ground(found, drawing)
+    add_sensors(mechanism, drawing)
+    add_arrows(mechanism, drawing, joints)
+    if np.linalg.norm(mechanism.gravity) > 0:
+        drawing.up = -mechanism.gravity/np.linalg.norm(mechanism.gravity)
+    place_ground(mechanism, drawing)
     return drawing
 
 
-def find_joints(found: Mechanism) -> list[tuple[str, dict, list[tuple[str, np.ndarray | None]]]]:
+def find_joints(mechanism: Mechanism) -> list[tuple[str, dict, list[tuple[str, np.ndarray | None]]]]:
     """List the joints with their bodies and positions, and record the positions as attached points of the bodies."""
     joints = []
-    for name, keys in found.elements["joint"].items():
-        ends = found.joint_ends(keys)
+    for name, keys in mechanism.elements["joint"].items():
+        ends = mechanism.joint_ends(keys)
         for body, position in ends:
             if position is not None:
-                found.attach(body, position)
+                mechanism.attach(body, position)
         joints.append((name, keys, ends))
-    for keys in found.elements["constraint"].values():
+    for keys in mechanism.elements["constraint"].values():
         if keys.get("type") == "distance":
             for text in keys.get("between", []):
-                found.attach(*found.point(text))
+                mechanism.attach(*mechanism.point(text))
     return joints
 
 
-def extent(found: Mechanism, anchors: Sequence[np.ndarray] = ()) -> float:
+def extent(mechanism: Mechanism, anchors: Sequence[np.ndarray] = ()) -> float:
     """Size of the mechanism in the reference configuration, including given points on the ground; the motion is not included."""
-    positions = [*anchors, *(found.reference[name][0] for name in found.reference)]
-    positions += [found.in_world(name) + rotated(found.reference[name][1], position) for name in found.attached for position in found.attached[name]]
-    positions += [np.array(found.reference[name][0]) + reach for name, keys in found.elements["body"].items() for reach in shape_reach(found, keys)]
-    radii = [max(found.numbers.list(keys.get("radius", keys.get("semi_axes", 0)))) for keys in found.elements["wheel"].values()]
+    positions = [*anchors, *(mechanism.reference[name][0] for name in mechanism.reference)]
+    positions += [mechanism.in_world(name) + rotated(mechanism.reference[name][1], point)
+                  for name, points in mechanism.attached.items() for point in points]
+    positions += [np.array(mechanism.reference[name][0]) + reach
+                  for name, keys in mechanism.elements["body"].items() for reach in shape_reach(mechanism, keys)]
+    radii = [max(mechanism.numbers.list(keys.get("radius", keys.get("semi_axes", 0)))) for keys in mechanism.elements["wheel"].values()]
     span = float(np.max(np.ptp(positions, axis=0))) if positions else 0.0
-    travel = max(float(np.max(np.ptp(body.position, axis=0))) for body in found.bodies.values()) if found.bodies else 0.0
+    travel = max(float(np.max(np.ptp(body.position, axis=0))) for body in mechanism.bodies.values()) if mechanism.bodies else 0.0
     return max(span, 2*max(radii, default=0.0)) or min(1.0, travel) or 1.0
 
 
-def shape_reach(found: Mechanism, keys: dict) -> list[np.ndarray]:
+def shape_reach(mechanism: Mechanism, keys: dict) -> list[np.ndarray]:
     reach = []
     for kind, sizes in (keys.get("shape") or {}).items():
-        numbers = found.numbers.list(sizes)
+        numbers = mechanism.numbers.list(sizes)
         half = max(numbers)/2 if kind != "sphere" else numbers[0]
         reach += [np.full(3, half), np.full(3, -half)]
     return reach
 
 
-def add_pieces(found: Mechanism, body: Body, keys: dict, colour: str, size: float, is_wheel: bool) -> None:
+def add_pieces(mechanism: Mechanism, body: Body, keys: dict, colour: str, size: float, is_wheel: bool) -> None:
     """Add pieces to a body."""
     shape = keys.get("shape") or {}
     for kind, sizes in shape.items():
-        numbers = found.numbers.list(sizes)
+        numbers = mechanism.numbers.list(sizes)
         if kind == "bar":
             body.pieces.append(Piece("box", (numbers[0], numbers[1], max(0.3*numbers[1], 0.005*size)), colour))
         elif kind == "box":
@@ -218,7 +224,7 @@ def add_pieces(found: Mechanism, body: Body, keys: dict, colour: str, size: floa
             body.pieces.append(Piece("rim", (numbers[0],)*3, DARK))
     if shape or (is_wheel and body.pieces):
         return
-    ends = found.attached[body.name]
+    ends = mechanism.attached[body.name]
     reach = max((float(np.linalg.norm(position)) for position in ends), default=0.0)
     if reach > 0.01*size:
         # Bars from the centre to the attached points.
@@ -228,27 +234,27 @@ def add_pieces(found: Mechanism, body: Body, keys: dict, colour: str, size: floa
         body.pieces.append(Piece("sphere", (1.8*radius,)*3, colour))
         if len(outer) > 1:
             return
-    mass = found.numbers.number(keys.get("mass", 0)) if "mass" in keys else 0.0
-    edges = edges_of(found, keys, mass)
+    mass = mechanism.numbers.number(keys.get("mass", 0)) if "mass" in keys else 0.0
+    edges = edges_of(mechanism, keys, mass)
     if edges is not None and not is_wheel and reach <= 0.01*size:
         sizes, rotation = edges
         # A box with the same inertia, but not larger than the mechanism.
-        sizes = np.maximum(sizes, 0.01*size) * min(1.0, 1.5*size/max(sizes.max(), 1e-300) if len(found.bodies) > 1 else 1.0)
+        sizes = np.maximum(sizes, 0.01*size) * min(1.0, 1.5*size/max(sizes.max(), 1e-300) if len(mechanism.bodies) > 1 else 1.0)
         body.pieces.append(Piece("box", tuple(sizes), colour, rotation=rotation))
     elif mass > 0 and reach <= 0.01*size:
-        total = sum(found.numbers.number(one.get("mass", 0)) for one in found.elements["body"].values() if "mass" in one) or mass
+        total = sum(mechanism.numbers.number(one.get("mass", 0)) for one in mechanism.elements["body"].values() if "mass" in one) or mass
         radius = 0.09*size*max(0.3, (mass/total)**(1/3))
         body.pieces.append(Piece("sphere", (radius,)*3, colour))
     elif not body.pieces:
         body.pieces.append(Piece("sphere", (0.015*size,)*3, colour))
 
 
-def edges_of(found: Mechanism, keys: dict, mass: float) -> tuple[np.ndarray, np.ndarray] | None:
+def edges_of(mechanism: Mechanism, keys: dict, mass: float) -> tuple[np.ndarray, np.ndarray] | None:
     """Edges of a box with the same mass and inertia, and its rotation in the axes of the body; None for a point mass."""
-    inertia = found.numbers.list(keys["inertia"]) if "inertia" in keys else []
+    inertia = mechanism.numbers.list(keys["inertia"]) if "inertia" in keys else []
     if mass <= 0 or not inertia or max(inertia) <= 0:
         return None
-    if found.planar:
+    if mechanism.planar:
         length = np.sqrt(12*inertia[0]/mass/1.25)
         return np.array([length, length/2, length/8]), IDENTITY.copy()
     matrix = np.diag(inertia[:3])
@@ -262,100 +268,100 @@ def edges_of(found: Mechanism, keys: dict, mass: float) -> tuple[np.ndarray, np.
     return np.sqrt(np.maximum(squares, 0)), from_matrix(axes)
 
 
-def add_wheels(found: Mechanism, drawing: Drawing, size: float) -> set[str]:
+def add_wheels(mechanism: Mechanism, drawing: Drawing, size: float) -> set[str]:
     """Add the pieces and the tracks of wheels. Returns the names of the bodies that are wheels."""
     wheeled = set()
-    for name, keys in found.elements["wheel"].items():
+    for name, keys in mechanism.elements["wheel"].items():
         text = keys["at"]
         if not isinstance(text, str):
             continue
-        body_name, centre = found.point(text)
-        if body_name not in found.bodies:
+        body_name, centre = mechanism.point(text)
+        if body_name not in mechanism.bodies:
             continue
-        body, kind = found.bodies[body_name], keys.get("type")
-        found.attach(body_name, centre)
+        body, kind = mechanism.bodies[body_name], keys.get("type")
+        mechanism.attach(body_name, centre)
         if kind == "knife_edge":
-            across = found.axis_in_body(body_name, found.vector(keys.get("across", [0, 1, 0])))
-            add_knife_edge(found, body, centre, across, keys, size)
+            across = mechanism.axis_in_body(body_name, mechanism.vector(keys.get("across", [0, 1, 0])))
+            add_knife_edge(mechanism, body, centre, across, keys, size)
             drawing.tracks.append(Track(name, body.point(centre), DARK, True))
             continue
-        normal = found.vector(keys.get("normal", [0, 0, 1]))
+        normal = mechanism.vector(keys.get("normal", [0, 0, 1]))
         normal = normal/np.linalg.norm(normal)
         if kind == "massless":
-            add_massless_wheel(found, drawing, name, body, centre, keys, normal)
+            add_massless_wheel(mechanism, drawing, name, body, centre, keys, normal)
             continue
         wheeled.add(body_name)
         if kind == "disk":
-            radius = found.numbers.number(keys["radius"])
-            axis = found.axis_in_body(body_name, found.vector(keys.get("axis", [0, 1, 0])))
+            radius = mechanism.numbers.number(keys["radius"])
+            axis = mechanism.axis_in_body(body_name, mechanism.vector(keys.get("axis", [0, 1, 0])))
             body.pieces += wheel(radius, BLUE, axis, centre)
-            contact = disk_contact(body, centre, axis, radius, normal, found.numbers.number(keys.get("crown", 0)))
+            contact = disk_contact(body, centre, axis, radius, normal, mechanism.numbers.number(keys.get("crown", 0)))
         else:
-            axes = found.numbers.list(keys["semi_axes"]) if kind == "ellipsoid" else [found.numbers.number(keys["radius"])]*3
-            if kind == "ellipsoid" or not found.elements["body"][body_name].get("shape"):
+            axes = mechanism.numbers.list(keys["semi_axes"]) if kind == "ellipsoid" else [mechanism.numbers.number(keys["radius"])]*3
+            if kind == "ellipsoid" or not mechanism.elements["body"][body_name].get("shape"):
                 body.pieces.append(Piece("sphere", tuple(axes), BLUE, centre))
                 for rotation in (IDENTITY, rotation_onto([1, 0, 0])):
                     around = rotated(conjugate(rotation), np.array(axes))
                     body.pieces.append(Piece("rim", tuple(np.abs(around)*1.002), ORANGE, centre, rotation))
             contact = ellipsoid_contact(body, centre, np.array(axes), normal)
         drawing.tracks.append(Track(name, contact, DARK, True))
-        add_plane(found, drawing, name, keys, normal, size)
+        add_plane(mechanism, drawing, name, keys, normal, size)
     return wheeled
 
 
-def add_knife_edge(found: Mechanism, body: Body, centre: np.ndarray, across: np.ndarray, keys: dict, size: float) -> None:
+def add_knife_edge(mechanism: Mechanism, body: Body, centre: np.ndarray, across: np.ndarray, keys: dict, size: float) -> None:
     """Add a small wheel with the axis `across`. Steering is not shown."""
     radius = 0.04*size
-    up = np.array([0.0, 0, 1]) if found.planar else found.axis_in_body(body.name, np.array([0.0, 0, 1]))
+    up = np.array([0.0, 0, 1]) if mechanism.planar else mechanism.axis_in_body(body.name, np.array([0.0, 0, 1]))
     along = np.cross(across, up)
     if np.linalg.norm(along) < 1e-9:
         return
     body.pieces.append(Piece("cylinder", (radius, radius, 0.4*radius), DARK, centre, rotation_onto(across)))
 
 
-def add_massless_wheel(found: Mechanism, drawing: Drawing, name: str, body: Body, centre: np.ndarray, keys: dict,
+def add_massless_wheel(mechanism: Mechanism, drawing: Drawing, name: str, body: Body, centre: np.ndarray, keys: dict,
                        normal: np.ndarray) -> None:
     """Add a wheel that is not a body of the mechanism; its pose follows from its strut and its steering."""
-    along = found.axis_in_body(body.name, found.vector(keys.get("along", [0, 0, 0])))
-    pivot = found.axis_in_body(body.name, found.vector(keys.get("about", keys.get("along", [0, 0, 1]))))
+    along = mechanism.axis_in_body(body.name, mechanism.vector(keys.get("along", [0, 0, 0])))
+    pivot = mechanism.axis_in_body(body.name, mechanism.vector(keys.get("about", keys.get("along", [0, 0, 1]))))
     length = np.linalg.norm(along)
-    displacement = found.values[f"{name}.displacement"] if length > 0 else np.zeros(len(found.times))
+    displacement = mechanism.values[f"{name}.displacement"] if length > 0 else np.zeros(len(mechanism.times))
     position = body.position + rotated(body.rotation, centre + displacement[:, None]*along/(length or 1.0))
     try:
-        half = np.array([found.numbers.at(keys["steer"], float(t)) for t in found.times])/2 if "steer" in keys else 0*displacement
+        half = np.array([mechanism.numbers.at(keys["steer"], float(t)) for t in mechanism.times])/2 if "steer" in keys else 0*displacement
     except ValueError:
         half = 0*displacement
     pivot = pivot/np.linalg.norm(pivot)
     steered = np.stack([np.cos(half), *(np.sin(half)*pivot[i] for i in range(3))], axis=1)
-    axis = found.axis_in_body(body.name, found.vector(keys["axis"]))
-    radius = found.numbers.number(keys["radius"])
+    axis = mechanism.axis_in_body(body.name, mechanism.vector(keys["axis"]))
+    radius = mechanism.numbers.number(keys["radius"])
     carried = Body(name, position, product(body.rotation, steered))
     carried.pieces += wheel(radius, BLUE, axis, np.zeros(3))
-    found.bodies[name] = carried
-    contact = disk_contact(carried, np.zeros(3), axis, radius, normal, found.numbers.number(keys.get("crown", 0)))
+    mechanism.bodies[name] = carried
+    contact = disk_contact(carried, np.zeros(3), axis, radius, normal, mechanism.numbers.number(keys.get("crown", 0)))
     drawing.tracks.append(Track(name, contact, DARK, True))
 
 
-def add_plane(found: Mechanism, drawing: Drawing, name: str, keys: dict, normal: np.ndarray, size: float) -> None:
+def add_plane(mechanism: Mechanism, drawing: Drawing, name: str, keys: dict, normal: np.ndarray, size: float) -> None:
     """Add a plate for a plane that rotates, rises or slides."""
     if not any(key in keys for key in ("rotation", "rise", "slide")):
         return
-    frames = found.times
-    pivot = found.vector(keys.get("pivot", [0, 0, 0]))
-    height = found.numbers.number(keys.get("height", 0))
+    frames = mechanism.times
+    pivot = mechanism.vector(keys.get("pivot", [0, 0, 0]))
+    height = mechanism.numbers.number(keys.get("height", 0))
 
     def over_time(key):
         try:
-            return np.array([found.numbers.at(keys[key], float(t)) for t in frames]) if key in keys else np.zeros(len(frames))
+            return np.array([mechanism.numbers.at(keys[key], float(t)) for t in frames]) if key in keys else np.zeros(len(frames))
         except ValueError:
             return np.zeros(len(frames))
 
     rise, rotation, slide = over_time("rise"), over_time("rotation"), over_time("slide")
-    along = found.vector(keys.get("along", [1, 0, 0]))
+    along = mechanism.vector(keys.get("along", [1, 0, 0]))
     base = pivot - normal*(pivot @ normal) + normal*height
     position = base + rise[:, None]*normal + slide[:, None]*along
     rotations = np.stack([np.cos(rotation/2), *(np.sin(rotation/2)*normal[i] for i in range(3))], axis=1)
-    reach = max(float(np.max(np.linalg.norm(body.position - base, axis=1))) for body in found.bodies.values())*1.15 + 0.2*size
+    reach = max(float(np.max(np.linalg.norm(body.position - base, axis=1))) for body in mechanism.bodies.values())*1.15 + 0.2*size
     flat = rotation_onto(normal)
     plate = Body(f"plane of {name}", position, rotations)
     thin = 0.004*reach
@@ -365,7 +371,7 @@ def add_plane(found: Mechanism, drawing: Drawing, name: str, keys: dict, normal:
         plate.pieces.append(Piece("box", (2*reach, 2*reach, thin), "#D7DBDF", -normal*thin, flat))
     plate.pieces.append(Piece("box", (2*reach, 0.01*reach, thin), GREY, -normal*0.4*thin, flat))
     plate.pieces.append(Piece("box", (0.01*reach, 2*reach, thin), GREY, -normal*0.4*thin, flat))
-    found.bodies[plate.name] = plate
+    mechanism.bodies[plate.name] = plate
 
 
 def disk_contact(body: Body, centre, axis, radius: float, normal: np.ndarray, crown: float = 0.0) -> np.ndarray:
@@ -384,49 +390,49 @@ def ellipsoid_contact(body: Body, centre, axes: np.ndarray, normal: np.ndarray) 
     return body.point(centre) + rotated(body.rotation, axes**2*m/size)
 
 
-def add_joints(found: Mechanism, drawing: Drawing, joints: list, size: float) -> None:
+def add_joints(mechanism: Mechanism, drawing: Drawing, joints: list, size: float) -> None:
     """Add a marker for each joint to its second body, or to the first one if the second is the ground."""
     radius = 0.016*size
     for _, keys, ends in joints:
-        carriers = [(name, position) for name, position in reversed(ends) if name in found.bodies and position is not None]
+        carriers = [(name, position) for name, position in reversed(ends) if name in mechanism.bodies and position is not None]
         if not carriers:
             continue
-        body, at = found.bodies[carriers[0][0]], carriers[0][1]
+        body, at = mechanism.bodies[carriers[0][0]], carriers[0][1]
         colour = ORANGE if len(carriers) > 1 else DARK
         kind = keys.get("type", "")
-        axis = found.vector(keys["axis"]) if "axis" in keys else np.array([0.0, 0, 1])
-        rotation = rotation_onto(found.axis_in_body(body.name, axis))
+        axis = mechanism.vector(keys["axis"]) if "axis" in keys else np.array([0.0, 0, 1])
+        rotation = rotation_onto(mechanism.axis_in_body(body.name, axis))
         if kind in ("spherical", "universal", "point_on_plane", "point_on_line", "planar"):
             body.pieces.append(Piece("sphere", (radius,)*3, colour, at))
         elif kind in ("prismatic", "cylindrical", "screw") or kind == "fixed":
-            if found.planar:
-                rotation = rotation_onto(found.axis_in_body(body.name, found.vector(keys.get("axis", [1, 0, 0]))))
+            if mechanism.planar:
+                rotation = rotation_onto(mechanism.axis_in_body(body.name, mechanism.vector(keys.get("axis", [1, 0, 0]))))
             body.pieces.append(Piece("box", (1.3*radius, 1.3*radius, 4*radius), colour, at, rotation))
         else:
             body.pieces.append(Piece("cylinder", (radius, radius, 2.6*radius), colour, at, rotation))
 
 
-def add_sensors(found: Mechanism, drawing: Drawing) -> None:
+def add_sensors(mechanism: Mechanism, drawing: Drawing) -> None:
     """Add the tracks of points with sensors."""
     k = 0
-    for name, keys in found.elements["sensor"].items():
+    for name, keys in mechanism.elements["sensor"].items():
         if isinstance(keys.get("point"), str):
-            drawing.tracks.append(Track(name, found.track(keys["point"]), COLOURS[k % len(COLOURS)]))
+            drawing.tracks.append(Track(name, mechanism.track(keys["point"]), COLOURS[k % len(COLOURS)]))
             k += 1
 
 
-def place_ground(found: Mechanism, drawing: Drawing) -> None:
+def place_ground(mechanism: Mechanism, drawing: Drawing) -> None:
     """Set the ground: the plane of the wheels, otherwise a plane below all bodies."""
-    planes = [keys for keys in found.elements["wheel"].values() if keys.get("type") != "knife_edge"]
+    planes = [keys for keys in mechanism.elements["wheel"].values() if keys.get("type") != "knife_edge"]
     moving = any(key in keys for keys in planes for key in ("rotation", "rise", "slide"))
     if planes and not moving:
-        normal = found.vector(planes[0].get("normal", [0, 0, 1]))
+        normal = mechanism.vector(planes[0].get("normal", [0, 0, 1]))
         drawing.up = normal/np.linalg.norm(normal)
-        drawing.ground = drawing.up*found.numbers.number(planes[0].get("height", 0))
+        drawing.ground = drawing.up*mechanism.numbers.number(planes[0].get("height", 0))
         return
     low, high = drawing.bounds()
-    if found.planar:
-        depth = 0.08*extent(found)
+    if mechanism.planar:
+        depth = 0.08*extent(mechanism)
         drawing.ground = np.array([0, 0, -depth])
         return
     corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
