@@ -8,10 +8,10 @@ module tandem_command_line
     use tandem_cli_commands, only: find_command
     use tandem_cli_completion, only: completion
     use tandem_cli_equilibrium, only: equilibrium
-    use tandem_cli_help, only: help, help_with, refuse_command
+    use tandem_cli_help, only: help, print_command_help, refuse_command
     use tandem_cli_linearise, only: linearise
     use tandem_cli_list, only: list
-    use tandem_cli_messages, only: complain, done, finish_output, input_wrong, say
+    use tandem_cli_messages, only: print_to_stderr, done, finish_output, input_wrong, say
     use tandem_cli_pictures, only: call_package
     use tandem_cli_resume, only: resume
     use tandem_cli_run, only: run
@@ -62,10 +62,10 @@ contains
         end if
         call arguments%parse(error)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             code = input_wrong
         else if (arguments%help) then
-            call help_with(arguments%command)
+            call print_command_help(arguments%command)
             code = done
         else
             call carry_out(arguments, code)

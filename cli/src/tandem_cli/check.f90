@@ -4,7 +4,7 @@
 module tandem_cli_check
     use tandem, only: census_type, error_type, finding_type, mechanism_type, simulation_type, take_census, to_text, verify_model, wp
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
+    use tandem_cli_messages, only: print_to_stderr, done, message_for_scene, input_wrong, padded, run_failed, say
     use tandem_cli_moves, only: moves_text
     use tandem_cli_report, only: chart_text, cost_text, print_warnings
     use tandem_io, only: brief, find_scene, json_type, read_scene, scene_type
@@ -40,7 +40,7 @@ contains
             call verify_model(scene%model, scene%t_start, scene%q, scene%qd, n_states, findings, error)
         end if
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             code = input_wrong
             return
         end if
@@ -55,7 +55,7 @@ contains
         end if
         code = merge(done, run_failed, all(findings%passed))
         if (.not. allocated(start_error)) return
-        call complain(in_scene_words(start_error))
+        call print_to_stderr(message_for_scene(start_error))
         code = input_wrong
     end subroutine check
 

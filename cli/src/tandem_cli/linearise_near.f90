@@ -4,7 +4,7 @@ module tandem_cli_linearise_near
     use tandem, only: error_type, is_input_error, most_nearest, nearest_type, set_error, to_text, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_linearisation_table, only: eigenvalue_text, print_body_motions, shape_text
-    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
+    use tandem_cli_messages, only: print_to_stderr, done, message_for_scene, input_wrong, padded, run_failed, say
     use tandem_io, only: brief, json_type, scene_type, write_nearest
     use tandem_number_text, only: read_number
     use tandem_status, only: status_invalid_option
@@ -35,7 +35,7 @@ contains
         if (.not. allocated(error)) call arguments%count_of('--modes', most_nearest/2, n_modes, error)
         if (.not. allocated(error)) call refuse_others(arguments, error)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             return
         end if
         ! A complex pair counts as one mode.
@@ -43,7 +43,7 @@ contains
         if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call write_nearest( &
             arguments%value_of('--output', ''), scene%text, scene%model, nearest, error)
         if (allocated(error)) then
-            call complain(in_scene_words(error))
+            call print_to_stderr(message_for_scene(error))
             code = merge(input_wrong, run_failed, is_input_error(error%stat))
             return
         end if
@@ -55,8 +55,8 @@ contains
         end if
         code = done
         if (nearest%is_complete) return
-        call complain('only '//to_text(size(nearest%values))//' eigenvalues converged; take a shift nearer to those that '// &
-            'are wanted')
+        call print_to_stderr('only '//to_text(size(nearest%values))//' eigenvalues converged; take a shift nearer to those '// &
+            'that are wanted')
         code = run_failed
     end subroutine linearise_near
 

@@ -8,7 +8,7 @@ module tandem_cli_messages
     implicit none (type, external)
     private
 
-    public :: say, finish_output, complain, in_scene_words, padded, done, run_failed, input_wrong, signalled
+    public :: say, finish_output, print_to_stderr, message_for_scene, padded, done, run_failed, input_wrong, signalled
 
     !> Exit codes. After a signal, its number is added to `signalled`, as in shells.
     integer, parameter :: done = 0, run_failed = 1, input_wrong = 2, signalled = 128
@@ -54,20 +54,20 @@ contains
             reason(i:i) = letters(i)
         end do
         if (reason == '') return
-        call complain('stdout could not be written completely: '//trim(reason)// &
+        call print_to_stderr('stdout could not be written completely: '//trim(reason)// &
             '; redirect it. Result files are not affected')
         if (code == done) code = run_failed
     end subroutine finish_output
 
     !> Write an error message to stderr.
-    subroutine complain(message)
+    subroutine print_to_stderr(message)
         character(len=*), intent(in) :: message
 
         write (error_unit, '(a)') 'tandem: '//message
-    end subroutine complain
+    end subroutine print_to_stderr
 
     !> Message of an error. For an error about the start, the keys of a scene are mentioned.
-    pure function in_scene_words(error) result(text)
+    pure function message_for_scene(error) result(text)
         type(error_type), intent(in) :: error
         character(len=:), allocatable :: text
 
@@ -79,7 +79,7 @@ contains
         else
             text = text//new_line('a')//'In a scene, [initial] assemble = true lets the start be assembled.'
         end if
-    end function in_scene_words
+    end function message_for_scene
 
     !> A text padded with blanks to a width; a longer one is unchanged.
     pure function padded(text, width) result(wide)

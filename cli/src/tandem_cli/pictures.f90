@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> tandem plot and tandem view: pass the command line to the Python package, which plots and shows result files.
 module tandem_cli_pictures
-    use tandem_cli_messages, only: complain, input_wrong
+    use tandem_cli_messages, only: print_to_stderr, input_wrong
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
     implicit none (type, external)
     private
@@ -63,7 +63,7 @@ contains
         do i = 1, length
             reason(i:i) = letters(i)
         end do
-        call complain('Python cannot be started ('//trim(reason)//')'//line_end//advice)
+        call print_to_stderr('Python cannot be started ('//trim(reason)//')'//line_end//advice)
         code_out = input_wrong
     end subroutine call_package
 end module tandem_cli_pictures

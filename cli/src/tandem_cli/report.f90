@@ -4,7 +4,7 @@ module tandem_cli_report
     use tandem, only: derivative_name, error_type, find_error_warnings, global_error_type, long, mechanism_type, &
         n_derivatives, n_reasons, n_terms, new_stepper, options_type, projects_stages, properties_type, reason_name, &
         simulation_type, statistics_type, status_output_failed, term_name, warning_type, wp
-    use tandem_cli_messages, only: complain, say
+    use tandem_cli_messages, only: print_to_stderr, say
     use tandem_cli_moves, only: moves_text
     use tandem_io, only: scene_type, to_toml, trajectory_type
     use tandem_status, only: status_interrupted
@@ -167,12 +167,13 @@ contains
 
         if (allocated(simulation%warnings)) then
             do i = 1, size(simulation%warnings)
-                call complain(trim(merge('note:   ', 'WARNING:', simulation%warnings(i)%is_note))//' '//simulation%warnings(i)%text)
+                call print_to_stderr(trim(merge('note:   ', 'WARNING:', simulation%warnings(i)%is_note))//' '// &
+                    simulation%warnings(i)%text)
             end do
         end if
         call find_error_warnings(simulation%options, simulation%statistics(), warnings, global_error, estimate_error)
         do i = 1, size(warnings)
-            call complain('WARNING: '//warnings(i)%text)
+            call print_to_stderr('WARNING: '//warnings(i)%text)
         end do
     end subroutine print_warnings_on_stderr
 

@@ -4,7 +4,7 @@
 module tandem_cli_rescue
     use, intrinsic :: iso_fortran_env, only: error_unit
     use tandem, only: error_type, simulation_type, to_text
-    use tandem_cli_messages, only: complain
+    use tandem_cli_messages, only: print_to_stderr
     use tandem_io, only: scene_type, to_toml
     use tandem_io_study_files, only: write_whole
     implicit none (type, external)
@@ -37,10 +37,10 @@ contains
             if (allocated(error)) call write_new(trim(folder)//'/'//name, text, path, error)
         end associate
         if (allocated(error)) then
-            call complain('the last state cannot be saved in a file; this scene starts from it:')
+            call print_to_stderr('the last state cannot be saved in a file; this scene starts from it:')
             write (error_unit, '(a)') text
         else
-            call complain('the last state, t = '//to_text(simulation%state%t)//', is saved: tandem run '//path// &
+            call print_to_stderr('the last state, t = '//to_text(simulation%state%t)//', is saved: tandem run '//path// &
                 ' continues from it')
         end if
     end subroutine save_last_state

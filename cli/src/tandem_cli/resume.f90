@@ -4,7 +4,7 @@ module tandem_cli_resume
     use tandem, only: error_type, pack_type, set_error, simulation_type, to_text, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_interruption, only: interruptible_error_type, watch_signals
-    use tandem_cli_messages, only: complain, input_wrong
+    use tandem_cli_messages, only: print_to_stderr, input_wrong
     use tandem_cli_run, only: execute_run, initialize_run
     use tandem_io, only: description_type, interpret_scene, open_scene, read_snapshot, scene_type, snapshot_type, trajectory_type
     use tandem_status, only: status_invalid_checkpoint, status_invalid_option
@@ -35,7 +35,7 @@ contains
         if (.not. allocated(error)) call trajectory%claim(arguments%scene, error)
         if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, global_error, error)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             code = input_wrong
             return
         end if

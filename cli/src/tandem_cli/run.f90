@@ -5,7 +5,7 @@ module tandem_cli_run
         simulation_type, statistics_type, status_output_failed, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_interruption, only: caught_signal, interruptible_error_type, interruption_type, watch_signals
-    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, run_failed, signalled
+    use tandem_cli_messages, only: print_to_stderr, done, message_for_scene, input_wrong, run_failed, signalled
     use tandem_cli_profile_table, only: print_profile
     use tandem_cli_profiling, only: profiling_type
     use tandem_cli_progress, only: progress_type
@@ -36,7 +36,7 @@ contains
         if (arguments%profile) allocate (profiling)
         call prepare(arguments, scene, simulation, trajectory, global_error, error, profiling)
         if (allocated(error)) then
-            call complain(in_scene_words(error))
+            call print_to_stderr(message_for_scene(error))
             code = input_wrong
             return
         end if
@@ -91,10 +91,10 @@ contains
         if (is_interruption(profile_error)) code = signalled + caught_signal()
         if (is_interruption(estimate_error)) code = signalled + caught_signal()
         if (.not. allocated(error)) return
-        call complain(error%message)
+        call print_to_stderr(error%message)
         code = run_failed
         if (was_interrupted) code = signalled + caught_signal()
-        if (allocated(output_error) .and. error%stat /= status_output_failed) call complain(output_error%message)
+        if (allocated(output_error) .and. error%stat /= status_output_failed) call print_to_stderr(output_error%message)
         if (allocated(output_error) .or. error%stat == status_output_failed) call save_last_state(scene, simulation)
     end subroutine execute_run
 

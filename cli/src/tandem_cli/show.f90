@@ -3,7 +3,7 @@
 module tandem_cli_show
     use tandem, only: error_type
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, input_wrong, say
+    use tandem_cli_messages, only: print_to_stderr, done, input_wrong, say
     use tandem_io, only: find_scene, read_scene, scene_type
     implicit none (type, external)
     private
@@ -24,7 +24,7 @@ contains
         call find_scene(arguments%scene, path, error)
         if (.not. allocated(error)) call read_scene(path, arguments%settings, scene, error, models=arguments%models)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             code = input_wrong
             return
         end if

@@ -3,7 +3,7 @@
 module tandem_cli_study_modes
     use tandem, only: cause_name, error_type, is_input_error, kind_name, of_motion, set_error, to_text, wp
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
+    use tandem_cli_messages, only: print_to_stderr, done, message_for_scene, input_wrong, padded, run_failed, say
     use tandem_io, only: at_meeting, at_pair, brief, crossing_name, find_scene, json_type, locus_point_type, modes_type
     use tandem_number_text, only: read_number
     use tandem_status, only: status_invalid_option
@@ -43,11 +43,11 @@ contains
         if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call study%write_csv( &
             arguments%value_of('--output', ''), error)
         if (allocated(error)) then
-            call complain(in_scene_words(error))
+            call print_to_stderr(message_for_scene(error))
             code = merge(input_wrong, run_failed, is_input_error(error%stat))
             return
         end if
-        if (is_constant(study)) call complain('the eigenvalues do not change with '//study%key//'; check the key')
+        if (is_constant(study)) call print_to_stderr('the eigenvalues do not change with '//study%key//'; check the key')
         if (arguments%json) then
             call print_json(study)
         else

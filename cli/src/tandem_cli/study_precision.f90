@@ -3,7 +3,7 @@
 module tandem_cli_study_precision
     use tandem, only: error_type, is_input_error, stepper_choices, stepper_names, to_text, wp
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, run_failed, say
+    use tandem_cli_messages, only: print_to_stderr, done, message_for_scene, input_wrong, run_failed, say
     use tandem_cli_study_json, only: print_table_json
     use tandem_cli_study_progress, only: study_progress_type
     use tandem_io, only: brief, find_scene, make_reference, nearest_name, precision_columns, precision_type, read_reference, &
@@ -47,7 +47,7 @@ contains
             end do
         end if
         if (allocated(error)) then
-            call complain(in_scene_words(error))
+            call print_to_stderr(message_for_scene(error))
         else
             code = done
         end if

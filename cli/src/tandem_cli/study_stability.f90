@@ -3,7 +3,7 @@
 module tandem_cli_study_stability
     use tandem, only: error_type, is_input_error, stepper_choices, to_text, wp
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, input_wrong, run_failed, say
+    use tandem_cli_messages, only: print_to_stderr, done, input_wrong, run_failed, say
     use tandem_cli_study_json, only: print_table_json
     use tandem_cli_study_progress, only: study_progress_type
     use tandem_io, only: brief, case_groups, case_names, listed, nearest_name, select_cases, stability_columns, stability_type
@@ -26,7 +26,7 @@ contains
 
         code = input_wrong
         call study(arguments, code, error)
-        if (allocated(error)) call complain(error%message)
+        if (allocated(error)) call print_to_stderr(error%message)
     end subroutine study_stability
 
     !> Carry out all runs.

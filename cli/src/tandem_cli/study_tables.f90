@@ -3,7 +3,7 @@
 module tandem_cli_study_tables
     use tandem, only: error_type, is_input_error, wp
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, input_wrong, padded, run_failed, say
+    use tandem_cli_messages, only: print_to_stderr, done, input_wrong, padded, run_failed, say
     use tandem_cli_study_json, only: print_table_json
     use tandem_cli_study_progress, only: study_progress_type
     use tandem_io, only: brief, paper_columns, paper_type
@@ -24,7 +24,7 @@ contains
         code = input_wrong
         call make_tables(arguments, code, error)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
         else
             code = done
         end if

@@ -4,7 +4,7 @@ module tandem_cli_sweep
     use tandem, only: error_type, is_input_error, long, to_text
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_interruption, only: caught_signal, watch_signals
-    use tandem_cli_messages, only: complain, done, input_wrong, run_failed, say, signalled
+    use tandem_cli_messages, only: print_to_stderr, done, input_wrong, run_failed, say, signalled
     use tandem_cli_sweep_progress, only: sweep_progress_type
     use tandem_cli_sweep_summary, only: print_summary, print_summary_json
     use tandem_io, only: case_runner_type, cores, csv_path, distribute, is_same_file, plan_type, processes_type, read_sweep, &
@@ -54,7 +54,7 @@ contains
         call setup%journal%close(.false.)
         code = done
         if (.not. allocated(error)) return
-        call complain(error%message)
+        call print_to_stderr(error%message)
         code = code_of(error)
     end subroutine sweep
 

@@ -3,7 +3,7 @@
 module tandem_cli_verify
     use tandem, only: error_type, to_text
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, input_wrong, run_failed, say, signalled
+    use tandem_cli_messages, only: print_to_stderr, done, input_wrong, run_failed, say, signalled
     use tandem_cli_report, only: count_text, counted
     use tandem_io, only: finding_type, json_type, verify_result
     use, intrinsic :: iso_c_binding, only: c_int
@@ -42,7 +42,7 @@ contains
                 code = signalled + code
                 return
             end if
-            call complain(arguments%scene//' is damaged: HDF5 crashes when it reads the file (signal '//to_text(code)//')')
+            call print_to_stderr(arguments%scene//' is damaged: HDF5 crashes when it reads the file (signal '//to_text(code)//')')
             code = run_failed
         end if
     end subroutine verify_file
@@ -58,13 +58,13 @@ contains
 
         call verify_result(arguments%scene, finding, status, error)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             code = input_wrong
         else if (finding%problem /= '') then
-            call complain(arguments%scene//' is damaged: '//finding%problem)
+            call print_to_stderr(arguments%scene//' is damaged: '//finding%problem)
             code = run_failed
         else if (.not. finding%has_checksums) then
-            call complain('cannot verify '//arguments%scene//': it is readable, but has no checksums, since an '// &
+            call print_to_stderr('cannot verify '//arguments%scene//': it is readable, but has no checksums, since an '// &
                 'earlier program wrote it')
             code = input_wrong
         else

@@ -36,7 +36,7 @@ module tandem_mpi_ranks
         procedure :: prepare
         procedure :: size => count_workers
         procedure :: start
-        procedure :: give
+        procedure :: assign
         procedure :: next
         procedure :: end_worker
         procedure :: dismiss
@@ -82,17 +82,17 @@ contains
     end subroutine start
 
     !> Give a worker cases in addition to its earlier ones.
-    subroutine give(self, worker, first, last)
+    subroutine assign(self, worker, first, last)
         class(ranks_type), intent(inout) :: self
         integer, intent(in) :: worker
         integer(long), intent(in) :: first, last
 
         if (worker <= self%jobs) then
-            call self%own%give(worker, first, last)
+            call self%own%assign(worker, first, last)
         else
             call tell_rank(self%jobs, worker, to_give, [first, last])
         end if
-    end subroutine give
+    end subroutine assign
 
     !> End a worker that does not return.
     subroutine end_worker(self, worker)
@@ -226,7 +226,7 @@ contains
                     call own%start(int(order(1)), error)
                     if (allocated(error)) return
                 case (to_give)
-                    call own%give(int(order(1)), order(2), order(3))
+                    call own%assign(int(order(1)), order(2), order(3))
                     left = left + order(3) - order(2) + 1
                 case (to_end)
                     call own%end_worker(int(order(1)))

@@ -37,7 +37,7 @@ module sweeps
     contains
         procedure :: size => count_one
         procedure :: start => start_late
-        procedure :: give => give_late
+        procedure :: assign => give_late
         procedure :: next => next_late
         procedure :: end_worker => end_late
         procedure :: dismiss => dismiss_late

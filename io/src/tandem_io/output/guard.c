@@ -155,7 +155,7 @@ int tandem_guard_reason(char *text, int size)
     return 0;
 }
 
-void tandem_guard_forget_reason(void)
+void tandem_guard_clear_reason(void)
 {
     errno = 0;
 }

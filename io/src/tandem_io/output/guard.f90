@@ -6,7 +6,7 @@ module tandem_io_output_guard
     implicit none (type, external)
     private
 
-    public :: claim_type, guard_type, is_locked, system_reason, forget_reason
+    public :: claim_type, guard_type, is_locked, system_reason, clear_reason
 
     !> The guard of one file.
     type :: guard_type
@@ -97,8 +97,8 @@ module tandem_io_output_guard
         end function c_reason
 
         !> Clear the system's last error, which would otherwise be reported as the reason of a later failure.
-        subroutine forget_reason() bind(c, name='tandem_guard_forget_reason')
-        end subroutine forget_reason
+        subroutine clear_reason() bind(c, name='tandem_guard_clear_reason')
+        end subroutine clear_reason
     end interface
 
 contains

@@ -15,7 +15,7 @@ module tandem_io_output_hdf5
     use tandem_fletcher, only: fletcher_type
     use tandem_io_output_access, only: end_of, ignore_small_gaps, release_metadata, make_access, many_datasets, &
         make_reading_access, release_driver, start_swmr
-    use tandem_io_output_guard, only: forget_reason, guard_type, system_reason
+    use tandem_io_output_guard, only: clear_reason, guard_type, system_reason
     use tandem_io_output_hdf5_texts, only: make_fixed_type
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc, c_null_char, c_ptr
     implicit none (type, external)
@@ -44,7 +44,7 @@ module tandem_io_output_hdf5
     contains
         procedure :: create, start_appending, reopen, flush, close, unlock
         procedure :: add_group, add_dataset, append, append_texts, close_dataset
-        procedure, private :: note
+        procedure, private :: check
         ! Attributes.
         generic :: attach => attach_integer, attach_real, attach_string, attach_strings
         procedure, private :: attach_integer, attach_real, attach_string, attach_strings
@@ -439,7 +439,7 @@ contains
         integer :: stat
 
         call start_library(stat)
-        call self%note(stat, 'start HDF5')
+        call self%check(stat, 'start HDF5')
         if (allocated(self%problem)) return
         grows = present(datasets)
         self%datasets = 0
@@ -447,12 +447,12 @@ contains
         ! Lock the file before its old contents are overwritten: other runs then see that it is in use.
         if (grows) call self%guard%lock(path)
         call make_access(access, grows, self%driver, self%datasets)
-        call forget_reason()
+        call clear_reason()
         call h5pcreate_f(h5p_file_create_f, properties, stat)
         call h5pset_attr_phase_change_f(properties, most_attributes, most_attributes, stat)
-        if (self%datasets >= many_datasets) call self%note(ignore_small_gaps(properties), 'create '//path)
+        if (self%datasets >= many_datasets) call self%check(ignore_small_gaps(properties), 'create '//path)
         call h5fcreate_f(path, h5f_acc_trunc_f, self%file, stat, properties, access)
-        call self%note(stat, 'create '//path)
+        call self%check(stat, 'create '//path)
         call h5pclose_f(properties, stat)
         call h5pclose_f(access, stat)
     end subroutine create
@@ -466,7 +466,7 @@ contains
         character(len=*), intent(in) :: path
 
         if (allocated(self%problem)) return
-        call self%note(start_swmr(self%file), 'make '//path//' ready for rows')
+        call self%check(start_swmr(self%file), 'make '//path//' ready for rows')
         self%is_growing = .not. allocated(self%problem)
     end subroutine start_appending
 
@@ -483,9 +483,9 @@ contains
             return
         end if
         call make_access(access, .true., self%driver, self%datasets)
-        call forget_reason()
+        call clear_reason()
         call h5fopen_f(path, h5f_acc_rdwr_f, self%file, stat, access_prp=access)
-        call self%note(stat, 'open '//path//' again')
+        call self%check(stat, 'open '//path//' again')
         if (stat /= 0) self%file = -1_hid_t
         call h5pclose_f(access, stat)
         call self%start_appending(path)
@@ -500,9 +500,9 @@ contains
         ! Check before the flush too, because the flush may extend a file that was truncated.
         if (self%guard%is_whole()) then
             call self%guard%repair(end_of(self%file))
-            call forget_reason()
+            call clear_reason()
             call h5fflush_f(self%file, h5f_scope_global_f, stat)
-            call self%note(stat, 'write the rows to disk')
+            call self%check(stat, 'write the rows to disk')
             if (allocated(self%problem)) return
         end if
         if (.not. self%guard%still_exists()) then
@@ -524,10 +524,10 @@ contains
         keeps_lock_ = .false.
         if (present(keeps_lock)) keeps_lock_ = keeps_lock
         if (self%file >= 0 .and. .not. allocated(self%problem)) then
-            call forget_reason()
+            call clear_reason()
             if (self%datasets >= many_datasets) call release_metadata(int(self%file, c_int64_t))
             call h5fclose_f(self%file, stat)
-            call self%note(stat, 'write the rows to disk')
+            call self%check(stat, 'write the rows to disk')
             if (stat == 0) call release_driver(self%driver)
             if (.not. allocated(self%problem)) call self%guard%trim()
         end if
@@ -555,7 +555,7 @@ contains
         call h5pcreate_f(h5p_group_create_f, properties, stat)
         call h5pset_attr_phase_change_f(properties, most_attributes, most_attributes, stat)
         call h5gcreate_f(self%file, path, group, stat, gcpl_id=properties)
-        call self%note(stat, 'make the group '//path)
+        call self%check(stat, 'make the group '//path)
         if (stat == 0) call h5gclose_f(group, stat)
         call h5pclose_f(properties, stat)
     end subroutine add_group
@@ -568,13 +568,13 @@ contains
 
         if (dataset >= 0 .and. .not. allocated(self%problem)) then
             call h5dclose_f(dataset, stat)
-            call self%note(stat, 'write the rows to disk')
+            call self%check(stat, 'write the rows to disk')
         end if
         dataset = -1_hid_t
     end subroutine close_dataset
 
     !> Record the first failure.
-    subroutine note(self, stat, action)
+    subroutine check(self, stat, action)
         class(hdf5_type), intent(inout) :: self
         !> Status returned by HDF5.
         integer, intent(in) :: stat
@@ -591,7 +591,7 @@ contains
         end if
         self%problem = 'HDF5 could not '//action
         if (reason /= '') self%problem = self%problem//' ('//reason//')'
-    end subroutine note
+    end subroutine check
 
     !> Start the library, unless it runs already, and disable its error output, because failures are reported by this module.
     subroutine start_library(stat)

@@ -67,7 +67,7 @@ contains
 
         if (allocated(self%problem)) return
         call h5oopen_f(self%file, path, object, stat)
-        call self%note(stat, 'open '//path)
+        call self%check(stat, 'open '//path)
         if (stat /= 0) return
         call h5aexists_f(object, name, exists, stat)
         if (exists .and. length >= 0) then
@@ -79,7 +79,7 @@ contains
         else
             call make_attribute(object, name, file_type, length, attribute, stat)
         end if
-        call self%note(stat, 'make the attribute '//name//' of '//path)
+        call self%check(stat, 'make the attribute '//name//' of '//path)
         if (stat == 0) then
             call h5awrite_f(attribute, memory_type, values, stat)
             call h5aclose_f(attribute, ignored)
@@ -90,7 +90,7 @@ contains
                 if (stat == 0) call h5awrite_f(attribute, memory_type, values, stat)
                 call h5aclose_f(attribute, ignored)
             end if
-            call self%note(stat, 'write the attribute '//name//' of '//path)
+            call self%check(stat, 'write the attribute '//name//' of '//path)
         end if
         call h5oclose_f(object, stat)
     end subroutine attach_value
@@ -126,7 +126,7 @@ contains
         if (allocated(self%problem)) return
         call h5oopen_f(self%file, path, object, stat)
         call make_attribute(object, name, h5t_std_i64le, bytes/8, attribute, stat)
-        call self%note(stat, 'reserve space for attributes of '//path)
+        call self%check(stat, 'reserve space for attributes of '//path)
         if (stat == 0) then
             call h5aclose_f(attribute, stat)
             call self%attach(path, 'meaning', meaning)
@@ -157,7 +157,7 @@ contains
 
         if (allocated(self%problem)) return
         call h5oopen_f(self%file, path, object, stat)
-        call self%note(stat, 'open '//path)
+        call self%check(stat, 'open '//path)
         if (stat /= 0) return
         call h5aget_num_attrs_f(object, n, stat)
         kept = 0
@@ -168,7 +168,7 @@ contains
             else
                 call h5adelete_by_idx_f(object, '.', h5_index_name_f, h5_iter_inc_f, kept, stat)
             end if
-            call self%note(stat, 'remove the attributes of '//path)
+            call self%check(stat, 'remove the attributes of '//path)
         end do
         call h5oclose_f(object, stat)
     end procedure detach_all

@@ -51,7 +51,7 @@ contains
         end do
         letters(len(name) + 1) = c_null_char
         stat = int(h5ds_set_scale(int(dataset, c_int64_t), letters))
-        call self%note(stat, 'make a scale of '//path)
+        call self%check(stat, 'make a scale of '//path)
     end procedure make_scale
 
     !> Rows are the first dimension in C order.
@@ -99,10 +99,10 @@ contains
 
         call h5screate_simple_f(1, [int(n, hsize_t)], space, stat)
         call h5acreate_f(dataset, name, kind_of_entry, space, attribute, stat)
-        call self%note(stat, 'attach the time to '//path)
+        call self%check(stat, 'attach the time to '//path)
         if (stat == 0) then
             call h5awrite_f(attribute, kind_of_entry, entries, stat)
-            call self%note(stat, 'attach the time to '//path)
+            call self%check(stat, 'attach the time to '//path)
             call h5aclose_f(attribute, stat)
         end if
         call h5sclose_f(space, stat)
@@ -116,15 +116,15 @@ contains
 
         if (allocated(self%problem)) return
         call h5lexists_f(self%file, scale, exists, stat)
-        call self%note(stat, 'look for '//scale)
+        call self%check(stat, 'look for '//scale)
         if (.not. exists) call self%put_strings(scale, names)
         if (allocated(self%problem)) return
         call h5dopen_f(self%file, scale, other, stat)
-        call self%note(stat, 'find '//scale)
+        call self%check(stat, 'find '//scale)
         if (stat /= 0) return
         if (.not. exists) call self%make_scale(other, scale, 'name')
         stat = int(h5ds_attach_scale(int(dataset, c_int64_t), int(other, c_int64_t), 1_c_int))
-        call self%note(stat, 'attach the names to '//path)
+        call self%check(stat, 'attach the names to '//path)
         call h5dclose_f(other, stat)
     end procedure name_columns
 end submodule tandem_io_output_hdf5_scales

@@ -27,7 +27,7 @@ contains
         is_there = .false.
         if (allocated(self%problem)) return
         call h5lexists_f(self%file, path, is_there, stat)
-        call self%note(stat, 'find '//path)
+        call self%check(stat, 'find '//path)
         is_there = is_there .and. stat == 0
     end procedure has
 
@@ -36,7 +36,7 @@ contains
         text_checksum = 0
         if (allocated(self%problem)) return
         unreadable_texts = int(c_read_all(int(self%file, c_int64_t), text_checksum))
-        call self%note(unreadable_texts, 'read its content')
+        call self%check(unreadable_texts, 'read its content')
     end procedure read_all
 
     module procedure sum_rows
@@ -62,12 +62,12 @@ contains
             call h5sget_simple_extent_dims_f(space, sizes(3 - rank:), largest(3 - rank:), stat)
             all_rows = int(sizes(2), long)
         else
-            call self%note(-1, 'read '//path)
+            call self%check(-1, 'read '//path)
         end if
         call h5sclose_f(space, stat)
         words = int(sizes(1), long)
         if (are_texts) words = words*((int(length, long) + 7)/8)
-        if (words > longest_row) call self%note(-1, 'read '//path)
+        if (words > longest_row) call self%check(-1, 'read '//path)
         last = min(rows, all_rows)
         rows_at_once = max(1_long, piece/max(8*words, 8_long))
         at = 0
@@ -113,12 +113,12 @@ contains
             call make_fixed_type(length, memory_type)
             buffer = c_loc(letters)
             call h5dread_f(dataset, memory_type, buffer, stat, memory_space, file_space)
-            call self%note(stat, 'read '//path)
+            call self%check(stat, 'read '//path)
             call h5tclose_f(memory_type, stat)
         else
             buffer = c_loc(values)
             call h5dread_f(dataset, h5t_native_double, buffer, stat, memory_space, file_space)
-            call self%note(stat, 'read '//path)
+            call self%check(stat, 'read '//path)
         end if
         call h5sclose_f(memory_space, stat)
         call h5sclose_f(file_space, stat)

@@ -55,10 +55,10 @@ contains
         if (allocated(self%problem)) return
         call h5screate_simple_f(size(sizes), int(sizes, hsize_t), space, stat)
         call h5dcreate_f(self%file, path, file_type, space, dataset, stat)
-        call self%note(stat, 'make '//path)
+        call self%check(stat, 'make '//path)
         if (stat == 0) then
             if (all(sizes > 0)) call h5dwrite_f(dataset, memory_type, values, stat)
-            call self%note(stat, 'write '//path)
+            call self%check(stat, 'write '//path)
             call h5dclose_f(dataset, stat)
         end if
         call h5sclose_f(space, stat)
@@ -72,7 +72,7 @@ contains
         call h5lexists_f(self%file, second, exists, stat)
         if (exists) return
         call h5lcreate_hard_f(self%file, path, self%file, second, stat)
-        call self%note(stat, 'make '//second)
+        call self%check(stat, 'make '//second)
     end procedure link
 
     module procedure open_to_read
@@ -80,11 +80,11 @@ contains
         integer :: stat
 
         call start_library(stat)
-        call self%note(stat, 'start HDF5')
+        call self%check(stat, 'start HDF5')
         if (allocated(self%problem)) return
         call make_reading_access(access, self%driver)
         call h5fopen_f(path, h5f_acc_rdonly_f, self%file, stat, access_prp=access)
-        call self%note(stat, 'open '//path)
+        call self%check(stat, 'open '//path)
         if (stat /= 0) self%file = -1_hid_t
         call h5pclose_f(access, stat)
     end procedure open_to_read
@@ -97,7 +97,7 @@ contains
 
         if (allocated(self%problem)) return
         call h5dopen_f(self%file, path, dataset, stat)
-        call self%note(stat, 'find '//path)
+        call self%check(stat, 'find '//path)
         if (stat /= 0) return
         call h5dget_space_f(dataset, space, stat)
         call h5sget_simple_extent_ndims_f(space, rank, stat)
@@ -111,7 +111,7 @@ contains
         else
             stat = -1
         end if
-        call self%note(stat, 'read '//path)
+        call self%check(stat, 'read '//path)
         if (stat /= 0 .and. allocated(values)) deallocate (values)
         call h5sclose_f(space, stat)
         call h5dclose_f(dataset, stat)

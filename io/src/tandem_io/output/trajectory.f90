@@ -92,7 +92,7 @@ module tandem_io_output_trajectory
     contains
         procedure :: claim, open, resume, observe, close, add_error, add_profile, release
         procedure, private :: gather, gather_between, gather_spaced, measure, integrate, write_rows, write_to_disk
-        procedure, private :: watch, save, save_simulation, close_datasets, prepare, fail
+        procedure, private :: save_if_due, save, save_simulation, close_datasets, prepare, set_file_error
     end type trajectory_type
 
     interface
@@ -240,7 +240,7 @@ contains
         call self%file%reserve_text('/', 'status_message')
         call self%file%start_appending(self%path)
         if (allocated(self%file%problem)) then
-            call self%fail(error)
+            call self%set_file_error(error)
             call self%file%close()
             if (is_new) call remove_file(self%path)
             call self%file_claim%drop()
@@ -308,7 +308,7 @@ contains
         self%energy%at_start = snapshot%energy(1)
         self%energy%deviation = snapshot%energy(2)
         if (.not. allocated(self%file%problem)) return
-        call self%fail(error)
+        call self%set_file_error(error)
         if (snapshot%status /= '') call self%file%replace_text(self%path, 'status', snapshot%status)
         call self%file%close()
 
@@ -488,8 +488,8 @@ contains
         end if
         call announce_next_time(self, simulation)
         if (occasion == at_start) call self%save(simulation)
-        if (occasion == at_step) call self%watch(simulation)
-        if (allocated(self%file%problem)) call self%fail(error)
+        if (occasion == at_step) call self%save_if_due(simulation)
+        if (allocated(self%file%problem)) call self%set_file_error(error)
     end subroutine observe
 
     !> Announce the next time between steps at which rows or integrals are evaluated.
@@ -522,7 +522,7 @@ contains
         if (.not. allocated(self%file%problem)) call write_outcome(self, simulation, run_error)
         if (.not. self%more_follows) call self%file_claim%drop()
         if (.not. allocated(self%file%problem)) return
-        call self%fail(error)
+        call self%set_file_error(error)
         message = error%message
         if (allocated(run_error)) message = run_error%message
         call self%file%replace_text(self%path, 'status', 'failed')
@@ -570,7 +570,7 @@ contains
         call write_global_error(self%file, simulation, global_error)
         call self%file%flush()
         call self%file%close(self%more_follows)
-        if (allocated(self%file%problem)) call self%fail(error)
+        if (allocated(self%file%problem)) call self%set_file_error(error)
     end subroutine add_error
 
     !> Write the profile of the run into the file after `close`.
@@ -583,7 +583,7 @@ contains
         call write_profile(self%file, profile)
         call self%file%flush()
         call self%file%close(self%more_follows)
-        if (allocated(self%file%problem)) call self%fail(error)
+        if (allocated(self%file%problem)) call self%set_file_error(error)
     end subroutine add_profile
 
     !> Unlock the file for other writers.
@@ -635,7 +635,7 @@ contains
     end subroutine write_to_disk
 
     !> Save the state if the last save was more than `seconds_unflushed` ago.
-    subroutine watch(self, simulation)
+    subroutine save_if_due(self, simulation)
         class(trajectory_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
         integer(long) :: now, rate
@@ -648,7 +648,7 @@ contains
         self%steps_since_clock = 0
         self%clock_read_at = now
         if (real(now - self%saved_at, wp) >= self%seconds_unflushed*real(rate, wp)) call self%save(simulation)
-    end subroutine watch
+    end subroutine save_if_due
 
     !> Write the rows, then the state of the run, to the disk.
     subroutine save(self, simulation)
@@ -690,10 +690,10 @@ contains
     end subroutine save_simulation
 
     !> Convert the problem of the file to an error.
-    subroutine fail(self, error)
+    subroutine set_file_error(self, error)
         class(trajectory_type), intent(in) :: self
         type(error_type), allocatable, intent(out) :: error
 
         call set_error(error, status_output_failed, self%path//': '//self%file%problem)
-    end subroutine fail
+    end subroutine set_file_error
 end module tandem_io_output_trajectory

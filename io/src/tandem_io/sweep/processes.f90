@@ -34,7 +34,7 @@ module tandem_io_sweep_processes
         !> Worker from which the search for events starts.
         integer, private :: current = 0
     contains
-        procedure :: prepare, size => count_workers, start, give, next, end_worker, dismiss
+        procedure :: prepare, size => count_workers, start, assign, next, end_worker, dismiss
         procedure, private :: receive_record
     end type processes_type
 
@@ -182,7 +182,7 @@ contains
     end subroutine work
 
     !> Append a range of cases to the work of a worker.
-    subroutine give(self, worker, first, last)
+    subroutine assign(self, worker, first, last)
         class(processes_type), intent(inout) :: self
         integer, intent(in) :: worker
         integer(long), intent(in) :: first, last
@@ -191,7 +191,7 @@ contains
         ! A failure means that the worker has ended; `next` reports this.
         stat = c_send(self%ends(worker), [int(first, c_int64_t), int(last, c_int64_t)], 2_c_int64_t)
         if (stat /= 0) return
-    end subroutine give
+    end subroutine assign
 
     !> Wait for the next event of any worker.
     subroutine next(self, milliseconds, event)

@@ -149,7 +149,7 @@ contains
                         if (allocated(error)) return
                         duty%is_running = .true.
                     end if
-                    call team%give(i, range(1), range(2))
+                    call team%assign(i, range(1), range(2))
                     if (duty%n == 0) call system_clock(duty%last_event)
                     duty%n = duty%n + 1
                     duty%ranges(:, duty%n) = range

@@ -82,7 +82,7 @@ contains
         open (newunit=unit, file=csv//'.new', status='replace', action='write', iostat=unit_stat)
         stat = unit_stat
         if (stat == 0) write (unit, '(a)', iostat=stat) heading(plan)
-        if (stat == 0) call fill(file, plan, journal, columns, unit, stat, error)
+        if (stat == 0) call write_rows(file, plan, journal, columns, unit, stat, error)
         if (.not. allocated(error)) call write_failures(file, journal, error)
         if (plan%is_for_indices .and. .not. allocated(error)) call write_indices(file, plan)
         call file%close()
@@ -236,7 +236,7 @@ contains
     end subroutine get_label
 
     !> Write all rows, block by block.
-    subroutine fill(file, plan, journal, columns, unit, stat, error)
+    subroutine write_rows(file, plan, journal, columns, unit, stat, error)
         type(hdf5_type), intent(inout) :: file
         type(plan_type), intent(in) :: plan
         type(sweep_journal_type), intent(inout) :: journal
@@ -288,7 +288,7 @@ contains
         call file%close_dataset(columns%case)
         call file%close_dataset(columns%status)
         call file%close_dataset(columns%seconds)
-    end subroutine fill
+    end subroutine write_rows
 
     !> Some components of the rows of a block.
     pure function components_of(values, first, width, columns) result(part)

@@ -26,7 +26,7 @@ module tandem_io_sweep_team
     contains
         procedure(size_interface), deferred :: size
         procedure(start_interface), deferred :: start
-        procedure(give_interface), deferred :: give
+        procedure(assign_interface), deferred :: assign
         procedure(next_interface), deferred :: next
         procedure(end_interface), deferred :: end_worker
         procedure(dismiss_interface), deferred :: dismiss
@@ -51,13 +51,13 @@ module tandem_io_sweep_team
         end subroutine start_interface
 
         !> Append a range of cases to the work of a worker.
-        subroutine give_interface(self, worker, first, last)
+        subroutine assign_interface(self, worker, first, last)
             import :: long, team_type
             implicit none (type, external)
             class(team_type), intent(inout) :: self
             integer, intent(in) :: worker
             integer(long), intent(in) :: first, last
-        end subroutine give_interface
+        end subroutine assign_interface
 
         !> Wait for the next event of any worker, at most `milliseconds`.
         subroutine next_interface(self, milliseconds, event)
