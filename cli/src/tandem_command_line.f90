@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The command line as a library: a program that calls `command_line` with its own models runs, checks, studies and resumes scenes
-!> of them as `tandem` does with the shipped ones, which are included too. See example/dependent.
+!> The command line as a library. A program that calls `command_line` with its own models can run, check, study and resume scenes
+!> with these models as `tandem` does with the shipped ones, which are included. See example/dependent.
 module tandem_command_line
     use tandem, only: error_type
     use tandem_cli_arguments, only: arguments_type, read_arguments
@@ -8,10 +8,10 @@ module tandem_command_line
     use tandem_cli_commands, only: find_command
     use tandem_cli_completion, only: completion
     use tandem_cli_equilibrium, only: equilibrium
-    use tandem_cli_help, only: help, help_with, refuse_command
+    use tandem_cli_help, only: help, print_command_help, refuse_command
     use tandem_cli_linearise, only: linearise
     use tandem_cli_list, only: list
-    use tandem_cli_messages, only: complain, done, finish_output, input_wrong, say
+    use tandem_cli_messages, only: print_to_stderr, done, finish_output, input_wrong, say
     use tandem_cli_pictures, only: call_package
     use tandem_cli_resume, only: resume
     use tandem_cli_run, only: run
@@ -40,12 +40,12 @@ module tandem_command_line
 
 contains
 
-    !> Execute the command line: find the subcommand and pass the rest to it.
+    !> Execute the command line: find the subcommand and pass the remaining arguments to it.
     subroutine command_line(code, models)
-        !> Exit code: 0 done, 1 the run failed, 2 the input was wrong, 128 + n ended by signal n.
+        !> Exit code: 0 success, 1 failed run, 2 invalid input, 128 + n end by signal n.
         integer, intent(out) :: code
-        !> Models in addition to the shipped ones, each with the procedure that reads it from a scene; they take precedence over a
-        !> shipped one of the same name.
+        !> Additional models, each with the procedure that reads it from a scene. They take precedence over shipped models with the
+        !> same name.
         type(scene_model_type), intent(in), optional :: models(:)
         type(arguments_type) :: arguments
         type(error_type), allocatable :: error
@@ -62,10 +62,10 @@ contains
         end if
         call arguments%parse(error)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             code = input_wrong
         else if (arguments%help) then
-            call help_with(arguments%command)
+            call print_command_help(arguments%command)
             code = done
         else
             call carry_out(arguments, code)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The public face of tandem-io: re-exports only.
+!> Public interface of tandem-io, which re-exports entities of its modules.
 module tandem_io
     use tandem_io_json, only: json_type
     use tandem_io_output_checkpoint, only: read_snapshot, snapshot_type
@@ -20,7 +20,7 @@ module tandem_io
     use tandem_io_scene_text, only: listed, nearest_name, to_toml
     use tandem_io_study_cases, only: case_groups, case_names
     use tandem_io_study_journal, only: journal_type
-    use tandem_io_study_measure, only: make_reference, settle_scene
+    use tandem_io_study_measure, only: make_reference, prepare_scene
     use tandem_io_study_modes, only: at_meeting, at_pair, at_zero, critical_type, crossing_name, locus_point_type, modes_type
     use tandem_io_study_paper, only: paper_columns, paper_type
     use tandem_io_study_precision, only: precision_columns, precision_type
@@ -52,7 +52,7 @@ module tandem_io
     public :: write_linearisation, write_nearest, body_motions, check_target
     public :: modes_type, locus_point_type, critical_type, at_zero, at_pair, at_meeting, crossing_name
     public :: paper_type, paper_columns
-    public :: precision_type, precision_columns, reference_type, make_reference, settle_scene, read_reference, &
+    public :: precision_type, precision_columns, reference_type, make_reference, prepare_scene, read_reference, &
         write_reference
     public :: stability_type, stability_columns, select_cases, case_groups, case_names
     public :: plan_type, read_sweep, settings_of, case_runner_type, record_type, name_of_status, sweep_journal_type, &

@@ -5,8 +5,8 @@ module tandem_mpi_command_line
     use mpi_f08, only: mpi_abort, mpi_bcast, mpi_comm_rank, mpi_comm_world, mpi_finalize, mpi_init, mpi_integer
     use tandem, only: error_type
     use tandem_cli_arguments, only: arguments_type, read_arguments
-    use tandem_cli_help, only: help_with
-    use tandem_cli_messages, only: complain, done, finish_output, input_wrong, signalled
+    use tandem_cli_help, only: print_command_help
+    use tandem_cli_messages, only: print_to_stderr, done, finish_output, input_wrong, signalled
     use tandem_cli_sweep, only: code_of, finish_sweep, prepare_sweep, sweep_setup_type
     use tandem_io, only: distribute, read_sweep, scene_model_type, shipped_models, words_of_record
     use tandem_mpi_ranks, only: ranks_type, relay
@@ -36,13 +36,13 @@ contains
         end if
         code = input_wrong
         if (arguments%command /= 'sweep') then
-            if (rank == 0) call complain('tandem-mpi has one subcommand, sweep; the others are tandem''s')
+            if (rank == 0) call print_to_stderr('tandem-mpi has one subcommand, sweep; the others are tandem''s')
         else
             call arguments%parse(error)
             if (allocated(error)) then
-                if (rank == 0) call complain(error%message)
+                if (rank == 0) call print_to_stderr(error%message)
             else if (arguments%help) then
-                if (rank == 0) call help_with('sweep')
+                if (rank == 0) call print_command_help('sweep')
                 code = done
             else
                 call sweep(arguments, rank, code)
@@ -76,7 +76,7 @@ contains
         end if
         if (allocated(error)) then
             code = code_of(error)
-            if (rank == 0) call complain(error%message)
+            if (rank == 0) call print_to_stderr(error%message)
         end if
         ! An error found by rank 0 ends all ranks.
         call mpi_bcast(code, 1, mpi_integer, 0, mpi_comm_world)
@@ -88,7 +88,7 @@ contains
         end if
         if (allocated(error)) then
             code = code_of(error)
-            call complain(error%message)
+            call print_to_stderr(error%message)
             ! The others wait for this rank.
             if (rank > 0) call mpi_abort(mpi_comm_world, code)
         end if

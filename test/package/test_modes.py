@@ -78,7 +78,7 @@ class Modes(unittest.TestCase):
     def test_closed_form(self):
         """Two equal masses between three equal springs: together at sqrt(k/m), against each other at sqrt(3 k/m)."""
         drawing = viewer.drawing_of(self.folder / "chain.h5")
-        found = {round(float(name.split(" Hz")[0]), 3): {body.name: body.place[:, 0] for body in bodies} for name, bodies in drawing.takes}
+        found = {round(float(name.split(" Hz")[0]), 3): {body.name: body.position[:, 0] for body in bodies} for name, bodies in drawing.takes}
         self.assertEqual(set(found), {round(10/(2*np.pi), 3), round(10*np.sqrt(3)/(2*np.pi), 3)})
         for frequency, sign in ((10/(2*np.pi), 1), (10*np.sqrt(3)/(2*np.pi), -1)):
             places = found[round(frequency, 3)]
@@ -107,7 +107,7 @@ class Modes(unittest.TestCase):
         i = int(np.flatnonzero(modes.eigenvalues.imag > 0)[0])
         self.assertAlmostEqual(float(name.split(" Hz")[0]), frequency[i], places=3)
         here = [names.index(f"{body.name}.y") for body in bodies]
-        moved = np.stack([body.place[:, 1] - q[j] for body, j in zip(bodies, here, strict=True)])
+        moved = np.stack([body.position[:, 1] - q[j] for body, j in zip(bodies, here, strict=True)])
         quarter = (len(drawing.times) - 1)//4
         # Real part at the first frame, minus i times the part a quarter period later.
         seen = moved[:, 0] - 1j*moved[:, quarter]
@@ -127,7 +127,7 @@ class Modes(unittest.TestCase):
                 turn = 2*(rotations.product(de.real, rotations.conjugate(e)) + 1j*rotations.product(de.imag, rotations.conjugate(e)))
                 np.testing.assert_allclose(turn[1:], modes.motions[i, j, 3:], atol=1e-12)
                 rest = np.array([modes.q[modes.names.index(f"{body.name}.{axis}")] for axis in "xyz"])
-                moved = [np.concatenate([body.place[f] - rest, vector_of(rotations.product(body.turn[f], rotations.conjugate(e)))])
+                moved = [np.concatenate([body.position[f] - rest, vector_of(rotations.product(body.rotation[f], rotations.conjugate(e)))])
                          for f in (0, quarter)]
                 seen, wanted = moved[0] - 1j*moved[1], modes.motions[i, j]
                 factor = np.vdot(wanted, seen)/np.vdot(wanted, wanted)
@@ -145,12 +145,12 @@ class Modes(unittest.TestCase):
                 file[f"linearisation/{part}"][:] = 0
             file["linearisation/motions_re"][:, 7] = 1
         b = viewer.drawing_of(path).takes[0][1]
-        self.assertEqual((np.abs(b[0].place[0] - [1, 0, 0]).max(), b[1].place[0, 0]), (0.0, 2.0))
-        self.assertGreater(b[1].place[0, 1], 0.1)
+        self.assertEqual((np.abs(b[0].position[0] - [1, 0, 0]).max(), b[1].position[0, 0]), (0.0, 2.0))
+        self.assertGreater(b[1].position[0, 1], 0.1)
         with h5py.File(path, "r+") as file:
             del file["linearisation/motions_re"], file["linearisation/motions_im"], file["linearisation/bodies"]
         for body, other in zip(viewer.drawing_of(path).takes[0][1], first, strict=True):
-            np.testing.assert_allclose(body.place, other.place, atol=1e-12)
+            np.testing.assert_allclose(body.position, other.position, atol=1e-12)
 
     def test_modes_near_a_number(self):
         """A file of `--near`, which has no causes and only some modes."""
@@ -183,7 +183,7 @@ class Modes(unittest.TestCase):
     def test_no_whole_file(self):
         with h5py.File(self.folder / "odd.h5", "w") as file:
             file["linearisation/q"] = np.zeros(2)
-        with self.assertRaisesRegex(ValueError, "odd.h5 is no whole linearised system"):
+        with self.assertRaisesRegex(ValueError, "odd.h5 is not a complete linearised system"):
             viewer.drawing_of(self.folder / "odd.h5")
 
 

@@ -120,8 +120,8 @@ class Arrows(unittest.TestCase):
         drawing = draw(result)
         found = {arrow.name: arrow for arrow in drawing.arrows}
         self.assertEqual(set(found), {"__proto__ force", "coil force"})
-        np.testing.assert_allclose(found["__proto__ force"].places, 0, atol=1e-9)
-        np.testing.assert_allclose(found["coil force"].places, drawing.body("<b>$r_{$</b>").place, atol=1e-9)
+        np.testing.assert_allclose(found["__proto__ force"].positions, 0, atol=1e-9)
+        np.testing.assert_allclose(found["coil force"].positions, drawing.body("<b>$r_{$</b>").position, atol=1e-9)
         np.testing.assert_allclose(found["coil force"].vectors[[0, -1]], result.groups["forces"]["coil"]["force"].values[[0, -1]])
         self.assertEqual((found["coil force"].on, found["coil force"].unit), ("<b>$r_{$</b>", "N"))
         self.assertNotEqual(found["coil force"].colour, found["__proto__ force"].colour)
@@ -134,7 +134,7 @@ class Arrows(unittest.TestCase):
         for arrow in drawing.arrows:
             on, place, vector = wanted[arrow.name]
             self.assertEqual((arrow.on, arrow.unit), (on, "N m" if arrow.name.endswith("torque") else "N"))
-            np.testing.assert_allclose(arrow.places[frame], place, atol=1e-9)
+            np.testing.assert_allclose(arrow.positions[frame], place, atol=1e-9)
             np.testing.assert_allclose(arrow.vectors[frame], vector, atol=1e-9)
 
     def test_a_cantilever(self):
@@ -213,7 +213,7 @@ class Files(unittest.TestCase):
 
     def test_rows_that_are_no_numbers(self):
         path = self.write(value=np.nan)
-        self.ends(path, "some rows are no numbers", ("view",))
+        self.ends(path, "some rows are not finite", ("view",))
         tandem.plot.overview(path).savefig(self.place / "nan.png")
         self.assertIn("odd", tandem.read(path)._repr_html_())
 
@@ -245,7 +245,7 @@ class Files(unittest.TestCase):
         result.scene["force"]["coil"]["between"] = ["nobody.nowhere", "_rod"]
         drawing = draw(result)
         self.assertEqual({body.name for body in drawing.bodies}, {"<b>$r_{$</b>", "_rod"})
-        self.assertIn("not understood", drawing.about)
+        self.assertIn("which are unknown", drawing.about)
 
 
 class Uses(unittest.TestCase):

@@ -153,7 +153,7 @@ class Plots(Folder):
         tandem.run_scene("slider_crank", {"time.end": 0.2}, self.folder / "a.h5", error=False)
         (self.folder / "empty.csv").write_text((self.folder / f"{name}.csv").read_text().partition("\n")[0] + "\n")
         (self.folder / "cut.csv").write_text((self.folder / f"{name}.csv").read_text()[:300])
-        for words, told in (([f"{name}.h5", "a.h5"], "not a study"), ([f"{name}.h5", "--names", "x"], "neither"), (["empty.csv"], "not a study of precision"),
+        for words, told in (([f"{name}.h5", "a.h5"], "not a study"), ([f"{name}.h5", "--names", "x"], "neither"), (["empty.csv"], "not a precision study"),
                             (["cut.csv"], "cut.csv "), ([f"{name}.h5", "--kind", "tracks"], "one kind")):
             with self.subTest(words):
                 self.assertIn(told, self.tandem("plot", *words, code=2))
@@ -338,13 +338,13 @@ class Motions(unittest.TestCase):
     def test_rotations(self):
         random = np.random.default_rng(2)
         p, q, x = rotations.normalised(random.normal(size=4)), rotations.normalised(random.normal(size=4)), random.normal(size=3)
-        self.assertTrue(np.allclose(rotations.turned(rotations.product(p, q), x), rotations.turned(p, rotations.turned(q, x))))
-        matrix = np.stack([rotations.turned(p, axis) for axis in np.eye(3)], axis=1)
+        self.assertTrue(np.allclose(rotations.rotated(rotations.product(p, q), x), rotations.rotated(p, rotations.rotated(q, x))))
+        matrix = np.stack([rotations.rotated(p, axis) for axis in np.eye(3)], axis=1)
         self.assertTrue(np.allclose(abs(rotations.from_matrix(matrix) @ p), 1))
         for direction in (x, [0, 0, 1], [0, 0, -1], [1, 0, 0]):
             direction = np.array(direction)/np.linalg.norm(direction)
-            self.assertTrue(np.allclose(rotations.turned(rotations.carrying(direction), [0, 0, 1]), direction))
-        self.assertTrue(np.allclose(rotations.turned(rotations.from_vector([0, 0, np.pi/2]), [1, 0, 0]), [0, 1, 0]))
+            self.assertTrue(np.allclose(rotations.rotated(rotations.rotation_onto(direction), [0, 0, 1]), direction))
+        self.assertTrue(np.allclose(rotations.rotated(rotations.from_vector([0, 0, np.pi/2]), [1, 0, 0]), [0, 1, 0]))
 
 
 class Drawings(unittest.TestCase):
@@ -357,9 +357,9 @@ class Drawings(unittest.TestCase):
             body = drawing.body("b3")
             # Rows are steps of an accurate run: the frame is at most half a step from one.
             near = np.abs(one.time[row] - drawing.times[f])*np.abs(one.qd[row]).max()*1.5 + 1e-9
-            self.assertLess(np.abs(body.place[f] - one.columns("b3.x", "b3.y", "b3.z")[row]).max(), near)
+            self.assertLess(np.abs(body.position[f] - one.columns("b3.x", "b3.y", "b3.z")[row]).max(), near)
             p = one.columns("b3.e0", "b3.e1", "b3.e2", "b3.e3")[row]
-            self.assertLess(min(np.abs(body.turn[f] - p).max(), np.abs(body.turn[f] + p).max()), near)
+            self.assertLess(min(np.abs(body.rotation[f] - p).max(), np.abs(body.rotation[f] + p).max()), near)
 
     def test_joints_hold_in_the_drawing(self):
         """The point of the drawing is the same on both bodies at every frame."""
@@ -371,7 +371,7 @@ class Drawings(unittest.TestCase):
             ends = []
             for name in (first, second):
                 body = drawing.body(name)
-                local = rotations.turned(rotations.conjugate(body.turn[0]), np.array(at) - body.place[0])
+                local = rotations.rotated(rotations.conjugate(body.rotation[0]), np.array(at) - body.position[0])
                 ends.append(body.point(local))
             # Interpolation between steps, on 1 m.
             self.assertLess(np.abs(ends[0] - ends[1]).max(), 1e-6)
@@ -424,7 +424,7 @@ step = 1e-3
         for name in ("middle force", "last force"):
             arrow = next(arrow for arrow in drawing.arrows if arrow.name == name)
             local = [-0.5, 0, 0] if name.startswith("middle") else [0.5, 0, 0]
-            self.assertLess(np.abs(arrow.places - right.point(local)).max(), 1e-12, name)
+            self.assertLess(np.abs(arrow.positions - right.point(local)).max(), 1e-12, name)
         self.assertTrue(any(np.allclose(piece.at, [-0.5, 0, 0]) for piece in markers))
         # No piece of the body reaches beyond its points.
         for body in (left, right):
@@ -433,29 +433,29 @@ step = 1e-3
     def test_contact_points(self):
         """The disk by hand, whose contact is among its coordinates, and as a mechanism, where a formula gives it."""
         hand, built = draw(result("rolling_disk")), draw(result("mechanism_disk"))
-        contacts = [next(track.places for track in drawing.tracks if track.is_contact) for drawing in (hand, built)]
+        contacts = [next(track.positions for track in drawing.tracks if track.is_contact) for drawing in (hand, built)]
         self.assertLess(np.abs(contacts[0] - contacts[1]).max(), 1e-6)
         self.assertLess(np.abs(contacts[0][:, 2]).max(), 1e-6)
         for scene in ("turntable", "chaplygin_sphere", "rattleback", "bicycle"):
             for track in draw(result(scene)).tracks:
                 if track.is_contact:
-                    self.assertLess(np.abs(track.places[:, 2]).max(), 1e-6, scene)
+                    self.assertLess(np.abs(track.positions[:, 2]).max(), 1e-6, scene)
 
     def test_the_motorcycle_stands_on_its_wheels(self):
         for scene in ("motorcycle", "motorcycle_chopper"):
             drawing = draw(result(scene))
-            contact = next(track.places for track in drawing.tracks if track.is_contact)
+            contact = next(track.positions for track in drawing.tracks if track.is_contact)
             self.assertLess(np.abs(contact[:, 2]).max(), 1e-6)
             for name in ("rear wheel, left", "rear wheel, right"):
-                self.assertLess(np.abs(drawing.body(name).place[:, 2] - 0.3).max(), 1e-6)
+                self.assertLess(np.abs(drawing.body(name).position[:, 2] - 0.3).max(), 1e-6)
 
     def test_inertia_gives_a_box(self):
         one = tandem.Mechanism({"gravity.vector": [0, 0, -9.81], "time.end": 0.1})
         m, a, b, c = 2.0, 0.3, 0.2, 0.1
         one.add("body.brick", mass=m, inertia=[m*(b*b + c*c)/12, m*(a*a + c*c)/12, m*(a*a + b*b)/12], position=[0, 0, 1])
         body = draw(one.run(error=False)).body("brick")
-        turn = body.pieces[0].turn
-        edges = np.abs(rotations.turned(turn, np.array(body.pieces[0].size)))
+        turn = body.pieces[0].rotation
+        edges = np.abs(rotations.rotated(turn, np.array(body.pieces[0].size)))
         self.assertTrue(np.allclose(edges, [a, b, c]), edges)
 
     def test_what_cannot_be_shown(self):
@@ -495,9 +495,9 @@ class Pages(Folder):
         channels = packing.unpacked(numbers, np.array(content["steps"]), content["times"]["count"])
         self.assertEqual([body["name"] for body in content["bodies"]], ["b1", "b2", "b3", "b4", "b5"])
         # A step is 1e-7 of the size, which is 3 m.
-        self.assertLess(np.abs(channels[7:10].T - draw(one).body("b2").place).max(), 5e-7)
+        self.assertLess(np.abs(channels[7:10].T - draw(one).body("b2").position).max(), 5e-7)
         self.assertEqual([curve["name"] for curve in content["curves"]], ["b2.x"])
-        self.assertLess(np.abs(channels[-1] - draw(one).body("b2").place[:, 0]).max(), 1e-6)
+        self.assertLess(np.abs(channels[-1] - draw(one).body("b2").position[:, 0]).max(), 1e-6)
         self.assertEqual((self.folder / "a.glb").read_bytes()[:4], b"glTF")
 
     def test_buttons_need_no_font(self):
@@ -567,17 +567,17 @@ class Glb(unittest.TestCase):
             self.assertLess(np.abs(self.values(content, binary, sampler["input"])[:, 0] - drawing.times).max(), 1e-6)
             values, body = self.values(content, binary, sampler["output"]), drawing.body(name)
             if path == "translation":
-                self.assertLess(np.abs(values - body.place).max(), 1e-6)
+                self.assertLess(np.abs(values - body.position).max(), 1e-6)
             else:
                 # 16 bits.
-                self.assertLess(np.abs(values[:, [3, 0, 1, 2]] - body.turn).max(), 2e-5)
+                self.assertLess(np.abs(values[:, [3, 0, 1, 2]] - body.rotation).max(), 2e-5)
             seen += 1
         self.assertGreater(seen, 8)
 
     def test_up_is_up(self):
         content, _ = self.read(glb(draw(result("a05_governor"))))
         x, y, z, w = content["nodes"][0]["rotation"]
-        self.assertTrue(np.allclose(rotations.turned([w, x, y, z], [0, 0, 1]), [0, 1, 0]))
+        self.assertTrue(np.allclose(rotations.rotated([w, x, y, z], [0, 0, 1]), [0, 1, 0]))
 
 
 if __name__ == "__main__":

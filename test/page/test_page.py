@@ -122,9 +122,9 @@ class Pages(Browser):
                     for body in drawing.bodies[:12]:
                         found = tab.evaluate("name => tandem.pose(name)", body.name)
                         # Steps of 1e-7 of the size, and 24 bits of the numbers.
-                        self.assertLess(np.abs(found["position"] - body.place[f]).max(), 1e-6*size, f"{body.name} at frame {f}")
+                        self.assertLess(np.abs(found["position"] - body.position[f]).max(), 1e-6*size, f"{body.name} at frame {f}")
                         x, y, z, w = found["quaternion"]
-                        self.assertLess(min(np.abs([w, x, y, z] - body.turn[f]).max(), np.abs([w, x, y, z] + body.turn[f]).max()), 1e-5)
+                        self.assertLess(min(np.abs([w, x, y, z] - body.rotation[f]).max(), np.abs([w, x, y, z] + body.rotation[f]).max()), 1e-5)
                 self.quiet()
                 tab.evaluate("tandem.setTime(tandem.drawing.times.first + 0.6*tandem.drawing.times.step*(tandem.drawing.times.count - 1))")
                 self.not_blank(tab, scene)
@@ -267,7 +267,7 @@ class Pages(Browser):
             said = result.groups["joints"][joint][what].values[300]
             scale = {"force": 0.5, "torque": 0.12}[what]*drawing_size(tab)/max(
                 np.linalg.norm(one.vectors, axis=1).max() for one in drawing.arrows if one.name.endswith(what))
-            np.testing.assert_allclose(place, arrow.places[frame], atol=1e-5)
+            np.testing.assert_allclose(place, arrow.positions[frame], atol=1e-5)
             # Forces are packed in steps of 1e-4 of the largest, and rows of the file are 1 ms apart.
             np.testing.assert_allclose(np.subtract(tip, place), scale*said, atol=2e-4*drawing_size(tab))
             if head:
@@ -303,7 +303,7 @@ class Pages(Browser):
             tab.evaluate("tandem.setTime(0.5)")
             for body in drawing.takes[i][1]:
                 found = tab.evaluate("name => tandem.pose(name)", body.name)
-                self.assertLess(np.abs(found["position"] - body.place[30]).max(), 1e-5)
+                self.assertLess(np.abs(found["position"] - body.position[30]).max(), 1e-5)
         self.not_blank(tab, "modes")
         self.quiet()
 
@@ -411,10 +411,10 @@ class Gltf(unittest.TestCase):
                                  {body.name for body in drawing.bodies})
                 opened = trimesh.load(path)
                 # At the first frame, the box around all bodies, seen with y upwards.
-                up = rotations.conjugate(rotations.carrying(drawing.up, (0.0, 1.0, 0.0)))
+                up = rotations.conjugate(rotations.rotation_onto(drawing.up, (0.0, 1.0, 0.0)))
                 for body in drawing.bodies:
                     found = opened.graph.get(body.name)[0][:3, 3]
-                    self.assertLess(np.abs(found - rotations.turned(up, body.place[0])).max(), 1e-5*max(1, np.abs(body.place[0]).max()))
+                    self.assertLess(np.abs(found - rotations.rotated(up, body.position[0])).max(), 1e-5*max(1, np.abs(body.position[0]).max()))
 
 
 if __name__ == "__main__":

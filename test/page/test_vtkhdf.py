@@ -81,7 +81,7 @@ class Vtkhdf(unittest.TestCase):
             for k, arrow in enumerate(drawing.arrows):
                 wanted = {"N": 0.5, "N m": 0.12}[arrow.unit]*size/largest[arrow.unit]*arrow.vectors[f]
                 *arc, (start, end) = places[lines[owner[:len(lines)] == -2 - k]]
-                np.testing.assert_allclose(start, arrow.places[f], atol=1e-6)
+                np.testing.assert_allclose(start, arrow.positions[f], atol=1e-6)
                 np.testing.assert_allclose(end - start, wanted, atol=1e-6)
                 self.assertEqual(len(arc), 24*(arrow.unit == "N m"))
                 if len(arc) and np.linalg.norm(wanted) > 1e-3*size:
@@ -129,7 +129,7 @@ class Vtkhdf(unittest.TestCase):
             for f in (0, 31):
                 _, places, lines, _, owner, _ = steps[k*nf + f]
                 self.assertEqual(owner[:3].tolist(), [-1]*3)
-                wanted = [[[0, 0, 0], a.place[f]], [a.place[f], b.place[f]], [b.place[f], [3, 0, 0]]]
+                wanted = [[[0, 0, 0], a.position[f]], [a.position[f], b.position[f]], [b.position[f], [3, 0, 0]]]
                 np.testing.assert_allclose(places[lines], wanted, atol=1e-6)
 
 

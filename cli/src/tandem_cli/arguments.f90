@@ -12,22 +12,22 @@ module tandem_cli_arguments
     public :: arguments_type, read_arguments
 
     type :: arguments_type
-        !> The subcommand, empty if none is given; for `study`, two words.
+        !> Subcommand; two words for `study`, empty if none is given.
         character(len=:), allocatable :: command
-        !> The scene, or the file of `resume` and `verify`, not allocated if none is given; for commands that accept several, all
-        !> are in `scenes`.
+        !> Scene, or file for `resume` and `verify`; not allocated if none is given. If a subcommand accepts several scenes, all are
+        !> in `scenes`.
         character(len=:), allocatable :: scene
         character(len=:), allocatable :: scenes(:)
-        !> Operand of `help` and `completion`; empty if none is given.
+        !> Operand of `help` or `completion`; empty if none is given.
         character(len=:), allocatable :: about
         !> Models that scenes may name.
         type(scene_model_type), allocatable :: models(:)
         !> Settings `table.key=value` and `--unset table.key`, without trailing blanks.
         character(len=:), allocatable :: settings(:)
-        !> Given options without a value.
+        !> Options without a value.
         logical :: quiet = .false., force = .false., help = .false., quick = .false., error = .false., no_error = .false., &
             profile = .false., json = .false., merges = .false., shapes = .false.
-        !> Options of a study with a value, as `--name=value`.
+        !> Options of a study with a value, in the form `--name=value`.
         character(len=:), allocatable, private :: given(:)
         integer, private :: first = 2
     contains
@@ -37,7 +37,7 @@ module tandem_cli_arguments
 
 contains
 
-    !> Read the subcommand; `parse` reads the rest.
+    !> Read the subcommand; `parse` reads the other arguments.
     function read_arguments(models) result(arguments)
         !> Models that scenes may name.
         type(scene_model_type), intent(in) :: models(:)
@@ -113,7 +113,7 @@ contains
         end associate
     end subroutine parse
 
-    !> Take an option, and its value from the same word or from the next.
+    !> Read an option and its value, which is part of the same word or the next word.
     subroutine take(self, word, next, command, error)
         class(arguments_type), intent(inout) :: self
         character(len=*), intent(in) :: word
@@ -156,7 +156,7 @@ contains
         case ('--unset')
             call add_text(self%settings, '--unset '//value)
         case ('--output')
-            ! A study writes a folder of files, a sweep a table, and a linearised system is not a run.
+            ! These subcommands write other files than a run.
             if (self%first == 2 .and. all(self%command /= [character(len=9) :: 'sweep', 'linearise'])) then
                 call add_text(self%settings, 'output.file='//quoted(value))
             else
@@ -191,7 +191,7 @@ contains
         end select
     end subroutine take
 
-    !> Value of an option of a study, the last one if it was given several times; a default if it is absent.
+    !> Value of an option of a study; the last one if it is given several times, the default if it is absent.
     function value_of(self, name, default) result(value)
         class(arguments_type), intent(in) :: self
         character(len=*), intent(in) :: name, default
@@ -204,7 +204,7 @@ contains
         end do
     end function value_of
 
-    !> Value of a numeric option.
+    !> Read the value of a numeric option.
     subroutine number_of(self, name, least, value, error)
         class(arguments_type), intent(in) :: self
         character(len=*), intent(in) :: name
@@ -224,13 +224,13 @@ contains
             name//', not "'//text//'"')
     end subroutine number_of
 
-    !> Value of an option that is a count.
+    !> Read the value of an option that is a positive count.
     subroutine count_of(self, name, most, value, error)
         class(arguments_type), intent(in) :: self
         character(len=*), intent(in) :: name
-        !> Largest valid value, so that a typing error does not cost hours.
+        !> Largest valid value, which prevents very long runs due to a typing error.
         integer, intent(in) :: most
-        !> Default on entry, value on return, from 1 on.
+        !> Default on entry, value on return.
         integer, intent(inout) :: value
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: text
@@ -256,7 +256,7 @@ contains
         allocate (texts, source=longer)
     end subroutine add_text
 
-    !> A text in the quotation marks of TOML.
+    !> Text in TOML quotation marks.
     pure function quoted(word) result(text)
         character(len=*), intent(in) :: word
         character(len=:), allocatable :: text
@@ -270,7 +270,7 @@ contains
         text = text//'"'
     end function quoted
 
-    !> Words separated by commas as an array of TOML.
+    !> Words separated by commas as a TOML array.
     pure function quoted_list(words) result(text)
         character(len=*), intent(in) :: words
         character(len=:), allocatable :: text
@@ -287,9 +287,9 @@ contains
         text = '['//text//quoted(trim(adjustl(words(first:))))//']'
     end function quoted_list
 
-    !> An argument of any length.
+    !> Argument of the command line.
     function argument(i) result(word)
-        !> Its index.
+        !> Index of the argument.
         integer, intent(in) :: i
         character(len=:), allocatable :: word
         integer :: length

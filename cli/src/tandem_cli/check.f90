@@ -1,9 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> tandem check: sizes, rank and consistency of the start of a scene, and every procedure of its model against differences.
+!> tandem check: sizes, rank and consistency of the start of a scene, and a comparison of every procedure of its model with finite
+!> differences.
 module tandem_cli_check
     use tandem, only: census_type, error_type, finding_type, mechanism_type, simulation_type, take_census, to_text, verify_model, wp
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
+    use tandem_cli_messages, only: print_to_stderr, done, message_for_scene, input_wrong, padded, run_failed, say
     use tandem_cli_moves, only: moves_text
     use tandem_cli_report, only: chart_text, cost_text, print_warnings
     use tandem_io, only: brief, find_scene, json_type, read_scene, scene_type
@@ -15,7 +16,7 @@ module tandem_cli_check
 
     !> Number of states at which procedures are compared.
     integer, parameter :: n_states = 10
-    !> Largest number of bodies that are named.
+    !> Largest number of bodies whose names are printed.
     integer, parameter :: most_names = 20
     !> Width of the names of procedures.
     integer, parameter :: name_width = 43
@@ -39,7 +40,7 @@ contains
             call verify_model(scene%model, scene%t_start, scene%q, scene%qd, n_states, findings, error)
         end if
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             code = input_wrong
             return
         end if
@@ -54,11 +55,11 @@ contains
         end if
         code = merge(done, run_failed, all(findings%passed))
         if (.not. allocated(start_error)) return
-        call complain(in_scene_words(start_error))
+        call print_to_stderr(message_for_scene(start_error))
         code = input_wrong
     end subroutine check
 
-    !> Print sizes, and one line per procedure; place and numbers of errors.
+    !> Print sizes, and one line per procedure with the location and the number of errors.
     subroutine print_check(scene, findings)
         type(scene_type), intent(in) :: scene
         type(finding_type), intent(in) :: findings(:)
@@ -67,7 +68,7 @@ contains
 
         associate (model => scene%model)
             verdict = ', '//counted(model%n - model%n_constraints(), 'degree', 's')//' of freedom'
-            ! Constraints of a mechanism are counted below, without its redundant rows.
+            ! The constraints of a mechanism are printed with its rows, which may be redundant.
             select type (model)
             class is (mechanism_type)
                 verdict = ''
@@ -97,10 +98,10 @@ contains
         end do
     end subroutine print_check
 
-    !> A number of things.
+    !> A count with the counted word.
     pure function counted(n, word, many, one) result(text)
         integer, intent(in) :: n
-        !> The word, and its endings for any number but one, and for one.
+        !> The word, its ending in the plural, and its ending in the singular.
         character(len=*), intent(in) :: word, many
         character(len=*), intent(in), optional :: one
         character(len=:), allocatable :: text
@@ -113,7 +114,7 @@ contains
         end if
     end function counted
 
-    !> For a mechanism: bodies, rows by element, degrees of freedom, start.
+    !> Print bodies, rows by element, degrees of freedom and start of a mechanism.
     subroutine print_mechanism(scene, simulation, start_error)
         type(scene_type), intent(inout) :: scene
         type(simulation_type), intent(in) :: simulation
@@ -167,7 +168,7 @@ contains
         end select
     end subroutine count_mechanism
 
-    !> The start.
+    !> Print the start.
     subroutine print_start(scene, simulation)
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(in) :: simulation
@@ -188,7 +189,7 @@ contains
         call print_warnings(simulation)
     end subroutine print_start
 
-    !> Print the same as one object.
+    !> Print the results as one JSON object.
     subroutine print_json(scene, findings, simulation, start_error)
         type(scene_type), intent(inout) :: scene
         type(finding_type), intent(in) :: findings(:)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A child process for work that may end in a crash of a library, such as HDF5 with a damaged file. */
+/* A child process for work in which a library may crash, such as HDF5 with a damaged file. */
 #include <errno.h>
 #include <signal.h>
 #include <sys/resource.h>
@@ -9,9 +9,9 @@
 
 enum { in_child = -1, killed = 1000 };
 
-/* Fork. Returns -1 in the child, where the caller continues with the work; a crash ends it silently, without a core file. In the
-   parent, after the end of the child, returns its exit code, or 1000 plus the signal that ended it. If no child can be created (no
-   memory, no processes), the caller does the work itself: -1. */
+/* Create a child process. Returns -1 in the child, where the caller does the work; a crash ends the child silently, without a core
+   file. In the parent, waits for the child and returns its exit code, or 1000 plus the number of the signal that ended it. If the
+   child cannot be created, returns -1, so that the caller does the work itself. */
 int tandem_fork_and_wait(void)
 {
     static const int crashes[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};

@@ -1,6 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The table of the subcommands of the program, and the table of their options. Help, shell completion and the reader of the command
-!> line use these two tables.
+!> Tables of the subcommands and of their options, used by the help, by the shell completion, and by the reader of the command line.
 module tandem_cli_commands
     use tandem_io, only: nearest_name
     implicit none (type, external)
@@ -126,7 +125,7 @@ contains
         takes_option = name == '--help' .or. index(command%options, ' '//trim(name)//' ') > 0
     end function takes_option
 
-    !> Subcommand that was probably meant; empty if none is near.
+    !> Subcommand with a similar name; empty if there is none.
     pure function nearest_command(word) result(name)
         character(len=*), intent(in) :: word
         character(len=:), allocatable :: name

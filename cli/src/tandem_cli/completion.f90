@@ -1,9 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> tandem completion: a shell script that completes subcommands, options, scenes and files, from the table of subcommands.
+!> tandem completion: a shell script that completes subcommands, options, scenes and files, according to the tables of subcommands
+!> and options.
 module tandem_cli_completion
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_commands, only: command_type, commands, options, takes_option
-    use tandem_cli_messages, only: complain, done, input_wrong, say
+    use tandem_cli_messages, only: print_to_stderr, done, input_wrong, say
     implicit none (type, external)
     private
 
@@ -20,21 +21,21 @@ contains
         code = done
         select case (arguments%about)
         case ('bash')
-            call say_bash()
+            call print_bash_script()
         case ('zsh')
-            ! zsh uses functions of bash for completion.
+            ! zsh emulates the completion functions of bash.
             call say('#compdef tandem')
             call say('autoload -U +X bashcompinit && bashcompinit')
-            call say_bash()
+            call print_bash_script()
         case default
             code = input_wrong
-            call complain('completion supports bash and zsh, not "'//arguments%about//'"'//new_line('a')// &
+            call print_to_stderr('completion supports bash and zsh, not "'//arguments%about//'"'//new_line('a')// &
                 'See tandem help completion.')
         end select
     end subroutine completion
 
-    !> The script for bash. A subcommand of two words is looked up by both.
-    subroutine say_bash()
+    !> Print the script for bash. A subcommand of two words is identified by both words.
+    subroutine print_bash_script()
         integer :: i
 
         call say('_tandem() {')
@@ -55,7 +56,7 @@ contains
         call say('    COMPREPLY+=($(compgen -W "$words" -- "$word"))')
         call say('}')
         call say('complete -o filenames -F _tandem tandem')
-    end subroutine say_bash
+    end subroutine print_bash_script
 
     !> First words of all subcommands, each once.
     function first_words() result(words)

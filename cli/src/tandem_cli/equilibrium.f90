@@ -3,7 +3,7 @@
 module tandem_cli_equilibrium
     use tandem, only: error_type, linearisation_type, stability_name, to_text, wp
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, input_wrong, padded, run_failed, say
+    use tandem_cli_messages, only: print_to_stderr, done, input_wrong, padded, run_failed, say
     use tandem_io, only: brief, find_scene, json_type, read_scene, scene_type
     use tandem_status, only: status_no_equilibrium
     implicit none (type, external)
@@ -11,9 +11,9 @@ module tandem_cli_equilibrium
 
     public :: equilibrium
 
-    !> Largest number of coordinates that are printed; the object of --json contains all.
+    !> Largest number of coordinates that are printed as text; JSON output contains all.
     integer, parameter :: most_names = 60
-    !> Largest number of coordinates for the stability analysis, which takes minutes for more with its full matrices.
+    !> Largest number of coordinates for the stability analysis, which uses full matrices and takes minutes beyond this size.
     integer, parameter :: most_judged = 300
 
 contains
@@ -33,12 +33,12 @@ contains
         code = input_wrong
         if (allocated(error)) then
             if (error%stat == status_no_equilibrium) code = run_failed
-            call complain(error%message)
+            call print_to_stderr(error%message)
             return
         end if
         if (scene%model%n <= most_judged) call linearisation%make(scene%model, scene%t_start, scene%q, scene%qd, error)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             code = run_failed
             return
         end if
@@ -50,7 +50,7 @@ contains
         code = done
     end subroutine equilibrium
 
-    !> Print as text.
+    !> Print the result as text.
     subroutine print_equilibrium(scene, linearisation)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: linearisation
@@ -78,7 +78,7 @@ contains
         end associate
     end subroutine print_equilibrium
 
-    !> Print as one object.
+    !> Print the result as one JSON object.
     subroutine print_json(scene, linearisation)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: linearisation

@@ -3,13 +3,13 @@
 module tandem_cli_help
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_commands, only: command_type, commands, find_command, nearest_command, options, takes_option
-    use tandem_cli_messages, only: complain, done, input_wrong, padded, say
+    use tandem_cli_messages, only: print_to_stderr, done, input_wrong, padded, say
     implicit none (type, external)
     private
 
-    public :: help, help_with, refuse_command
+    public :: help, print_command_help, refuse_command
 
-    !> Widths of the usage of a subcommand, and of an option.
+    !> Widths of the columns for usage and options.
     integer, parameter :: usage_width = 36, option_width = 27
 
 contains
@@ -24,7 +24,7 @@ contains
         if (arguments%about == '') then
             call print_overview()
         else if (find_command(arguments%about) > 0) then
-            call help_with(arguments%about)
+            call print_command_help(arguments%about)
         else
             call refuse_command(arguments%about, code)
         end if
@@ -43,7 +43,7 @@ contains
         call say('')
         call say('tandem help COMMAND, or tandem COMMAND --help, prints the options of a subcommand.')
         call say('')
-        call say_scene()
+        call print_scene_description()
         call say('')
         call say('Exit codes: 0 success, 1 the run failed, 2 invalid input, 128 + n ended by signal n.')
         call say('')
@@ -54,7 +54,7 @@ contains
     end subroutine print_overview
 
     !> Print the arguments of a subcommand.
-    subroutine help_with(name)
+    subroutine print_command_help(name)
         !> One of `commands`.
         character(len=*), intent(in) :: name
         integer :: i
@@ -65,9 +65,9 @@ contains
             call say(trim(command%summary)//'.')
             if (command%operand == 'SCENE' .or. command%operand == 'SCENE...') then
                 call say('')
-                call say_scene()
+                call print_scene_description()
             end if
-            call say_notes(name)
+            call print_notes(name)
             call say('')
             call say('Options:')
             do i = 1, size(options)
@@ -75,10 +75,10 @@ contains
                     trim(options(i)%value), option_width)//trim(options(i)%summary))
             end do
         end associate
-    end subroutine help_with
+    end subroutine print_command_help
 
     !> Print notes on a subcommand.
-    subroutine say_notes(name)
+    subroutine print_notes(name)
         character(len=*), intent(in) :: name
         character(len=*), parameter :: continues = 'An interrupted study continues when it is called again.'
 
@@ -100,13 +100,13 @@ contains
         case default
             continue
         end select
-    end subroutine say_notes
+    end subroutine print_notes
 
     !> Print the description of a scene.
-    subroutine say_scene()
+    subroutine print_scene_description()
         call say('SCENE is the path of a TOML file, or a name listed by tandem list. Named scenes are searched in the')
         call say('folder TANDEM_SCENES, in ./scenes, and where the program was built or installed.')
-    end subroutine say_scene
+    end subroutine print_scene_description
 
     !> Usage of a subcommand.
     pure function usage(command) result(text)
@@ -125,12 +125,13 @@ contains
 
         code = input_wrong
         if (command == 'study') then
-            call complain('study requires a kind: study precision SCENE..., study stability, study tables, or study modes SCENE'// &
+            call print_to_stderr( &
+                'study requires a kind: study precision SCENE..., study stability, study tables, or study modes SCENE'// &
                 new_line('a')//'See tandem help.')
             return
         end if
         guess = nearest_command(command)
         if (guess /= '') guess = ' Did you mean "'//guess//'"?'
-        call complain('there is no subcommand "'//command//'".'//guess//new_line('a')//'See tandem help.')
+        call print_to_stderr('there is no subcommand "'//command//'".'//guess//new_line('a')//'See tandem help.')
     end subroutine refuse_command
 end module tandem_cli_help

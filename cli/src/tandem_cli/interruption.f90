@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Lets SIGINT (Ctrl-C), SIGTERM and SIGHUP end a run at its next step with a complete file; a second signal ends it at once.
+!> Handling of SIGINT (Ctrl-C), SIGTERM and SIGHUP: the first signal ends a run at its next step with a complete file, a second one
+!> ends the program at once.
 module tandem_cli_interruption
     use tandem, only: error_type, global_error_type, observer_type, set_error, simulation_type, to_text
     use tandem_status, only: status_interrupted
@@ -9,20 +10,20 @@ module tandem_cli_interruption
 
     public :: interruption_type, interruptible_error_type, watch_signals, caught_signal
 
-    !> Ends the run that it observes.
+    !> Ends the observed run after a signal.
     type, extends(observer_type) :: interruption_type
     contains
         procedure :: observe => end_run
     end type interruption_type
 
-    !> An estimate of the error of a run whose second run can be ended.
+    !> Error estimator whose second run can be ended by a signal.
     type, extends(global_error_type) :: interruptible_error_type
     contains
         procedure :: observe => end_estimate
     end type interruptible_error_type
 
     interface
-        !> Install the handlers of signals.
+        !> Install the signal handlers.
         subroutine watch_signals() bind(c, name='tandem_watch_signals')
         end subroutine watch_signals
 
@@ -35,7 +36,7 @@ module tandem_cli_interruption
 
 contains
 
-    !> Number of the received signal, 0 if none.
+    !> Number of the received signal; 0 if none.
     integer function caught_signal()
         caught_signal = int(c_caught_signal())
     end function caught_signal
@@ -63,7 +64,7 @@ contains
         if (.not. allocated(error)) call interrupt(simulation, error)
     end subroutine end_estimate
 
-    !> The error.
+    !> Set the error.
     subroutine interrupt(simulation, error)
         class(simulation_type), intent(in) :: simulation
         type(error_type), allocatable, intent(out) :: error

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> A linearised system as one JSON object.
+!> Output of a linearised system as one JSON object.
 module tandem_cli_linearisation_json
     use tandem, only: cause_name, floquet_type, inputs_type, kind_name, linearisation_type, of_motion, wp
     use tandem_cli_messages, only: say
@@ -16,7 +16,7 @@ contains
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: linearisation
         type(inputs_type), intent(in) :: inputs
-        !> Multipliers, if requested.
+        !> Floquet multipliers, if requested.
         type(floquet_type), intent(in), optional :: floquet
         type(json_type) :: json
         integer :: i, k
@@ -96,7 +96,7 @@ contains
         end associate
     end subroutine add_mode
 
-    !> The symmetries, and the rates of the steady motion.
+    !> Add the symmetries, and the rates of the steady motion.
     subroutine add_motions(json, it)
         type(json_type), intent(inout) :: json
         type(linearisation_type), intent(in) :: it
@@ -114,7 +114,7 @@ contains
         call json%end_object()
     end subroutine add_motions
 
-    !> Complex numbers as pairs [re, im].
+    !> Add complex numbers as pairs [re, im].
     subroutine add_pairs(json, name, values)
         type(json_type), intent(inout) :: json
         character(len=*), intent(in) :: name
@@ -128,7 +128,7 @@ contains
         call json%end_array()
     end subroutine add_pairs
 
-    !> A matrix by rows.
+    !> Add a matrix, row by row.
     subroutine add_matrix(json, name, matrix)
         type(json_type), intent(inout) :: json
         character(len=*), intent(in) :: name

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> A linearised system as text tables.
+!> Output of a linearised system as text tables.
 module tandem_cli_linearisation_table
     use tandem, only: at_an_instant, floquet_type, in_steady_motion, kind_name, linearisation_type, mechanism_type, model_type, &
         of_family, of_motion, of_symmetry, to_text, wp
@@ -10,7 +10,7 @@ module tandem_cli_linearisation_table
 
     public :: print_linearisation, print_multipliers, print_body_motions, shape_text, eigenvalue_text
 
-    !> Largest number of coordinates of a mode that are named.
+    !> Largest number of coordinates printed for a mode.
     integer, parameter :: most_names = 6
 
 contains
@@ -46,7 +46,7 @@ contains
         end associate
     end subroutine print_linearisation
 
-    !> Floquet multipliers.
+    !> Print Floquet multipliers.
     subroutine print_multipliers(floquet)
         type(floquet_type), intent(in) :: floquet
         character(len=31) :: parts(4)
@@ -68,7 +68,7 @@ contains
         end do
     end subroutine print_multipliers
 
-    !> Eigenvalues that are not due to symmetries and families, one of each pair, with their shapes.
+    !> Print eigenvalues that are not due to symmetries or families, one per complex pair, with their shapes.
     subroutine print_eigenvalues(scene, it)
         type(scene_type), intent(in) :: scene
         type(linearisation_type), intent(in) :: it
@@ -97,7 +97,7 @@ contains
         if (aimag(it%spectrum%values(i)) > 0.0_wp) text = brief(it%spectrum%frequency(i))//' Hz'
     end function hertz
 
-    !> An eigenvalue, one of a pair or single, in 46 characters.
+    !> Eigenvalue, or one of a complex pair, in 46 characters.
     function eigenvalue_text(value, is_of_pair) result(text)
         complex(wp), intent(in) :: value
         logical, intent(in) :: is_of_pair
@@ -132,7 +132,7 @@ contains
         end do
     end function shape_text
 
-    !> Amplitude and phase, or the number only.
+    !> Amplitude and phase of an oscillation; otherwise the real number only.
     function entry_text(entry, oscillates) result(text)
         complex(wp), intent(in) :: entry
         logical, intent(in) :: oscillates
@@ -147,7 +147,7 @@ contains
         text = trim(number)
     end function entry_text
 
-    !> Modes as motions of bodies, one of each pair: one line per moving body.
+    !> Print modes as motions of bodies, one per complex pair, with one line per moving body.
     subroutine print_body_motions(model, q, values, shapes)
         class(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:)

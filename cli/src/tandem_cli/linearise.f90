@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> tandem linearise: the linear equations of small motions about a start, an equilibrium, a steady motion or a time of a run, their
-!> eigenvalues and modes.
+!> tandem linearise: linear equations, eigenvalues and modes of small motions about the start, an equilibrium, a steady motion, or a
+!> state of a run.
 module tandem_cli_linearise
     use tandem, only: error_type, floquet_type, inputs_type, linearisation_type, of_motion, set_error, simulation_type, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_linearisation_json, only: print_linearisation_json
     use tandem_cli_linearisation_table, only: print_body_motions, print_linearisation, print_multipliers
     use tandem_cli_linearise_near, only: linearise_near
-    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, run_failed
+    use tandem_cli_messages, only: print_to_stderr, done, message_for_scene, input_wrong, run_failed
     use tandem_io, only: check_target, find_scene, read_scene, scene_type, write_linearisation
     use tandem_status, only: status_invalid_option, status_no_equilibrium
     implicit none (type, external)
@@ -51,7 +51,7 @@ contains
         if (.not. allocated(error)) call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, &
             error, scene%assembly)
         if (allocated(error)) then
-            call complain(in_scene_words(error))
+            call print_to_stderr(message_for_scene(error))
             if (error%stat == status_no_equilibrium) code = run_failed
             return
         end if
@@ -68,7 +68,7 @@ contains
         if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call write_linearisation( &
             arguments%value_of('--output', ''), scene%text, scene%model, linearisation, inputs, error)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             return
         end if
         if (arguments%json) then

@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> tandem linearise --near: the eigenvalues of a large mechanism nearest to a shift, at an equilibrium or about a steady motion.
+!> tandem linearise --near: eigenvalues of a large mechanism nearest to a shift, at an equilibrium or about a steady motion.
 module tandem_cli_linearise_near
     use tandem, only: error_type, is_input_error, most_nearest, nearest_type, set_error, to_text, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_linearisation_table, only: eigenvalue_text, print_body_motions, shape_text
-    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
+    use tandem_cli_messages, only: print_to_stderr, done, message_for_scene, input_wrong, padded, run_failed, say
     use tandem_io, only: brief, json_type, scene_type, write_nearest
     use tandem_number_text, only: read_number
     use tandem_status, only: status_invalid_option
@@ -13,7 +13,7 @@ module tandem_cli_linearise_near
 
     public :: linearise_near
 
-    !> Number of modes, unless --modes is given.
+    !> Default number of modes.
     integer, parameter :: usual_modes = 10
 
 contains
@@ -35,15 +35,15 @@ contains
         if (.not. allocated(error)) call arguments%count_of('--modes', most_nearest/2, n_modes, error)
         if (.not. allocated(error)) call refuse_others(arguments, error)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             return
         end if
-        ! A pair counts as one mode.
+        ! A complex pair counts as one mode.
         call nearest%find(scene%model, scene%t_start, scene%q, shift, 2*n_modes, error, scene%qd)
         if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call write_nearest( &
             arguments%value_of('--output', ''), scene%text, scene%model, nearest, error)
         if (allocated(error)) then
-            call complain(in_scene_words(error))
+            call print_to_stderr(message_for_scene(error))
             code = merge(input_wrong, run_failed, is_input_error(error%stat))
             return
         end if
@@ -55,12 +55,12 @@ contains
         end if
         code = done
         if (nearest%is_complete) return
-        call complain('only '//to_text(size(nearest%values))//' eigenvalues converged; take a shift nearer to those that '// &
-            'are wanted')
+        call print_to_stderr('only '//to_text(size(nearest%values))//' eigenvalues converged; take a shift nearer to those '// &
+            'that are wanted')
         code = run_failed
     end subroutine linearise_near
 
-    !> RE or RE,IM.
+    !> Read a shift `RE` or `RE,IM`.
     subroutine read_shift(text, shift, error)
         character(len=*), intent(in) :: text
         complex(wp), intent(out) :: shift
@@ -79,7 +79,7 @@ contains
             '0 or 0,30, not "'//text//'"')
     end subroutine read_shift
 
-    !> Refuse options that select another linearisation.
+    !> Refuse options for other linearisations.
     subroutine refuse_others(arguments, error)
         type(arguments_type), intent(in) :: arguments
         type(error_type), allocatable, intent(out) :: error
@@ -94,7 +94,7 @@ contains
         end do
     end subroutine refuse_others
 
-    !> Print as text, one of each pair.
+    !> Print the result as text, with one eigenvalue per complex pair.
     subroutine print_nearest(scene, it)
         type(scene_type), intent(in) :: scene
         type(nearest_type), intent(in) :: it
@@ -118,7 +118,7 @@ contains
         end do
     end subroutine print_nearest
 
-    !> Motions along which the steady motion continues, with their rates; at most the first few.
+    !> Motions of the steady motion with their rates; only the first few if there are many.
     function rates_text(it) result(text)
         type(nearest_type), intent(in) :: it
         character(len=:), allocatable :: text
@@ -142,7 +142,7 @@ contains
         if (abs(aimag(value)) > 0.0_wp) text = text//' + '//to_text(aimag(value))//' i'
     end function complex_text
 
-    !> Print as one object; the shapes are in the file of --output.
+    !> Print the result as one JSON object; mode shapes are written by --output only.
     subroutine print_json(scene, it)
         type(scene_type), intent(in) :: scene
         type(nearest_type), intent(in) :: it

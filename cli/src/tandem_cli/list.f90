@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem list: the scenes with names, and the steppers.
+!> tandem list: the named scenes, and the steppers.
 module tandem_cli_list
     use tandem, only: error_type, new_stepper, properties_type, stepper_choices, to_text
     use tandem_cli_arguments, only: arguments_type
@@ -11,7 +11,7 @@ module tandem_cli_list
 
     public :: list
 
-    !> Line of a scene, and its group.
+    !> Line of a scene, and group in which it is listed.
     type :: line_type
         character(len=:), allocatable :: text, group
     end type line_type
@@ -34,7 +34,7 @@ contains
         call list_steppers()
     end subroutine list
 
-    !> The scenes.
+    !> Print the scenes.
     subroutine list_scenes(arguments)
         type(arguments_type), intent(in) :: arguments
         character(len=path_length), allocatable :: paths(:)
@@ -61,7 +61,7 @@ contains
                 lines(i)%group = scene%list_group
             end if
         end do
-        ! Groups in the order of their first scenes.
+        ! Groups appear in the order of their first scenes.
         do i = 1, size(lines)
             group = lines(i)%group
             if (group == '') cycle
@@ -99,7 +99,7 @@ contains
         if (properties%partner /= '') kind = 'both'
     end function kind_of
 
-    !> Print the list as one object.
+    !> Print the list as one JSON object.
     subroutine list_as_json(arguments)
         type(arguments_type), intent(in) :: arguments
         character(len=path_length), allocatable :: paths(:)
@@ -153,7 +153,7 @@ contains
         name = path(index(path, '/', back=.true.) + 1:len(path) - len('.toml'))
     end function file_name
 
-    !> A row of three columns.
+    !> Line with three columns.
     pure function row(first, second, third) result(line)
         character(len=*), intent(in) :: first, second, third
         character(len=:), allocatable :: line

@@ -8,9 +8,9 @@ module tandem_cli_messages
     implicit none (type, external)
     private
 
-    public :: say, finish_output, complain, in_scene_words, padded, done, run_failed, input_wrong, signalled
+    public :: say, finish_output, print_to_stderr, message_for_scene, padded, done, run_failed, input_wrong, signalled
 
-    !> Exit codes; after a signal its number is added to `signalled`, as in shells.
+    !> Exit codes. After a signal, its number is added to `signalled`, as in shells.
     integer, parameter :: done = 0, run_failed = 1, input_wrong = 2, signalled = 128
 
     interface
@@ -22,7 +22,7 @@ module tandem_cli_messages
             integer(c_size_t), value :: length
         end subroutine c_say
 
-        !> Flush the output; returns the length of the reason if some of it is lost.
+        !> Flush the output. If a part of the output is lost, the result is the length of the reason, otherwise 0.
         function c_finish_output(text, size) result(length) bind(c, name='tandem_finish_output')
             import :: c_char, c_int
             implicit none (type, external)
@@ -34,7 +34,7 @@ module tandem_cli_messages
 
 contains
 
-    !> Write a line to stdout. All output uses this procedure, because a write of gfortran does not report failures.
+    !> Write a line to stdout. All output must use this procedure, because writes of gfortran do not report failures.
     subroutine say(line)
         character(len=*), intent(in) :: line
 
@@ -54,20 +54,20 @@ contains
             reason(i:i) = letters(i)
         end do
         if (reason == '') return
-        call complain('stdout could not be written completely: '//trim(reason)// &
+        call print_to_stderr('stdout could not be written completely: '//trim(reason)// &
             '; redirect it. Result files are not affected')
         if (code == done) code = run_failed
     end subroutine finish_output
 
     !> Write an error message to stderr.
-    subroutine complain(message)
+    subroutine print_to_stderr(message)
         character(len=*), intent(in) :: message
 
         write (error_unit, '(a)') 'tandem: '//message
-    end subroutine complain
+    end subroutine print_to_stderr
 
-    !> Message of an error; an error about the start is completed with the keys of a scene.
-    pure function in_scene_words(error) result(text)
+    !> Message of an error. For an error about the start, the keys of a scene are mentioned.
+    pure function message_for_scene(error) result(text)
         type(error_type), intent(in) :: error
         character(len=:), allocatable :: text
 
@@ -79,7 +79,7 @@ contains
         else
             text = text//new_line('a')//'In a scene, [initial] assemble = true lets the start be assembled.'
         end if
-    end function in_scene_words
+    end function message_for_scene
 
     !> A text padded with blanks to a width; a longer one is unchanged.
     pure function padded(text, width) result(wide)

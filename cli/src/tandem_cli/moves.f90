@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Description of the assembly of a start.
+!> Description of the changes made by the assembly of a start.
 module tandem_cli_moves
     use tandem, only: assembly_type, model_type, to_text, wp
     use tandem_io, only: brief
@@ -8,15 +8,15 @@ module tandem_cli_moves
 
     public :: moves_text
 
-    !> Number of coordinates that are named.
+    !> Largest number of coordinates whose names are printed.
     integer, parameter :: most_named = 3
 
 contains
 
-    !> Coordinates and velocities that changed most, the rows that caused the changes, and the number of iterations.
+    !> Coordinates and velocities with the largest changes, the rows that caused the changes, and the number of iterations.
     function moves_text(model, assembly) result(text)
         class(model_type), intent(in) :: model
-        !> After the assembly.
+        !> Result of the assembly.
         type(assembly_type), intent(in) :: assembly
         character(len=:), allocatable :: text
 
@@ -25,7 +25,7 @@ contains
         if (.not. assembly%is_nearest) text = text//', perhaps not the nearest position'
     end function moves_text
 
-    !> One level: largest changes in decreasing order, and their row.
+    !> Changes of coordinates or velocities in decreasing order, and the row that caused most of them.
     function level(model, moved, row) result(text)
         class(model_type), intent(in) :: model
         real(wp), intent(in) :: moved(:)

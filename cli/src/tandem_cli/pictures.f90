@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> tandem plot and tandem view: the Python package draws the contents of result files.
+!> tandem plot and tandem view: pass the command line to the Python package, which plots and shows result files.
 module tandem_cli_pictures
-    use tandem_cli_messages, only: complain, input_wrong
+    use tandem_cli_messages, only: print_to_stderr, input_wrong
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
     implicit none (type, external)
     private
@@ -9,10 +9,11 @@ module tandem_cli_pictures
     public :: call_package
 
     character(len=*), parameter :: line_end = new_line('a')
-    !> Installation of the package.
+    !> Command that installs the package.
     character(len=*), parameter :: advice = 'install it by "pip install" with the wheel, or by "make python" in a checkout; '// &
         'set TANDEM_PYTHON to a python3 that has it'
-    !> Python code: the current folder is removed from the search path of packages.
+    !> Python code that runs the package. It removes the current folder from the search path, so that files in it cannot replace
+    !> packages.
     character(len=*), parameter :: code = 'import sys'//line_end// &
         'sys.path[:] = [path for path in sys.path if path]'//line_end// &
         'try:'//line_end// &
@@ -25,7 +26,7 @@ module tandem_cli_pictures
         '    sys.exit(2)'//line_end
 
     interface
-        !> Replace the process by Python (python.c); returns the length of the reason of a failure.
+        !> Replace the process by Python (python.c). Returns only after a failure; the result is the length of the reason.
         function call_python(code, words, count, text, size) result(length) bind(c, name='tandem_call_python')
             import :: c_char, c_int
             implicit none (type, external)
@@ -39,7 +40,7 @@ module tandem_cli_pictures
 
 contains
 
-    !> Pass the words of the command line to the package. Returns only if there is no Python.
+    !> Pass the arguments of the command line to the package. Returns only after a failure.
     subroutine call_package(code_out)
         !> Exit code.
         integer, intent(out) :: code_out
@@ -62,7 +63,7 @@ contains
         do i = 1, length
             reason(i:i) = letters(i)
         end do
-        call complain('Python cannot be started ('//trim(reason)//')'//line_end//advice)
+        call print_to_stderr('Python cannot be started ('//trim(reason)//')'//line_end//advice)
         code_out = input_wrong
     end subroutine call_package
 end module tandem_cli_pictures

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Prints the profile of a run: a table of its parts, the cost of the file, and the uncertainty.
+!> Output of the profile of a run: a table of its parts, the cost of writing the file, and the uncertainty.
 module tandem_cli_profile_table
     use tandem, only: long, n_part_groups, n_parts, part_group, part_group_name, part_name, profile_type, wp
     use tandem_cli_messages, only: padded, say
@@ -9,9 +9,9 @@ module tandem_cli_profile_table
 
     public :: print_profile
 
-    !> Widths of the names, and of a line.
+    !> Width of the names, and of a line.
     integer, parameter :: name_width = 44, line_width = 96
-    !> A run with a smaller share of the processor was disturbed by other processes.
+    !> Share of the processor below which a warning about other processes is printed.
     real(wp), parameter :: disturbed = 0.9_wp
     character(len=*), parameter :: row = '(2x, a44, a12, f13.6, f9.1, a15)'
 
@@ -29,14 +29,14 @@ contains
         do group = 1, n_part_groups
             n = 0
             do i = 1, n_parts
-                ! The first part contains everything not in another one.
+                ! Part 1 contains all time outside the other parts.
                 if (part_group(i) /= group .or. (profile%calls(i) == 0 .and. i > 1)) cycle
                 n = n + 1
                 parts(n) = i
             end do
             if (n == 0) cycle
             call print_row(profile, part_group_name(group), parts(:n))
-            ! A group of a single part with the same name needs no second line.
+            ! If a group consists of one part with the same name, only the line of the group is printed.
             if (n == 1 .and. part_name(parts(1)) == part_group_name(group)) cycle
             do i = 1, n
                 call print_row(profile, '  '//part_name(parts(i)), parts(i:i))
@@ -63,7 +63,7 @@ contains
             count_text(nint(100*profile%processor/profile%measured, long))//' % of the time: shares are more accurate than seconds')
     end subroutine print_profile
 
-    !> Print a line of the table, for one part or several.
+    !> Print a line of the table for one or several parts.
     subroutine print_row(profile, name, parts)
         type(profile_type), intent(in) :: profile
         character(len=*), intent(in) :: name

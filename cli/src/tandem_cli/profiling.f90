@@ -8,7 +8,7 @@ module tandem_cli_profiling
 
     public :: profiling_type
 
-    !> Must be a target and outlive the run.
+    !> Time measurement; must be a target and outlive the run.
     type :: profiling_type
         !> Measured times.
         type(profile_type) :: profile
@@ -19,7 +19,7 @@ module tandem_cli_profiling
 
 contains
 
-    !> Begin the measurement of a model's run.
+    !> Begin the measurement of a run with a model.
     subroutine begin(self, model)
         class(profiling_type), intent(inout), target :: self
         class(model_type), intent(inout) :: model
@@ -28,12 +28,12 @@ contains
         model%state%timer => self%profile
     end subroutine begin
 
-    !> Measure the time of observers.
+    !> Replace observers by observers that measure their time.
     subroutine observe(self, watchers, writer, observers)
         class(profiling_type), intent(inout), target :: self
-        !> Observers that do not write, and the one that does.
+        !> Observers that do not write, and the observer that writes the file.
         class(observer_type), intent(inout), target :: watchers, writer
-        !> Replacements for them, which measure their time.
+        !> Measured observers.
         type(observer_list_type), intent(inout) :: observers
 
         self%watching%inner => watchers

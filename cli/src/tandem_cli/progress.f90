@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Observer that shows the progress of a run on stderr: one line that overwrites itself on a terminal, else a line per 10 %.
+!> Observer that shows the progress of a run on stderr: a line that is overwritten on a terminal, otherwise one line per 10 %.
 module tandem_cli_progress
     use, intrinsic :: iso_fortran_env, only: error_unit
     use tandem, only: at_end, at_start, error_type, long, observer_type, simulation_type, to_text, wp
@@ -9,7 +9,7 @@ module tandem_cli_progress
 
     public :: progress_type
 
-    !> Number of steps between readings of the clock; largest number of lines per second on a terminal.
+    !> Number of steps between readings of the clock; largest number of updates per second on a terminal.
     integer, parameter :: steps_unwatched = 64, lines_a_second = 5
     !> Width of the line on a terminal.
     integer, parameter :: width = 78
@@ -27,7 +27,7 @@ module tandem_cli_progress
 
 contains
 
-    !> Check the time at intervals.
+    !> Update the line if enough time has passed.
     subroutine observe(self, simulation, occasion, error)
         class(progress_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -48,7 +48,7 @@ contains
         if (self%on_terminal) then
             call system_clock(now, rate)
             if (occasion == at_end) then
-                ! Clear the line for the report.
+                ! Remove the line before the report is printed.
                 write (error_unit, '(a)', advance='no') achar(13)//repeat(' ', width)//achar(13)
                 flush (error_unit)
             else if ((now - self%shown)*lines_a_second >= rate) then

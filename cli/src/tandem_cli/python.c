@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: MIT */
-/* Hands a subcommand over to Python: the process is replaced by the interpreter, which receives signals and sets the exit code. */
+/* Execution of a subcommand by Python. The interpreter replaces the process, so that it receives signals and sets the exit code. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-/* The interpreter: TANDEM_PYTHON, or that of the environment created by `make python` next to the program, or python3. */
+/* Path of the interpreter: the value of TANDEM_PYTHON, the interpreter in the environment that `make python` creates beside the
+   program, or python3. */
 static const char *interpreter(void)
 {
     static char path[4096];
@@ -29,7 +30,8 @@ static const char *interpreter(void)
     return "python3";
 }
 
-/* Run code with words, each terminated by a NUL. Returns only without an interpreter: then its name and the reason, as text. */
+/* Execute Python code with arguments, each terminated by a NUL. Returns only if the interpreter cannot be started; then `text` is
+   its name and the reason, and the result is the length of `text`. */
 int tandem_call_python(const char *code, const char *words, int count, char *text, int size)
 {
     const char *name = interpreter();

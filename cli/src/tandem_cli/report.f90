@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Report at the end of a run: its settings, cost and errors, computed and omitted quantities.
+!> Report of a run: its settings, cost and errors, and the quantities that were computed or omitted.
 module tandem_cli_report
     use tandem, only: derivative_name, error_type, find_error_warnings, global_error_type, long, mechanism_type, &
         n_derivatives, n_reasons, n_terms, new_stepper, options_type, projects_stages, properties_type, reason_name, &
         simulation_type, statistics_type, status_output_failed, term_name, warning_type, wp
-    use tandem_cli_messages, only: complain, say
+    use tandem_cli_messages, only: print_to_stderr, say
     use tandem_cli_moves, only: moves_text
     use tandem_io, only: scene_type, to_toml, trajectory_type
     use tandem_status, only: status_interrupted
@@ -12,12 +12,12 @@ module tandem_cli_report
     implicit none (type, external)
     private
 
-    public :: chart_text, complain_of_doubts, cost_text, print_report, print_warnings, print_line, short, count_text, counted
+    public :: chart_text, print_warnings_on_stderr, cost_text, print_report, print_warnings, print_line, short, count_text, counted
 
     !> Indentation of the text after its label, and width of a line.
     integer, parameter :: indent = 18, width = 110
 
-    !> Items separated by commas.
+    !> Text of items separated by commas.
     type :: phrase_type
         character(len=:), allocatable :: text
     contains
@@ -31,11 +31,11 @@ contains
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(in) :: simulation
         type(trajectory_type), intent(in) :: trajectory
-        !> Error of the run, if it failed.
+        !> Error that ended the run, if any.
         type(error_type), allocatable, intent(in) :: error
-        !> Error of the whole run, if requested and found.
+        !> Estimated error of the run, if requested and successful.
         class(global_error_type), intent(in) :: global_error
-        !> Reason if it was not found.
+        !> Reason why the estimate failed.
         type(error_type), allocatable, intent(in) :: estimate_error
         type(statistics_type) :: s
         character(len=:), allocatable :: steps
@@ -83,7 +83,7 @@ contains
             call print_line('error at end', 'not estimated; use --error for a second run')
         end if
         call print_warnings(simulation)
-        call print_doubts(simulation, global_error, estimate_error)
+        call print_error_warnings(simulation, global_error, estimate_error)
         if (s%gamma_noise > 0.0_wp) then
             call print_line('noise of gamma', short(s%gamma_noise, 2)// &
                 ' of its natural scale, since the model leaves gamma to differences')
@@ -101,7 +101,7 @@ contains
         call print_line('left out', left_out(s, scene))
     end subroutine print_report
 
-    !> The estimated error of the whole run.
+    !> Estimated error of the run.
     function error_at_end(global_error, scene) result(text)
         class(global_error_type), intent(in) :: global_error
         type(scene_type), intent(in) :: scene
@@ -143,43 +143,44 @@ contains
     end subroutine print_warnings
 
     !> Print warnings about the accuracy of the result.
-    subroutine print_doubts(simulation, global_error, estimate_error)
+    subroutine print_error_warnings(simulation, global_error, estimate_error)
         type(simulation_type), intent(in) :: simulation
-        !> Error of the whole run; reason if it was not found.
+        !> Estimated error of the run; reason why the estimate failed.
         class(global_error_type), intent(in) :: global_error
         type(error_type), allocatable, intent(in) :: estimate_error
-        type(warning_type), allocatable :: doubts(:)
+        type(warning_type), allocatable :: warnings(:)
         integer :: i
 
-        call find_error_warnings(simulation%options, simulation%statistics(), doubts, global_error, estimate_error)
-        do i = 1, size(doubts)
-            call print_line('WARNING', doubts(i)%text)
+        call find_error_warnings(simulation%options, simulation%statistics(), warnings, global_error, estimate_error)
+        do i = 1, size(warnings)
+            call print_line('WARNING', warnings(i)%text)
         end do
-    end subroutine print_doubts
+    end subroutine print_error_warnings
 
-    !> Print both on stderr, if there is no report.
-    subroutine complain_of_doubts(simulation, global_error, estimate_error)
+    !> Print all warnings on stderr, for a run without report.
+    subroutine print_warnings_on_stderr(simulation, global_error, estimate_error)
         type(simulation_type), intent(in) :: simulation
         class(global_error_type), intent(in) :: global_error
         type(error_type), allocatable, intent(in) :: estimate_error
-        type(warning_type), allocatable :: doubts(:)
+        type(warning_type), allocatable :: warnings(:)
         integer :: i
 
         if (allocated(simulation%warnings)) then
             do i = 1, size(simulation%warnings)
-                call complain(trim(merge('note:   ', 'WARNING:', simulation%warnings(i)%is_note))//' '//simulation%warnings(i)%text)
+                call print_to_stderr(trim(merge('note:   ', 'WARNING:', simulation%warnings(i)%is_note))//' '// &
+                    simulation%warnings(i)%text)
             end do
         end if
-        call find_error_warnings(simulation%options, simulation%statistics(), doubts, global_error, estimate_error)
-        do i = 1, size(doubts)
-            call complain('WARNING: '//doubts(i)%text)
+        call find_error_warnings(simulation%options, simulation%statistics(), warnings, global_error, estimate_error)
+        do i = 1, size(warnings)
+            call print_to_stderr('WARNING: '//warnings(i)%text)
         end do
-    end subroutine complain_of_doubts
+    end subroutine print_warnings_on_stderr
 
-    !> Warning of an explicit stepper on a stiff model, with a faster stepper if there is one.
+    !> Warning about an explicit stepper on a stiff model, with a recommended stepper if there is one.
     function stiff(s, is_adaptive) result(text)
         type(statistics_type), intent(in) :: s
-        !> True if steps follow an error estimate.
+        !> True if steps are chosen by error control.
         logical, intent(in) :: is_adaptive
         character(len=:), allocatable :: text
 
@@ -196,7 +197,7 @@ contains
         end if
     end function stiff
 
-    !> Tolerances of the steps, from the smallest to the largest if they differ.
+    !> Tolerances of the steps; if they differ, the range.
     function tolerances(options, n) result(text)
         type(options_type), intent(in) :: options
         !> Number of coordinates.
@@ -208,7 +209,7 @@ contains
         text = 'rtol '//range_of(rtol)//', atol '//range_of(atol)
     end function tolerances
 
-    !> Smallest and largest of some numbers, or their common value.
+    !> Range of some numbers, or their common value.
     function range_of(values) result(text)
         real(wp), intent(in) :: values(:, :)
         character(len=:), allocatable :: text
@@ -217,11 +218,11 @@ contains
         if (maxval(values) > minval(values)) text = text//' to '//to_toml(maxval(values))
     end function range_of
 
-    !> Print number and first times of each event.
+    !> Print the number and the first times of each event.
     subroutine print_events(scene, simulation)
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(in) :: simulation
-        !> Number of times shown.
+        !> Number of times printed per event.
         integer, parameter :: most_times = 4
         character(len=:), allocatable :: times
         integer :: i, k, n
@@ -254,7 +255,7 @@ contains
         if (error%stat == status_output_failed) text = 'INCOMPLETE: the file could not be completed'
     end function rows_text
 
-    !> Print energy and its drift, if written.
+    !> Print the energy and its drift, if they were written.
     subroutine print_energy(trajectory)
         type(trajectory_type), intent(in) :: trajectory
         character(len=:), allocatable :: name, text
@@ -273,7 +274,7 @@ contains
         call print_line('energy', text)
     end subroutine print_energy
 
-    !> Number of charts, and reasons for new ones.
+    !> Number of charts, and the reasons for changing charts.
     function charts(s) result(text)
         type(statistics_type), intent(in) :: s
         character(len=:), allocatable :: text
@@ -287,7 +288,7 @@ contains
         if (allocated(phrase%text)) text = text//': '//phrase%text
     end function charts
 
-    !> Computed quantities and their numbers of evaluations.
+    !> Computed quantities and the numbers of evaluations.
     function computed(s) result(text)
         type(statistics_type), intent(in) :: s
         character(len=:), allocatable :: text
@@ -321,7 +322,7 @@ contains
         text = phrase%text
     end function computed
 
-    !> Quantities that the scene did not need.
+    !> Quantities that were not computed because the scene does not need them.
     function left_out(s, scene) result(text)
         type(statistics_type), intent(in) :: s
         type(scene_type), intent(in) :: scene
@@ -361,7 +362,7 @@ contains
         if (allocated(phrase%text)) text = phrase%text
     end function left_out
 
-    !> Kind of the chart.
+    !> Name of the kind of chart.
     pure function chart_text(simulation) result(text)
         type(simulation_type), intent(in) :: simulation
         character(len=:), allocatable :: text
@@ -369,7 +370,7 @@ contains
         text = trim(merge('sparse', 'dense ', simulation%is_sparse))//' chart'
     end function chart_text
 
-    !> Costs by which the program chose the kind of chart.
+    !> Estimated costs by which the kind of chart was chosen.
     pure function cost_text(simulation) result(text)
         type(simulation_type), intent(in) :: simulation
         character(len=:), allocatable :: text
@@ -434,7 +435,7 @@ contains
         text = to_toml(rounded)
     end function short
 
-    !> A count without blanks.
+    !> Count without blanks.
     pure function count_text(number) result(text)
         integer(long), intent(in) :: number
         character(len=:), allocatable :: text
@@ -444,7 +445,7 @@ contains
         text = trim(buffer)
     end function count_text
 
-    !> A count and the name of the counted item.
+    !> Count with the name of the counted items.
     pure function counted(number, name) result(text)
         integer(long), intent(in) :: number
         character(len=*), intent(in) :: name

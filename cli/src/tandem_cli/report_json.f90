@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Report of a run as one JSON object: its settings, its status, all figures, and warnings.
+!> Report of a run as one JSON object: settings, status, figures and warnings.
 module tandem_cli_report_json
     use tandem, only: error_type, figure_reader_type, find_error_warnings, global_error_type, long, simulation_type, status_name, &
         tell_figures, warning_type, wp
@@ -11,7 +11,7 @@ module tandem_cli_report_json
 
     public :: print_report_json
 
-    !> Writes figures as members of an object.
+    !> Writes figures of a run as members of a JSON object.
     type, extends(figure_reader_type) :: member_writer_type
         type(json_type) :: json
     contains
@@ -105,7 +105,7 @@ contains
         class(global_error_type), intent(in) :: global_error
         type(error_type), allocatable, intent(in) :: estimate_error
         type(json_type), intent(inout) :: json
-        type(warning_type), allocatable :: doubts(:)
+        type(warning_type), allocatable :: warnings(:)
         integer :: i
 
         call json%begin_array('warnings')
@@ -114,9 +114,9 @@ contains
                 call json%add('', simulation%warnings(i)%text)
             end do
         end if
-        call find_error_warnings(simulation%options, simulation%statistics(), doubts, global_error, estimate_error)
-        do i = 1, size(doubts)
-            call json%add('', doubts(i)%text)
+        call find_error_warnings(simulation%options, simulation%statistics(), warnings, global_error, estimate_error)
+        do i = 1, size(warnings)
+            call json%add('', warnings(i)%text)
         end do
         call json%end_array()
     end subroutine add_warnings

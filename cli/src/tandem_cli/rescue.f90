@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> If the results cannot be written, the last state of a run is saved as a scene that starts from it: next to the result, else in
-!> the folder for temporary files, else on stderr.
+!> Saves the last state of a run, as a scene that starts from it, if the results cannot be written. The scene is written beside the
+!> result, otherwise to the folder for temporary files, otherwise to stderr.
 module tandem_cli_rescue
     use, intrinsic :: iso_fortran_env, only: error_unit
     use tandem, only: error_type, simulation_type, to_text
-    use tandem_cli_messages, only: complain
+    use tandem_cli_messages, only: print_to_stderr
     use tandem_io, only: scene_type, to_toml
     use tandem_io_study_files, only: write_whole
     implicit none (type, external)
@@ -12,12 +12,12 @@ module tandem_cli_rescue
 
     public :: save_last_state
 
-    !> Largest number of names that are tried; the last one is overwritten.
+    !> Largest number of file names that are tried; the last one is overwritten.
     integer, parameter :: most_numbers = 1000
 
 contains
 
-    !> Save the state and report its place.
+    !> Save the state and report the path of the file.
     subroutine save_last_state(scene, simulation)
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(in) :: simulation
@@ -37,19 +37,19 @@ contains
             if (allocated(error)) call write_new(trim(folder)//'/'//name, text, path, error)
         end associate
         if (allocated(error)) then
-            call complain('the last state cannot be saved in a file; this scene starts from it:')
+            call print_to_stderr('the last state cannot be saved in a file; this scene starts from it:')
             write (error_unit, '(a)') text
         else
-            call complain('the last state, t = '//to_text(simulation%state%t)//', is saved: tandem run '//path// &
+            call print_to_stderr('the last state, t = '//to_text(simulation%state%t)//', is saved: tandem run '//path// &
                 ' continues from it')
         end if
     end subroutine save_last_state
 
-    !> Write a new file.
+    !> Write a file with a new name.
     subroutine write_new(stem, text, path, error)
-        !> Its path without the ending.
+        !> Path without extension.
         character(len=*), intent(in) :: stem, text
-        !> Its path.
+        !> Path of the written file.
         character(len=:), allocatable, intent(out) :: path
         type(error_type), allocatable, intent(out) :: error
         logical :: exists
@@ -64,7 +64,7 @@ contains
         call write_whole(path, text, error)
     end subroutine write_new
 
-    !> The complete scene with the state as its start.
+    !> Complete scene with the state as its start.
     function scene_from(scene, simulation) result(text)
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(in) :: simulation

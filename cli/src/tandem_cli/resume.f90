@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> tandem resume: continues an interrupted run from the checkpoint in its result file, and in this file.
+!> tandem resume: continues an interrupted run from the checkpoint in its result file; the results are appended to this file.
 module tandem_cli_resume
     use tandem, only: error_type, pack_type, set_error, simulation_type, to_text, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_interruption, only: interruptible_error_type, watch_signals
-    use tandem_cli_messages, only: complain, input_wrong
-    use tandem_cli_run, only: carry_out, set_up
+    use tandem_cli_messages, only: print_to_stderr, input_wrong
+    use tandem_cli_run, only: execute_run, initialize_run
     use tandem_io, only: description_type, interpret_scene, open_scene, read_snapshot, scene_type, snapshot_type, trajectory_type
     use tandem_status, only: status_invalid_checkpoint, status_invalid_option
     implicit none (type, external)
@@ -13,8 +13,8 @@ module tandem_cli_resume
 
     public :: resume
 
-    !> Settings that may change: the end of the run.
-    character(len=*), parameter :: may_change(5) = [character(len=22) :: 'time.end', 'solver.max_steps', &
+    !> Settings that may be changed: those that determine the end of the run.
+    character(len=*), parameter :: changeable(5) = [character(len=22) :: 'time.end', 'solver.max_steps', &
         'solver.max_evaluations', 'solver.max_seconds', 'solver.max_events']
 
 contains
@@ -31,18 +31,18 @@ contains
         type(error_type), allocatable :: error
 
         call check_settings(arguments%settings, error)
-        ! Before reading: another process could change the file in between.
+        ! The file is claimed before it is read, so that no other process can change it in between.
         if (.not. allocated(error)) call trajectory%claim(arguments%scene, error)
         if (.not. allocated(error)) call prepare(arguments, scene, simulation, trajectory, global_error, error)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             code = input_wrong
             return
         end if
-        call carry_out(arguments, scene, simulation, trajectory, global_error, code)
+        call execute_run(arguments, scene, simulation, trajectory, global_error, code)
     end subroutine resume
 
-    !> Refuse settings that would change the run.
+    !> Refuse settings that would change the motion.
     subroutine check_settings(settings, error)
         character(len=*), intent(in) :: settings(:)
         type(error_type), allocatable, intent(out) :: error
@@ -51,17 +51,17 @@ contains
         do i = 1, size(settings)
             length = max(0, index(settings(i), '=') - 1)
             if (length == 0) length = len_trim(settings(i))
-            if (any(settings(i) (:length) == may_change)) cycle
+            if (any(settings(i) (:length) == changeable)) cycle
             if (index(settings(i), '--unset ') == 1) then
-                if (any(settings(i) (len('--unset ') + 1:) == may_change(2:))) cycle
+                if (any(settings(i) (len('--unset ') + 1:) == changeable(2:))) cycle
             end if
             call set_error(error, status_invalid_option, 'resume cannot set '//settings(i) (:length)// &
-                ', which would change the run', 'set '//listed(may_change)//' only')
+                ', which would change the run', 'set '//listed(changeable)//' only')
             return
         end do
     end subroutine check_settings
 
-    !> Prepare the first step: read scene and state from the file, which is unchanged after an error.
+    !> Prepare the run up to its first step: read scene and state from the file. The file is not changed if this fails.
     subroutine prepare(arguments, scene, simulation, trajectory, global_error, error)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(inout), target :: scene
@@ -84,9 +84,9 @@ contains
             if (.not. allocated(error)) call keys%apply(trim(arguments%settings(i)), error)
         end do
         if (.not. allocated(error)) call interpret_scene(keys, arguments%models, scene, error)
-        if (.not. allocated(error)) call set_up(scene, simulation, global_error, error)
+        if (.not. allocated(error)) call initialize_run(scene, simulation, global_error, error)
         if (.not. allocated(error) .and. snapshot%is_before_start) then
-            call begin_anew(arguments%scene, scene, simulation, trajectory, global_error, error)
+            call start_again(arguments%scene, scene, simulation, trajectory, global_error, error)
             return
         end if
         if (.not. allocated(error)) call simulation%restore_state(snapshot%simulation, error)
@@ -100,13 +100,13 @@ contains
         call check_end(arguments, scene, saved_end, snapshot, simulation, error)
         if (allocated(error)) return
         scene%output%file = arguments%scene
-        ! Not before the file is changed: until then a signal ends the program at once.
+        ! Signals are caught only when the file is about to change; until then they end the program at once.
         call watch_signals()
-        call trajectory%go_on(scene%output, simulation, snapshot, scene%text, error, global_error)
+        call trajectory%resume(scene%output, simulation, snapshot, scene%text, error, global_error)
     end subroutine prepare
 
-    !> Start a run that was killed before its first state was saved.
-    subroutine begin_anew(path, scene, simulation, trajectory, global_error, error)
+    !> Start a run again that was killed before its first state was saved.
+    subroutine start_again(path, scene, simulation, trajectory, global_error, error)
         character(len=*), intent(in) :: path
         type(scene_type), intent(inout), target :: scene
         type(simulation_type), intent(in) :: simulation
@@ -118,15 +118,15 @@ contains
         call watch_signals()
         call trajectory%open(scene%output, simulation, error, scene%text, 'tandem resume '//path, force=.true., &
             watcher=global_error)
-    end subroutine begin_anew
+    end subroutine start_again
 
-    !> Refuse to continue a complete run, unless it has a later end, and to end a run before the time that it has reached. A run
-    !> that was killed between its end and its report is complete too, with its saved end. A complete run takes no step, but its
-    !> error may be requested.
+    !> Check the end of the run. A complete run can only be continued to a later end. A run that was killed between its end and its
+    !> report counts as complete. No run can be ended before the time that it has reached. If only the error of a complete run is
+    !> requested, no step is taken.
     subroutine check_end(arguments, scene, saved_end, snapshot, simulation, error)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
-        !> End of the run in the file.
+        !> End time stored in the file.
         real(wp), intent(in) :: saved_end
         type(snapshot_type), intent(in) :: snapshot
         type(simulation_type), intent(in) :: simulation

@@ -1,15 +1,15 @@
 ! SPDX-License-Identifier: MIT
-!> tandem run: runs a scene, writes the result file, prints a report.
+!> tandem run: runs a scene, writes the result file, and prints a report.
 module tandem_cli_run
     use tandem, only: at_end, error_type, mark_type, part_open, part_start, profile_type, short_run, &
         simulation_type, statistics_type, status_output_failed, wp
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_interruption, only: caught_signal, interruptible_error_type, interruption_type, watch_signals
-    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, run_failed, signalled
+    use tandem_cli_messages, only: print_to_stderr, done, message_for_scene, input_wrong, run_failed, signalled
     use tandem_cli_profile_table, only: print_profile
     use tandem_cli_profiling, only: profiling_type
     use tandem_cli_progress, only: progress_type
-    use tandem_cli_report, only: complain_of_doubts, print_report
+    use tandem_cli_report, only: print_warnings_on_stderr, print_report
     use tandem_cli_report_json, only: print_report_json
     use tandem_cli_rescue, only: save_last_state
     use tandem_io, only: find_scene, is_same_file, observer_list_type, read_scene, repeat_scene, scene_type, trajectory_type
@@ -17,7 +17,7 @@ module tandem_cli_run
     implicit none (type, external)
     private
 
-    public :: run, carry_out, set_up
+    public :: run, execute_run, initialize_run
 
 contains
 
@@ -36,21 +36,21 @@ contains
         if (arguments%profile) allocate (profiling)
         call prepare(arguments, scene, simulation, trajectory, global_error, error, profiling)
         if (allocated(error)) then
-            call complain(in_scene_words(error))
+            call print_to_stderr(message_for_scene(error))
             code = input_wrong
             return
         end if
 
-        call carry_out(arguments, scene, simulation, trajectory, global_error, code, profiling)
+        call execute_run(arguments, scene, simulation, trajectory, global_error, code, profiling)
     end subroutine run
 
-    !> Carry out a run, or the rest of one, and its output.
-    subroutine carry_out(arguments, scene, simulation, trajectory, global_error, code, profiling)
+    !> Carry out a new or resumed run, and write its output.
+    subroutine execute_run(arguments, scene, simulation, trajectory, global_error, code, profiling)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(inout) :: simulation
         type(trajectory_type), intent(inout), target :: trajectory
-        !> Observes the run where this costs nothing.
+        !> Error estimator, which observes the run at negligible cost.
         type(interruptible_error_type), intent(inout), target :: global_error
         !> Exit code.
         integer, intent(out) :: code
@@ -62,11 +62,11 @@ contains
 
         call integrate(arguments, scene, simulation, trajectory, global_error, error, profiling)
         was_interrupted = is_interruption(error)
-        ! Complete the file before the second run begins, which may be ended or killed.
+        ! The file is completed before the second run begins, because a signal may end the program during the second run.
         if (present(profiling)) call profiling%profile%enter(part_open, mark)
         call trajectory%close(simulation, error, output_error, more_follows=.true.)
         if (present(profiling)) call profiling%profile%leave(mark)
-        ! A file that could not be written cannot be resumed, even if a signal has ended the run.
+        ! A file that could not be written cannot be resumed, even if a signal has ended the run. Report the former error.
         if (allocated(output_error) .and. (was_interrupted .or. .not. allocated(error))) call move_alloc(output_error, error)
         if (present(profiling)) then
             call profiling%profile%finish()
@@ -82,7 +82,7 @@ contains
         if (arguments%json) then
             call print_report_json(scene, simulation, trajectory, error, global_error, estimate_error)
         else if (arguments%quiet) then
-            call complain_of_doubts(simulation, global_error, estimate_error)
+            call print_warnings_on_stderr(simulation, global_error, estimate_error)
         else
             call print_report(scene, simulation, trajectory, error, global_error, estimate_error)
             if (present(profiling)) call print_profile(profiling%profile)
@@ -91,12 +91,12 @@ contains
         if (is_interruption(profile_error)) code = signalled + caught_signal()
         if (is_interruption(estimate_error)) code = signalled + caught_signal()
         if (.not. allocated(error)) return
-        call complain(error%message)
+        call print_to_stderr(error%message)
         code = run_failed
         if (was_interrupted) code = signalled + caught_signal()
-        if (allocated(output_error) .and. error%stat /= status_output_failed) call complain(output_error%message)
+        if (allocated(output_error) .and. error%stat /= status_output_failed) call print_to_stderr(output_error%message)
         if (allocated(output_error) .or. error%stat == status_output_failed) call save_last_state(scene, simulation)
-    end subroutine carry_out
+    end subroutine execute_run
 
     !> True if a signal has ended a run.
     pure logical function is_interruption(error)
@@ -106,7 +106,7 @@ contains
         if (allocated(error)) is_interruption = error%stat == status_interrupted
     end function is_interruption
 
-    !> Prepare the first step. The result file is created last, so that an input error leaves no file.
+    !> Prepare the run up to its first step. The result file is created last, so that no file is left after an input error.
     subroutine prepare(arguments, scene, simulation, trajectory, global_error, error, profiling)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(inout), target :: scene
@@ -122,9 +122,9 @@ contains
         if (allocated(error)) return
         call read_scene(path, arguments%settings, scene, error, models=arguments%models)
         if (allocated(error)) return
-        ! Not before, so that a signal ends the program at once while it waits for a scene from a pipe.
+        ! Signals are caught only from here on, so that they end the program while it reads a scene from a pipe.
         call watch_signals()
-        call set_up(scene, simulation, global_error, error, profiling)
+        call initialize_run(scene, simulation, global_error, error, profiling)
         if (allocated(error)) return
         if (is_same_file(scene%output%file, path)) then
             allocate (error)
@@ -139,13 +139,13 @@ contains
         if (present(profiling)) call profiling%profile%leave(mark)
     end subroutine prepare
 
-    !> Set up a simulation at the start of its scene, and its observers.
-    subroutine set_up(scene, simulation, global_error, error, profiling)
+    !> Initialize a simulation at the start of its scene, with events and error estimator.
+    subroutine initialize_run(scene, simulation, global_error, error, profiling)
         type(scene_type), intent(inout), target :: scene
         type(simulation_type), intent(inout) :: simulation
         type(interruptible_error_type), intent(inout) :: global_error
         type(error_type), allocatable, intent(out) :: error
-        !> Time measurement from here on, if present.
+        !> Time measurement, which begins here.
         type(profiling_type), intent(inout), optional, target :: profiling
         type(mark_type) :: mark
         integer :: i
@@ -166,15 +166,15 @@ contains
             call simulation%add_event(scene%events(i))
         end do
         call global_error%initialize(scene%model%n, scene%t_start, scene%t_end)
-    end subroutine set_up
+    end subroutine initialize_run
 
-    !> Integrate with the observers for the result file and the progress.
+    !> Integrate with observers for the result file and the progress.
     subroutine integrate(arguments, scene, simulation, trajectory, global_error, error, profiling)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), intent(in) :: scene
         type(simulation_type), intent(inout) :: simulation
         type(trajectory_type), intent(inout), target :: trajectory
-        !> Observes the run where this costs nothing.
+        !> Error estimator, which observes the run at negligible cost.
         type(interruptible_error_type), intent(inout), target :: global_error
         type(error_type), allocatable, intent(out) :: error
         type(profiling_type), intent(inout), optional, target :: profiling
@@ -187,7 +187,7 @@ contains
         call watchers%add(interruption)
         progress = progress_type(t_start=simulation%state%t, t_end=scene%t_end)
         if (.not. arguments%quiet) call watchers%add(progress)
-        ! The file last, because it stores data of the other observers.
+        ! The file observes last, because it stores data of the other observers.
         if (present(profiling)) then
             call profiling%observe(watchers, trajectory, observers)
         else
@@ -195,18 +195,18 @@ contains
             call observers%add(trajectory)
         end if
         if (simulation%is_stopped .or. simulation%state%t >= scene%t_end) then
-            ! The run was killed between its end and its report.
+            ! A resumed run that was killed between its end and its report takes no step.
             call observers%observe(simulation, at_end, error)
         else
             call simulation%integrate(scene%t_end, error, observers)
         end if
     end subroutine integrate
 
-    !> Repeat the beginning of the run, alternately with and without clocks, for `compare` of its profile: at most a tenth of a
-    !> second, using the smallest processor times, because of other load on the machine.
+    !> Measure the cost of the clocks. The beginning of the run, at most a tenth of a second, is repeated alternately with and
+    !> without clocks. The smallest processor times are compared, which are least affected by other programs.
     subroutine compare(scene, simulation, profile, error)
         type(scene_type), intent(in) :: scene
-        !> The run.
+        !> The completed run.
         type(simulation_type), intent(in) :: simulation
         type(profile_type), intent(inout) :: profile
         !> Set after a signal.
@@ -238,14 +238,14 @@ contains
         call profile%compare(clocked, plain, profiling%profile%pairs)
     end subroutine compare
 
-    !> Time of the beginning of a run without output.
+    !> Measure the time of the beginning of a run without output.
     subroutine time_again(scene, t_end, seconds, error, profiling)
         type(scene_type), intent(in) :: scene
         real(wp), intent(in) :: t_end
-        !> Processor time without the set-up.
+        !> Processor time without the initialization.
         real(wp), intent(out) :: seconds
         type(error_type), allocatable, intent(out) :: error
-        !> Time measurement of parts, if present.
+        !> Time measurement of the parts, if present.
         type(profiling_type), intent(inout), optional, target :: profiling
         type(scene_type), target :: again
         type(simulation_type) :: simulation
@@ -255,13 +255,13 @@ contains
 
         seconds = 0.0_wp
         call repeat_scene(scene, again, error)
-        if (.not. allocated(error)) call set_up(again, simulation, global_error, error, profiling)
+        if (.not. allocated(error)) call initialize_run(again, simulation, global_error, error, profiling)
         if (.not. allocated(error)) call simulation%integrate(t_end, error, interruption)
         statistics = simulation%statistics()
         seconds = statistics%cpu_seconds
     end subroutine time_again
 
-    !> True if a second run is to be made: on request, and for a short run by default.
+    !> True if the error is estimated by a second run: on request, and by default for a short run.
     logical function wants_estimate(arguments, simulation)
         type(arguments_type), intent(in) :: arguments
         type(simulation_type), intent(in) :: simulation
@@ -271,7 +271,7 @@ contains
         wants_estimate = arguments%error .or. (statistics%cpu_seconds <= short_run .and. .not. arguments%no_error)
     end function wants_estimate
 
-    !> The second run, with a separate model, because a run may change its model.
+    !> Estimate the error by a second run. It has a separate model, because a run may change its model.
     subroutine estimate(scene, global_error, error)
         type(scene_type), intent(in) :: scene
         type(interruptible_error_type), intent(inout) :: global_error
@@ -282,7 +282,7 @@ contains
         if (.not. allocated(error)) call global_error%estimate(again%model, scene%options, scene%q, scene%qd, error)
     end subroutine estimate
 
-    !> The command line, approximately as typed.
+    !> Command line, approximately as typed.
     function command_line() result(text)
         character(len=:), allocatable :: text
         integer :: length

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> tandem show: the complete scene as TOML that `tandem run` accepts.
+!> tandem show: a complete scene in TOML, as accepted by `tandem run`.
 module tandem_cli_show
     use tandem, only: error_type
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, input_wrong, say
+    use tandem_cli_messages, only: print_to_stderr, done, input_wrong, say
     use tandem_io, only: find_scene, read_scene, scene_type
     implicit none (type, external)
     private
@@ -12,7 +12,7 @@ module tandem_cli_show
 
 contains
 
-    !> Show a scene with all defaults.
+    !> Print a scene with all defaults.
     subroutine show(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -24,11 +24,11 @@ contains
         call find_scene(arguments%scene, path, error)
         if (.not. allocated(error)) call read_scene(path, arguments%settings, scene, error, models=arguments%models)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             code = input_wrong
             return
         end if
-        ! The last line already has a line end.
+        ! The text ends with a newline already.
         call say(scene%text(:len(scene%text) - 1))
         code = done
     end subroutine show

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> tandem statuses: all status codes of a run, from the library's table, as in doc/statuses.md.
+!> tandem statuses: all status codes of a run, from the table of the library, as in doc/statuses.md.
 module tandem_cli_statuses
     use tandem, only: to_text
     use tandem_cli_arguments, only: arguments_type
@@ -35,7 +35,7 @@ contains
         end do
     end subroutine statuses
 
-    !> Print the same as one object.
+    !> Print the table as one JSON object.
     subroutine print_json()
         type(json_type) :: json
         type(status_type) :: row

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/* Output of the program on stdout. gfortran's own writes succeed on a full disk; those of C report the failure. */
+/* Output of the program on stdout. Writes of C report a full disk, unlike those of gfortran. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
-/* First error of writing; 0 if none. */
+/* First write error; 0 if none. */
 static int problem = 0;
 
 void tandem_say(const char *text, size_t length)
@@ -13,7 +13,7 @@ void tandem_say(const char *text, size_t length)
         problem = errno;
 }
 
-/* Flush the output. Returns the length of the system's message of the first error; 0 if none. */
+/* Flush the output. Returns the length of the system's message about the first error; 0 if there was none. */
 int tandem_finish_output(char *text, int size)
 {
     if (fflush(stdout) != 0 && problem == 0)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The table of a study as one JSON object: `{"rows": [...]}`, each row an object, without missing cells.
+!> Output of the table of a study as one JSON object `{"rows": [...]}`. Each row is an object without empty cells.
 module tandem_cli_study_json
     use tandem_cli_messages, only: say
     use tandem_io, only: count_column, json_type, real_column, table_type
@@ -13,7 +13,7 @@ contains
     !> Print the object.
     subroutine print_table_json(table, scene)
         type(table_type), intent(in) :: table
-        !> The scene of the study, if it has a single one.
+        !> Scene of the study; absent if there are several.
         character(len=*), intent(in), optional :: scene
         type(json_type) :: json
         integer :: i, row

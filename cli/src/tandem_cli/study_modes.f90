@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> tandem study modes: eigenvalues over a value of a scene, and changes of stability.
+!> tandem study modes: eigenvalues as functions of a parameter of a scene, and changes of stability.
 module tandem_cli_study_modes
     use tandem, only: cause_name, error_type, is_input_error, kind_name, of_motion, set_error, to_text, wp
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, padded, run_failed, say
+    use tandem_cli_messages, only: print_to_stderr, done, message_for_scene, input_wrong, padded, run_failed, say
     use tandem_io, only: at_meeting, at_pair, brief, crossing_name, find_scene, json_type, locus_point_type, modes_type
     use tandem_number_text, only: read_number
     use tandem_status, only: status_invalid_option
@@ -17,7 +17,7 @@ module tandem_cli_study_modes
 
 contains
 
-    !> Sample, find the critical values, print.
+    !> Compute the samples and the critical values, and print them.
     subroutine study_modes(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -43,11 +43,11 @@ contains
         if (.not. allocated(error) .and. arguments%value_of('--output', '') /= '') call study%write_csv( &
             arguments%value_of('--output', ''), error)
         if (allocated(error)) then
-            call complain(in_scene_words(error))
+            call print_to_stderr(message_for_scene(error))
             code = merge(input_wrong, run_failed, is_input_error(error%stat))
             return
         end if
-        if (is_constant(study)) call complain('the eigenvalues do not change with '//study%key//'; check the key')
+        if (is_constant(study)) call print_to_stderr('the eigenvalues do not change with '//study%key//'; check the key')
         if (arguments%json) then
             call print_json(study)
         else
@@ -56,7 +56,7 @@ contains
         code = done
     end subroutine study_modes
 
-    !> True if all samples are equal.
+    !> True if all samples have the same eigenvalues.
     pure logical function is_constant(study)
         type(modes_type), intent(in) :: study
         integer :: i
@@ -71,7 +71,7 @@ contains
         end do
     end function is_constant
 
-    !> KEY=a:b:n.
+    !> Read the option `KEY=a:b:n`.
     subroutine read_over(text, key, ends, n, error)
         character(len=*), intent(in) :: text
         character(len=:), allocatable, intent(out) :: key
@@ -98,7 +98,7 @@ contains
             'parameters.speed=0:10:41, not "'//text//'"', 'a is less than b, and n from 2 to '//to_text(most_samples))
     end subroutine read_over
 
-    !> Print as text.
+    !> Print the result as text.
     subroutine print_loci(study)
         type(modes_type), intent(in) :: study
         character(len=:), allocatable :: line
@@ -128,7 +128,7 @@ contains
         end do
     end subroutine print_loci
 
-    !> Eigenvalues of the motion at one value, one of each pair.
+    !> Eigenvalues of the motion at one sample, one per complex pair.
     function values_text(point) result(text)
         type(locus_point_type), intent(in) :: point
         character(len=:), allocatable :: text
@@ -147,7 +147,7 @@ contains
         if (trim(kind_name(point%kind)) == 'instant') text = text//'  (not steady)'
     end function values_text
 
-    !> Print as one object.
+    !> Print the result as one JSON object.
     subroutine print_json(study)
         type(modes_type), intent(in) :: study
         type(json_type) :: json

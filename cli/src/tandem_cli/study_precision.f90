@@ -1,19 +1,19 @@
 ! SPDX-License-Identifier: MIT
-!> tandem study precision: error against run time of every stepper, over step sizes and tolerances.
+!> tandem study precision: error against run time of every stepper, for ranges of step sizes and tolerances.
 module tandem_cli_study_precision
     use tandem, only: error_type, is_input_error, stepper_choices, stepper_names, to_text, wp
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, in_scene_words, input_wrong, run_failed, say
+    use tandem_cli_messages, only: print_to_stderr, done, message_for_scene, input_wrong, run_failed, say
     use tandem_cli_study_json, only: print_table_json
     use tandem_cli_study_progress, only: study_progress_type
     use tandem_io, only: brief, find_scene, make_reference, nearest_name, precision_columns, precision_type, read_reference, &
-        read_scene, reference_type, scene_type, settle_scene, table_type, to_toml, write_reference
+        read_scene, reference_type, scene_type, prepare_scene, table_type, to_toml, write_reference
     implicit none (type, external)
     private
 
     public :: study_precision
 
-    !> Options other than the scenes.
+    !> Values of the options.
     type :: request_type
         character(len=:), allocatable :: folder, reference
         character(len=16), allocatable :: steppers(:)
@@ -21,12 +21,12 @@ module tandem_cli_study_precision
         real(wp) :: budget = 5.0_wp
     end type request_type
 
-    !> Largest time of each run of a reference (s).
+    !> Largest time of each reference run, seconds.
     real(wp), parameter :: reference_seconds = 60.0_wp
 
 contains
 
-    !> Study one scene after the other.
+    !> Study all scenes, one after the other.
     subroutine study_precision(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -47,7 +47,7 @@ contains
             end do
         end if
         if (allocated(error)) then
-            call complain(in_scene_words(error))
+            call print_to_stderr(message_for_scene(error))
         else
             code = done
         end if
@@ -93,7 +93,7 @@ contains
         end do
     end subroutine read_request
 
-    !> Read all scenes first, so that an error in one appears before long runs of another.
+    !> Read all scenes. This is done before any run, so that an invalid scene is reported before long runs of other scenes.
     subroutine read_scenes(arguments, scenes, error)
         type(arguments_type), intent(in) :: arguments
         type(scene_type), allocatable, intent(out) :: scenes(:)
@@ -106,7 +106,7 @@ contains
             call find_scene(trim(arguments%scenes(i)), path, error)
             if (allocated(error)) return
             call read_scene(path, arguments%settings, scenes(i), error, models=arguments%models)
-            if (.not. allocated(error)) call settle_scene(scenes(i), error)
+            if (.not. allocated(error)) call prepare_scene(scenes(i), error)
             if (allocated(error)) return
             do j = 1, i - 1
                 if (scenes(j)%name /= scenes(i)%name) cycle
@@ -117,12 +117,12 @@ contains
         end do
     end subroutine read_scenes
 
-    !> Study a scene, print its table, write its files.
+    !> Study a scene, print its table, and write its files.
     subroutine study_scene(arguments, request, scene, code, error)
         type(arguments_type), intent(in) :: arguments
         type(request_type), intent(in) :: request
         type(scene_type), intent(inout), target :: scene
-        !> Exit code, set after an error.
+        !> Exit code; set after an error.
         integer, intent(out) :: code
         type(error_type), allocatable, intent(out) :: error
         type(precision_type) :: study
@@ -170,7 +170,7 @@ contains
         end if
     end subroutine study_scene
 
-    !> Settings on which the rows depend, besides the program.
+    !> Settings on which the rows depend, in addition to the program.
     function settings_of(scene, request) result(text)
         type(scene_type), intent(in) :: scene
         type(request_type), intent(in) :: request
@@ -181,7 +181,7 @@ contains
             'samples = '//to_toml(request%samples)//newline//'repeats = '//to_toml(request%repeats)//newline
     end function settings_of
 
-    !> Reference of the study, from an earlier call or computed now.
+    !> Read the reference of an earlier study, or compute it.
     subroutine get_reference(request, scene, study, progress, error)
         type(request_type), intent(in) :: request
         type(scene_type), intent(inout), target :: scene
@@ -201,7 +201,7 @@ contains
         if (.not. allocated(error)) call write_reference(path, scene%name, study%reference, error)
     end subroutine get_reference
 
-    !> A row as text, for the progress.
+    !> Row as text for the progress line.
     function row_text(table) result(text)
         type(table_type), intent(in) :: table
         character(len=:), allocatable :: text
@@ -216,7 +216,7 @@ contains
         end if
     end function row_text
 
-    !> Meaning of the errors.
+    !> Description of the errors.
     function about(study) result(text)
         type(precision_type), intent(in) :: study
         character(len=:), allocatable :: text

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Progress of a study on stderr: a permanent line for each row; on a terminal also the current run.
+!> Progress of a study on stderr: a permanent line per row and, on a terminal, a temporary line for the current run.
 module tandem_cli_study_progress
     use, intrinsic :: iso_fortran_env, only: error_unit
     use tandem_cli_terminal, only: stderr_is_terminal
@@ -31,7 +31,7 @@ contains
         flush (error_unit)
     end subroutine remark
 
-    !> Write a line that the next one overwrites, on a terminal only.
+    !> Write a temporary line, on a terminal only.
     subroutine show(self, text)
         class(study_progress_type), intent(in) :: self
         character(len=*), intent(in) :: text

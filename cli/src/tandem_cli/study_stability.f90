@@ -3,7 +3,7 @@
 module tandem_cli_study_stability
     use tandem, only: error_type, is_input_error, stepper_choices, to_text, wp
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, input_wrong, run_failed, say
+    use tandem_cli_messages, only: print_to_stderr, done, input_wrong, run_failed, say
     use tandem_cli_study_json, only: print_table_json
     use tandem_cli_study_progress, only: study_progress_type
     use tandem_io, only: brief, case_groups, case_names, listed, nearest_name, select_cases, stability_columns, stability_type
@@ -12,21 +12,21 @@ module tandem_cli_study_stability
 
     public :: study_stability
 
-    !> Widths of the matrix: names of the cases, and a run.
+    !> Widths of the columns for cases and for runs.
     integer, parameter :: first = 17, wide = 11
 
 contains
 
-    !> Do the runs, print the matrix, write the files.
+    !> Carry out the study, print the matrix, and write the files.
     subroutine study_stability(arguments, code)
         type(arguments_type), intent(in) :: arguments
-        !> Exit code: 1 also if a run is wrong.
+        !> Exit code; also 1 if the result of a run is wrong.
         integer, intent(out) :: code
         type(error_type), allocatable :: error
 
         code = input_wrong
         call study(arguments, code, error)
-        if (allocated(error)) call complain(error%message)
+        if (allocated(error)) call print_to_stderr(error%message)
     end subroutine study_stability
 
     !> Carry out all runs.
@@ -80,7 +80,7 @@ contains
         code = merge(run_failed, done, stability%count_of('wrong') > 0)
     end subroutine study
 
-    !> One line per group: its name, and those of its cases.
+    !> List of the cases, one line per group.
     function all_cases() result(text)
         character(len=:), allocatable :: text
         integer :: i
@@ -92,10 +92,10 @@ contains
         end do
     end function all_cases
 
-    !> The last row as text, for the progress.
+    !> Last row as text for the progress line.
     function row_text(stability, total) result(text)
         type(stability_type), intent(in) :: stability
-        !> Final number of rows.
+        !> Total number of rows.
         integer, intent(in) :: total
         character(len=:), allocatable :: text
         character(len=8), parameter :: verdicts(5) = [character(len=8) :: 'held', 'degraded', 'refused', 'failed', 'wrong']
@@ -119,7 +119,8 @@ contains
         end associate
     end function row_text
 
-    !> Print one line per case, one column per stepper with its control: a letter, and the error or the status.
+    !> Print the matrix: one line per case, one column per stepper and kind of step control. A cell contains a letter, and the error
+    !> or the status.
     subroutine print_matrix(stability)
         type(stability_type), intent(in) :: stability
         character(len=4), parameter :: controls(2) = ['step', 'rtol']
@@ -160,7 +161,7 @@ contains
             stability%journal%path//'.h5 '//stability%journal%path//'.png')
     end subroutine print_matrix
 
-    !> Cell of a run in the matrix; empty if there is none.
+    !> Cell of a run in the matrix; empty if there is no such run.
     function cell(stability, case, stepper, control) result(text)
         type(stability_type), intent(in) :: stability
         character(len=*), intent(in) :: case, stepper, control
@@ -186,7 +187,7 @@ contains
         end associate
     end function cell
 
-    !> A text of a given width, cut if it is longer.
+    !> Text padded or truncated to a width.
     pure function fitted(text, width) result(cell)
         character(len=*), intent(in) :: text
         integer, intent(in) :: width

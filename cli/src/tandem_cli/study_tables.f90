@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> tandem study tables: the tables and figures of the paper and the results of tandem.
+!> tandem study tables: comparison of the tables and figures of the paper with the results of tandem.
 module tandem_cli_study_tables
     use tandem, only: error_type, is_input_error, wp
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, input_wrong, padded, run_failed, say
+    use tandem_cli_messages, only: print_to_stderr, done, input_wrong, padded, run_failed, say
     use tandem_cli_study_json, only: print_table_json
     use tandem_cli_study_progress, only: study_progress_type
     use tandem_io, only: brief, paper_columns, paper_type
@@ -14,7 +14,7 @@ module tandem_cli_study_tables
 
 contains
 
-    !> Carry out the paper's runs, print the table, write its files.
+    !> Carry out the runs of the paper, print the table, and write its files.
     subroutine study_tables(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -24,16 +24,16 @@ contains
         code = input_wrong
         call make_tables(arguments, code, error)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
         else
             code = done
         end if
     end subroutine study_tables
 
-    !> Carry out all runs.
+    !> Carry out the runs.
     subroutine make_tables(arguments, code, error)
         type(arguments_type), intent(in) :: arguments
-        !> Exit code, set after an error.
+        !> Exit code; set after an error.
         integer, intent(out) :: code
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: about = 'the results of E. J. Haug, Mechanics Based Design of Structures and Machines, '// &
@@ -69,7 +69,7 @@ contains
         end if
     end subroutine make_tables
 
-    !> Print the rows of each run after a line with its name.
+    !> Print the rows, with a heading for each run.
     subroutine print_tables(study)
         type(paper_type), intent(in) :: study
         character(len=:), allocatable :: heading, last, ours

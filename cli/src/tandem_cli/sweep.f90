@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> tandem sweep: many cases of a scene in one table.
+!> tandem sweep: many cases of a scene, with the results in one table.
 module tandem_cli_sweep
     use tandem, only: error_type, is_input_error, long, to_text
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_interruption, only: caught_signal, watch_signals
-    use tandem_cli_messages, only: complain, done, input_wrong, run_failed, say, signalled
+    use tandem_cli_messages, only: print_to_stderr, done, input_wrong, run_failed, say, signalled
     use tandem_cli_sweep_progress, only: sweep_progress_type
     use tandem_cli_sweep_summary, only: print_summary, print_summary_json
     use tandem_io, only: case_runner_type, cores, csv_path, distribute, is_same_file, plan_type, processes_type, read_sweep, &
@@ -16,14 +16,14 @@ module tandem_cli_sweep
 
     public :: sweep, sweep_setup_type, prepare_sweep, finish_sweep, code_of
 
-    !> Set-up of a sweep from the command line; cases are distributed between `prepare_sweep` and `finish_sweep`.
+    !> State of a sweep. Cases are run between `prepare_sweep` and `finish_sweep`.
     type :: sweep_setup_type
         type(plan_type) :: plan
-        !> The table, and the requested cases.
+        !> Path of the table; first and last requested case.
         character(len=:), allocatable :: output
         integer(long) :: first = 1, last = 0
-        !> True if these are all cases, so that the table is written.
-        logical :: is_whole = .true.
+        !> True if all cases are requested, so that the table is written.
+        logical :: has_all_cases = .true.
         type(sweep_journal_type) :: journal
         type(case_runner_type) :: runner
         type(sweep_progress_type) :: progress
@@ -54,11 +54,11 @@ contains
         call setup%journal%close(.false.)
         code = done
         if (.not. allocated(error)) return
-        call complain(error%message)
+        call print_to_stderr(error%message)
         code = code_of(error)
     end subroutine sweep
 
-    !> Exit code of an error.
+    !> Exit code for an error.
     integer function code_of(error) result(code)
         type(error_type), intent(in) :: error
 
@@ -67,17 +67,17 @@ contains
         if (error%stat == status_interrupted) code = signalled + caught_signal()
     end function code_of
 
-    !> Read the sweep, open its journal, read its scene.
+    !> Read the sweep and its scene, and open its journal.
     subroutine prepare_sweep(arguments, setup, error)
         type(arguments_type), intent(in) :: arguments
         type(sweep_setup_type), intent(inout), target :: setup
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: name
-        logical :: exists, csv_exists, goes_on
+        logical :: exists, csv_exists, is_continued
 
         call read_sweep(trim(arguments%scenes(1)), arguments%models, setup%plan, error)
         if (allocated(error)) return
-        ! Not before, so that a signal ends the program at once while it waits for a file from a pipe.
+        ! Signals are caught only from here on, so that they end the program while it waits for a pipe.
         call watch_signals()
         call find_output(arguments, setup, error)
         if (allocated(error)) return
@@ -86,10 +86,10 @@ contains
         call read_range(arguments, setup, error)
         if (allocated(error)) return
         inquire (file=setup%output, exist=exists)
-        ! A table that was to be overwritten when the sweep was ended is overwritten now.
-        inquire (file=setup%output//'.journal', exist=goes_on)
+        ! If a journal exists, this command continues a sweep that was allowed to overwrite the table.
+        inquire (file=setup%output//'.journal', exist=is_continued)
         inquire (file=csv_path(setup%output), exist=csv_exists)
-        if ((exists .or. csv_exists) .and. setup%is_whole .and. .not. (arguments%force .or. goes_on)) then
+        if ((exists .or. csv_exists) .and. setup%has_all_cases .and. .not. (arguments%force .or. is_continued)) then
             name = setup%output
             if (.not. exists) name = csv_path(setup%output)
             call refuse(name//' exists; choose another table with --output, or overwrite with --force', error)
@@ -97,7 +97,8 @@ contains
         end if
         call setup%runner%prepare(setup%plan, arguments%models)
         name = setup%output//'.journal'
-        if (.not. setup%is_whole) name = setup%output//'.'//to_text(int(setup%first))//'-'//to_text(int(setup%last))//'.journal'
+        if (.not. setup%has_all_cases) name = setup%output//'.'//to_text(int(setup%first))//'-'// &
+            to_text(int(setup%last))//'.journal'
         call setup%journal%open(name, settings_of(setup%plan), setup%plan%n_outputs(), setup%first, setup%last, arguments%force, &
             error)
         if (allocated(error)) return
@@ -107,7 +108,7 @@ contains
         if (arguments%merges) call merge_parts(arguments, setup, error)
     end subroutine prepare_sweep
 
-    !> Path of the requested table.
+    !> Find the path of the table.
     subroutine find_output(arguments, setup, error)
         type(arguments_type), intent(in) :: arguments
         type(sweep_setup_type), intent(inout) :: setup
@@ -128,7 +129,7 @@ contains
         end if
     end subroutine find_output
 
-    !> True if the sweep reads a file.
+    !> True if a path is an input file of the sweep.
     logical function is_read(plan, path)
         type(plan_type), intent(in) :: plan
         character(len=*), intent(in) :: path
@@ -137,7 +138,7 @@ contains
         if (plan%cases_path /= '') is_read = is_read .or. is_same_file(path, plan%cases_path)
     end function is_read
 
-    !> --cases a:b
+    !> Read the option `--cases a:b`.
     subroutine read_range(arguments, setup, error)
         type(arguments_type), intent(in) :: arguments
         type(sweep_setup_type), intent(inout) :: setup
@@ -149,7 +150,7 @@ contains
 
         text = arguments%value_of('--cases', '')
         if (text == '') return
-        setup%is_whole = .false.
+        setup%has_all_cases = .false.
         colon = index(text, ':')
         is_good = .false.
         if (colon > 0) then
@@ -166,23 +167,23 @@ contains
                 to_text(int(setup%last)), error)
         else
             setup%first = range(1)
-            ! The last task of an array may have fewer.
+            ! The last task of an array may have fewer cases.
             setup%last = min(range(2), setup%last)
         end if
     end subroutine read_range
 
-    !> Merge the results of the tasks of an array.
+    !> Merge the journals of the tasks of an array.
     subroutine merge_parts(arguments, setup, error)
         type(arguments_type), intent(in) :: arguments
         type(sweep_setup_type), intent(inout) :: setup
         type(error_type), allocatable, intent(out) :: error
-        logical :: is_ours
+        logical :: is_same_sweep
         integer :: i
 
         do i = 2, size(arguments%scenes)
-            call setup%journal%take_from(trim(arguments%scenes(i)), settings_of(setup%plan), is_ours, error)
+            call setup%journal%merge_from(trim(arguments%scenes(i)), settings_of(setup%plan), is_same_sweep, error)
             if (allocated(error)) return
-            if (.not. is_ours) then
+            if (.not. is_same_sweep) then
                 call refuse(trim(arguments%scenes(i))//' has no cases of this sweep, or those of another build of tandem', error)
                 return
             end if
@@ -197,7 +198,7 @@ contains
         integer(long) :: missing
 
         missing = setup%last - setup%first + 1 - setup%journal%done
-        if (.not. setup%is_whole) then
+        if (.not. setup%has_all_cases) then
             call setup%progress%remark(to_text(int(setup%journal%done))//' cases are in '//setup%journal%path//', '// &
                 to_text(int(setup%journal%failed))//' of them failed; when all tasks are done, tandem sweep '// &
                 setup%plan%path//' --output '//setup%output//' --merge '//setup%output//'.*-*.journal makes the table')
@@ -220,7 +221,7 @@ contains
         end if
     end subroutine finish_sweep
 
-    !> The first missing case.
+    !> Number of the first missing case.
     function first_missing(setup) result(text)
         type(sweep_setup_type), intent(in) :: setup
         character(len=:), allocatable :: text

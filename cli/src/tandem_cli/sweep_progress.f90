@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Progress of a sweep on stderr: cases done and failed, cases per second, time left, load; one line that overwrites itself on a
-!> terminal, else a line per 10 %.
+!> Progress of a sweep on stderr: finished and failed cases, cases per second, remaining time, and load. On a terminal this is a
+!> line that is overwritten, otherwise one line per 10 %.
 module tandem_cli_sweep_progress
     use tandem, only: long, to_text, wp
     use tandem_cli_interruption, only: caught_signal
@@ -12,7 +12,7 @@ module tandem_cli_sweep_progress
 
     public :: sweep_progress_type
 
-    !> Lines per second on a terminal.
+    !> Largest number of updates per second on a terminal.
     integer, parameter :: lines_a_second = 5
 
     type, extends(watcher_type) :: sweep_progress_type

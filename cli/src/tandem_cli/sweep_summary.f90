@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Summary of a sweep: extremes, means and histograms of all stored outputs, failures by status, Sobol' indices.
+!> Summary of a sweep: extremes, means and histograms of all outputs, failures by status, and Sobol' indices.
 module tandem_cli_sweep_summary
     use tandem, only: error_type, long, to_text, wp
     use tandem_cli_messages, only: padded, say
@@ -14,7 +14,7 @@ module tandem_cli_sweep_summary
     !> Largest number of printed outputs, and of distinct statuses.
     integer, parameter :: most_lines = 40, most_statuses = 30
 
-    !> Failures of one status.
+    !> Number of failures with one status.
     type :: failures_type
         integer :: status = 0
         integer(long) :: cases = 0, first = 0
@@ -22,7 +22,7 @@ module tandem_cli_sweep_summary
 
 contains
 
-    !> Print as text.
+    !> Print the summary as text.
     subroutine print_summary(table, plan, journal, error)
         character(len=*), intent(in) :: table
         type(plan_type), intent(in) :: plan
@@ -58,7 +58,7 @@ contains
         if (plan%is_for_indices .and. .not. allocated(error)) call print_indices(table, plan, error)
     end subroutine print_summary
 
-    !> Name and unit of a number.
+    !> Name and unit of a value of an output.
     function label(plan, i, j)
         type(plan_type), intent(in) :: plan
         integer, intent(in) :: i, j
@@ -71,7 +71,7 @@ contains
         end associate
     end function label
 
-    !> A number with six digits.
+    !> Number with six digits.
     pure function figures(value) result(text)
         real(wp), intent(in) :: value
         character(len=:), allocatable :: text
@@ -83,7 +83,7 @@ contains
         if (index(text, '-.') == 1) text = '-0'//text(2:)
     end function figures
 
-    !> A histogram in one line: eighths of a letter's height.
+    !> Histogram in one line of characters with heights in eighths.
     pure function bars(histogram) result(line)
         integer(long), intent(in) :: histogram(bins)
         character(len=:), allocatable :: line
@@ -101,7 +101,7 @@ contains
         end do
     end function bars
 
-    !> Count the failures of each status.
+    !> Count the failures with each status.
     subroutine group_failures(table, failures, n, error)
         character(len=*), intent(in) :: table
         type(failures_type), intent(out) :: failures(:)
@@ -149,7 +149,7 @@ contains
         end do
     end subroutine print_indices
 
-    !> A number with four decimals.
+    !> Number with four decimals.
     pure function rounded(value) result(text)
         real(wp), intent(in) :: value
         character(len=7) :: text
@@ -158,7 +158,7 @@ contains
         if (ieee_is_finite(value)) write (text, '(f7.4)') value
     end function rounded
 
-    !> Print as JSON.
+    !> Print the summary as JSON.
     subroutine print_summary_json(table, plan, journal, error)
         character(len=*), intent(in) :: table
         type(plan_type), intent(in) :: plan

@@ -8,7 +8,7 @@ module tandem_cli_terminal
     public :: stderr_is_terminal
 
     interface
-        !> 1 if a file descriptor is a terminal, else 0.
+        !> 1 if a file descriptor is a terminal, otherwise 0.
         function is_terminal(descriptor) result(answer) bind(c, name='isatty')
             import :: c_int
             implicit none (type, external)

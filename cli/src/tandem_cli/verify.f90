@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> tandem verify: reads a complete result file and checks its contents.
+!> tandem verify: reads a result file completely and checks its contents.
 module tandem_cli_verify
     use tandem, only: error_type, to_text
     use tandem_cli_arguments, only: arguments_type
-    use tandem_cli_messages, only: complain, done, input_wrong, run_failed, say, signalled
+    use tandem_cli_messages, only: print_to_stderr, done, input_wrong, run_failed, say, signalled
     use tandem_cli_report, only: count_text, counted
     use tandem_io, only: finding_type, json_type, verify_result
     use, intrinsic :: iso_c_binding, only: c_int
@@ -13,7 +13,8 @@ module tandem_cli_verify
     public :: verify_file
 
     interface
-        !> Fork (child.c): -1 in the child, which does the work; in the parent its exit code, or 1000 and the signal that ended it.
+        !> Fork (child.c). Returns -1 in the child, which does the work; in the parent the exit code of the child, or 1000 plus the
+        !> number of the signal that ended it.
         function c_fork_and_wait() result(outcome) bind(c, name='tandem_fork_and_wait')
             import :: c_int
             implicit none (type, external)
@@ -23,8 +24,8 @@ module tandem_cli_verify
 
 contains
 
-    !> Verify a file in a child process, because HDF5 may crash on a damaged file. The exit code is 1 if it is damaged, 2 if it is
-    !> not a result or cannot be verified.
+    !> Verify a file in a child process, because HDF5 may crash on a damaged file. The exit code is 1 if the file is damaged, and 2
+    !> if it is not a result or cannot be verified.
     subroutine verify_file(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -41,12 +42,12 @@ contains
                 code = signalled + code
                 return
             end if
-            call complain(arguments%scene//' is damaged: HDF5 crashes when it reads the file (signal '//to_text(code)//')')
+            call print_to_stderr(arguments%scene//' is damaged: HDF5 crashes when it reads the file (signal '//to_text(code)//')')
             code = run_failed
         end if
     end subroutine verify_file
 
-    !> Read a file and report.
+    !> Read a file and print the finding.
     subroutine read_file(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
@@ -57,13 +58,13 @@ contains
 
         call verify_result(arguments%scene, finding, status, error)
         if (allocated(error)) then
-            call complain(error%message)
+            call print_to_stderr(error%message)
             code = input_wrong
         else if (finding%problem /= '') then
-            call complain(arguments%scene//' is damaged: '//finding%problem)
+            call print_to_stderr(arguments%scene//' is damaged: '//finding%problem)
             code = run_failed
         else if (.not. finding%has_checksums) then
-            call complain('cannot verify '//arguments%scene//': it is readable, but has no checksums, since an '// &
+            call print_to_stderr('cannot verify '//arguments%scene//': it is readable, but has no checksums, since an '// &
                 'earlier program wrote it')
             code = input_wrong
         else
@@ -76,13 +77,13 @@ contains
             if (finding%events > 0) events = ' and '//counted(finding%events, 'event')
             call say(arguments%scene//': '//counted(finding%rows, 'row')//events//' as they were written, in '// &
                 to_text(finding%datasets)//' datasets; status "'//status//'"')
-            if (finding%rows_behind > 0) call say('rows after the last saved state, without checksums: '// &
-                count_text(finding%rows_behind))
+            if (finding%rows_without_checksums > 0) call say('rows after the last saved state, without checksums: '// &
+                count_text(finding%rows_without_checksums))
             code = done
         end if
     end subroutine read_file
 
-    !> Print the finding as one object.
+    !> Print the finding as one JSON object.
     subroutine print_json(path, finding, status)
         character(len=*), intent(in) :: path, status
         type(finding_type), intent(in) :: finding
@@ -94,7 +95,7 @@ contains
         call json%add('rows', finding%rows)
         call json%add('events', finding%events)
         call json%add('datasets', finding%datasets)
-        call json%add('rows_behind', finding%rows_behind)
+        call json%add('rows_behind', finding%rows_without_checksums)
         call json%end_object()
         call say(json%text)
     end subroutine print_json

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Writes JSON (RFC 8259): one object, member by member. Numbers are written with the digits that reproduce them
-!> exactly; numbers that are not finite, which JSON does not have, are null.
+!> Writes a JSON object (RFC 8259), member by member. Numbers are written with the digits that reproduce them exactly; infinities
+!> and NaN, which JSON lacks, are written as null.
 module tandem_io_json
     use tandem, only: long, wp
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
@@ -10,23 +10,23 @@ module tandem_io_json
     public :: json_type
 
     type :: json_type
-        !> The text, when all objects and arrays have ended.
+        !> Complete text; call only after all objects and arrays have ended.
         character(len=:), allocatable :: text
-        !> The text so far, in the first characters of a buffer that grows, and the number of objects and arrays that are open.
+        !> Text written so far, as the first `n` characters of a growing buffer; number of open objects and arrays.
         character(len=:), allocatable, private :: buffer
         integer, private :: length = 0, depth = 0
         logical, private :: is_first = .true.
     contains
-        !> Begin an object or an array; with a name, as the member of an object.
+        !> Begin an object or an array. A name makes it a member of the enclosing object.
         procedure :: begin_object, begin_array, end_object, end_array
-        !> A member of an object, or with an empty name an element of an array.
+        !> Add a member to an object, or with an empty name an element to an array.
         generic :: add => add_real, add_integer, add_long, add_logical, add_text, add_reals, add_texts
         procedure, private :: add_real, add_integer, add_long, add_logical, add_text, add_reals, add_texts, put, append, end_one
     end type json_type
 
 contains
 
-    !> `{`
+    !> Begin an object.
     subroutine begin_object(self, name)
         class(json_type), intent(inout) :: self
         character(len=*), intent(in), optional :: name
@@ -34,7 +34,7 @@ contains
         call begin(self, '{', name)
     end subroutine begin_object
 
-    !> `[`
+    !> Begin an array.
     subroutine begin_array(self, name)
         class(json_type), intent(inout) :: self
         character(len=*), intent(in), optional :: name
@@ -42,14 +42,14 @@ contains
         call begin(self, '[', name)
     end subroutine begin_array
 
-    !> `}`
+    !> End an object.
     subroutine end_object(self)
         class(json_type), intent(inout) :: self
 
         call self%end_one('}')
     end subroutine end_object
 
-    !> `]`
+    !> End an array.
     subroutine end_array(self)
         class(json_type), intent(inout) :: self
 
@@ -85,7 +85,7 @@ contains
         self%length = 0
     end subroutine end_one
 
-    !> Characters more.
+    !> Append characters to the text.
     subroutine append(self, characters)
         class(json_type), intent(inout) :: self
         character(len=*), intent(in) :: characters
@@ -103,7 +103,7 @@ contains
         self%length = last
     end subroutine append
 
-    !> A member that is written already.
+    !> Add a member whose value is JSON text.
     subroutine put(self, name, value)
         class(json_type), intent(inout) :: self
         character(len=*), intent(in) :: name, value
@@ -148,7 +148,7 @@ contains
         call self%put(name, trim(merge('true ', 'false', value)))
     end subroutine add_logical
 
-    !> Blanks at the end are dropped.
+    !> Trailing blanks are dropped.
     subroutine add_text(self, name, value)
         class(json_type), intent(inout) :: self
         character(len=*), intent(in) :: name, value
@@ -169,7 +169,7 @@ contains
         call self%end_array()
     end subroutine add_reals
 
-    !> Blanks at the ends are dropped.
+    !> Trailing blanks are dropped.
     subroutine add_texts(self, name, values)
         class(json_type), intent(inout) :: self
         character(len=*), intent(in) :: name, values(:)
@@ -182,7 +182,7 @@ contains
         call self%end_array()
     end subroutine add_texts
 
-    !> A number that reads back exactly.
+    !> Number with digits that reproduce it exactly.
     pure function number(value) result(text)
         real(wp), intent(in) :: value
         character(len=:), allocatable :: text
@@ -194,7 +194,7 @@ contains
         text = trim(adjustl(buffer))
     end function number
 
-    !> A text in quotes; control characters, quotes and backslashes by their escapes.
+    !> Quoted text in which control characters, quotes and backslashes are escaped.
     pure function quoted(words) result(text)
         character(len=*), intent(in) :: words
         character(len=:), allocatable :: text

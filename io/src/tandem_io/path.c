@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* Kind of file at a path, found without opening it: opening a pipe may block for ever. */
+/* Tests of paths that do not open the file, because opening a pipe may block. */
 #include <sys/stat.h>
 
-/* True if two paths lead to one file, however they are spelled: through links too. */
+/* True if two paths refer to the same file, possibly through links. */
 int tandem_path_is_same(const char *one, const char *other)
 {
     struct stat first, second;
@@ -10,7 +10,7 @@ int tandem_path_is_same(const char *one, const char *other)
     return stat(one, &first) == 0 && stat(other, &second) == 0 && first.st_dev == second.st_dev && first.st_ino == second.st_ino;
 }
 
-/* True if a path leads to a regular file. */
+/* True if a path refers to a regular file. */
 int tandem_path_is_regular(const char *path)
 {
     struct stat about;
@@ -18,7 +18,7 @@ int tandem_path_is_regular(const char *path)
     return stat(path, &about) == 0 && S_ISREG(about.st_mode);
 }
 
-/* True if a path leads to a pipe, named or not. */
+/* True if a path refers to a pipe, named or unnamed. */
 int tandem_path_is_pipe(const char *path)
 {
     struct stat about;

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Kind of file at a path, found without opening it: opening a pipe may block for ever. The work is done in path.c.
+!> Tests of paths that do not open the file, because opening a pipe may block. Implemented in path.c.
 module tandem_io_path
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
     implicit none (type, external)
@@ -39,21 +39,21 @@ module tandem_io_path
 
 contains
 
-    !> True if two paths lead to one file, however they are spelled: through links too. False if one leads to nothing.
+    !> True if two paths refer to the same existing file, possibly through links.
     logical function is_same_file(one, other)
         character(len=*), intent(in) :: one, other
 
         is_same_file = c_is_same(one//c_null_char, other//c_null_char) /= 0
     end function is_same_file
 
-    !> True if a path leads to a regular file: no folder, pipe, socket or device.
+    !> True if a path refers to a regular file, not to a folder, pipe, socket or device.
     logical function is_regular(path)
         character(len=*), intent(in) :: path
 
         is_regular = c_is_regular(path//c_null_char) /= 0
     end function is_regular
 
-    !> True if a path leads to a pipe, named or not.
+    !> True if a path refers to a pipe, named or unnamed.
     logical function is_pipe(path)
         character(len=*), intent(in) :: path
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> A scene: everything that a run needs, read from a TOML file and from settings of the command line.
+!> A scene: all data of a run, read from a TOML file and from settings of the command line.
 module tandem_io_scene
     use tandem, only: assembly_type, error_type, model_type, motion_name_length, not_negative, options_type, positive, &
         reader_type, equilibrium_search_type, shown_type, threshold_event_type, wp
@@ -19,59 +19,60 @@ module tandem_io_scene
 
     public :: scene_type, read_scene, repeat_scene, open_scene, interpret_scene
 
-    !> The tables of a scene, in the order in which they are read and shown.
+    !> Tables of a scene, in the order in which they are read and shown.
     character(len=key_length), parameter :: tables(6) = &
         [character(len=key_length) :: 'scene', 'model', 'initial', 'time', 'solver', 'output']
-    !> Those that may come several times.
+    !> Tables that may occur several times.
     character(len=key_length), parameter :: arrays(1) = [character(len=key_length) :: 'event']
-    !> Fewest rows of a run with error control whose rows are not specified: enough for a picture of its motion.
+    !> Smallest number of rows of a run with error control if the scene does not specify rows; enough for a plot of the motion.
     integer, parameter :: default_rows = 300
 
     type :: scene_type
-        !> The scene's name, which may be a file's.
+        !> Name of the scene; by default the name of its file.
         character(len=:), allocatable :: name
-        !> One line of description, and the group in which the scene is listed.
+        !> Description in one line, and group in which the scene is listed.
         character(len=:), allocatable :: description, list_group
-        !> The name of its model.
+        !> Name of the model.
         character(len=key_length) :: model_name = ''
-        !> The model with its parameters, defined.
+        !> Model with its parameters, defined.
         class(model_type), allocatable :: model
         !> Options of the solver.
         type(options_type) :: options
         !> Coordinates and velocities at the start (n).
         real(wp), allocatable :: q(:), qd(:)
-        !> Settings of the assembly of the start; not allocated if there is none.
+        !> Settings for assembling the start; not allocated if the start is not assembled.
         type(assembly_type), allocatable :: assembly
-        !> True if the start is an equilibrium; names of the motions along which a steady motion continues; how either was found.
-        logical :: rests = .false.
+        !> True if the start is moved to an equilibrium; names of the motions of a steady motion; result of the search for either.
+        logical :: is_equilibrium = .false.
         character(len=motion_name_length), allocatable :: steady(:)
         type(equilibrium_search_type), allocatable :: search
         !> Start and end of the run.
         real(wp) :: t_start = 0.0_wp, t_end = 0.0_wp
         !> Output fields and file.
         type(output_type) :: output
-        !> Events; may have no elements.
+        !> Events; may be empty.
         type(threshold_event_type), allocatable :: events(:)
-        !> The complete scene as TOML, every default filled in: reading it gives this scene again.
+        !> Complete scene in TOML with all defaults. Reading this text yields the same scene.
         character(len=:), allocatable :: text
-        !> Its keys with their values, and the models that it may name: `repeat_scene` reads them again.
+        !> Keys with their values, and the models that a scene may name; used by `repeat_scene`.
         type(description_type) :: keys
         type(scene_model_type), allocatable :: models(:)
     end type scene_type
 
 contains
 
-    !> Read a scene. The message of an error shows the file, the line, and the allowed values.
+    !> Read a scene. Error messages show the file, the line, and the allowed values.
     subroutine read_scene(path, settings, scene, error, text, models)
-        !> Path of a TOML file, or how messages call the text.
+        !> Path of a TOML file; for a text, its name in messages.
         character(len=*), intent(in) :: path
-        !> `table.key=value`, which override the file, and `--unset table.key`, which removes a key; later ones win.
+        !> Settings `table.key=value`, which override the file, and `--unset table.key`, which remove a key. Later settings override
+        !> earlier ones.
         character(len=*), intent(in) :: settings(:)
         type(scene_type), intent(out) :: scene
         type(error_type), allocatable, intent(out) :: error
-        !> Text of the scene, instead of a file.
+        !> Text of the scene, which replaces the file.
         character(len=*), intent(in), optional :: text
-        !> The models that the scene may name; `shipped_models()` if absent.
+        !> Models that the scene may name; `shipped_models()` if absent.
         type(scene_model_type), intent(in), optional :: models(:)
         type(scene_model_type), allocatable :: known(:)
         type(description_type) :: description
@@ -85,7 +86,7 @@ contains
         if (.not. allocated(error)) call interpret_scene(description, known, scene, error)
     end subroutine read_scene
 
-    !> Make a scene anew, with a model of its own, from its keys. It has neither text nor keys.
+    !> Build a scene again from its keys, with a separate model. The components `text`, `keys` and `models` are not set.
     subroutine repeat_scene(scene, again, error)
         type(scene_type), intent(in) :: scene
         type(scene_type), intent(out) :: again
@@ -94,37 +95,37 @@ contains
         call interpret_scene(scene%keys, scene%models, again, error, is_brief=.true.)
     end subroutine repeat_scene
 
-    !> Read the sources of a scene, and check that they have only tables of scenes.
+    !> Read the file and the settings of a scene, and check that all tables are known.
     subroutine open_scene(path, settings, models, description, error, text)
         character(len=*), intent(in) :: path, settings(:)
-        !> The models that the scene may name.
+        !> Models that the scene may name.
         type(scene_model_type), intent(in) :: models(:)
         type(description_type), intent(out) :: description
         type(error_type), allocatable, intent(out) :: error
         character(len=*), intent(in), optional :: text
 
-        call description%open(path, settings, tables, arrays, brought_by(models), error, text)
+        call description%open(path, settings, tables, arrays, additional_tables(models), error, text)
     end subroutine open_scene
 
-    !> The tables that some models bring.
-    pure function brought_by(models) result(brought)
+    !> Names of the additional tables of some models.
+    pure function additional_tables(models) result(names)
         type(scene_model_type), intent(in) :: models(:)
-        character(len=key_length), allocatable :: brought(:)
+        character(len=key_length), allocatable :: names(:)
         integer :: i
 
-        allocate (brought(0))
+        allocate (names(0))
         do i = 1, size(models)
-            if (allocated(models(i)%tables)) brought = [character(len=key_length) :: brought, models(i)%tables]
+            if (allocated(models(i)%tables)) names = [character(len=key_length) :: names, models(i)%tables]
         end do
-    end function brought_by
+    end function additional_tables
 
-    !> Make a scene of its keys.
+    !> Build a scene from its keys.
     subroutine interpret_scene(description, models, scene, error, is_brief, lines)
         type(description_type), intent(in), target :: description
         type(scene_model_type), intent(in) :: models(:)
         type(scene_type), intent(out) :: scene
         type(error_type), allocatable, intent(out) :: error
-        !> True to read values only, of keys that were checked before: the scene has neither text nor keys.
+        !> True to read only the values of keys that were checked before; `text`, `keys` and `models` are then not set.
         logical, intent(in), optional :: is_brief
         !> Lines of the complete scene.
         type(shown_type), allocatable, intent(out), optional :: lines(:)
@@ -167,24 +168,24 @@ contains
             allocate (scene%models, source=models)
             scene%text = complete_text(reader%shown(:reader%n_shown))
             if (present(lines)) lines = reader%shown(:reader%n_shown)
-            ! It must be one that can be read again, however long the defaults of many events are.
+            ! The text with the defaults of many events may exceed the limits for reading.
             call check_limits(description%path//' with every default', scene%text, error)
             if (allocated(error)) return
         end if
-        if (scene%rests .or. size(scene%steady) > 0) call settle_start(scene, error)
+        if (scene%is_equilibrium .or. size(scene%steady) > 0) call move_start(scene, error)
     end subroutine interpret_scene
 
-    !> Move the start to its equilibrium or steady motion.
-    subroutine settle_start(scene, error)
+    !> Move the start to an equilibrium or a steady motion.
+    subroutine move_start(scene, error)
         type(scene_type), intent(inout) :: scene
         type(error_type), allocatable, intent(out) :: error
 
         allocate (scene%search)
-        call move_to_equilibrium(scene%model, scene%rests, scene%steady, scene%t_start, scene%q, scene%qd, scene%search, error, &
-            scene%assembly)
-    end subroutine settle_start
+        call move_to_equilibrium(scene%model, scene%is_equilibrium, scene%steady, scene%t_start, scene%q, scene%qd, &
+            scene%search, error, scene%assembly)
+    end subroutine move_start
 
-    !> [scene], which stays open.
+    !> Read the table [scene], which stays open.
     subroutine read_names(reader, path, model_names, scene)
         type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: path, model_names(:)
@@ -208,7 +209,7 @@ contains
         call reader%get('group', scene%list_group, 'of scenes, under which tandem list shows it')
     end subroutine read_names
 
-    !> [initial], which the model's builder has begun: the model's own keys, or q and qd instead.
+    !> Complete the table [initial], of which the model has read its own keys; q and qd can be given instead.
     subroutine read_start(reader, scene)
         type(reader_type), intent(inout) :: reader
         type(scene_type), intent(inout) :: scene
@@ -220,10 +221,10 @@ contains
         associate (n => scene%model%n)
             if (source >= 0) then
                 call reader%hide(source, 'cannot be combined with q and qd, which define the complete start')
-                call reader%get_numbers('q', [n], scene%q, help='coordinates '//some_of(scene%model), required=.true.)
+                call reader%get_numbers('q', [n], scene%q, help='coordinates '//listed_coordinates(scene%model), required=.true.)
                 call reader%get_numbers('qd', [n], scene%qd, help='velocities', required=.true.)
             else
-                call reader%remark('or instead q and qd: '//to_toml(n)//' numbers each, for '//some_of(scene%model))
+                call reader%remark('or instead q and qd: '//to_toml(n)//' numbers each, for '//listed_coordinates(scene%model))
                 call reader%propose('q')
                 call reader%propose('qd')
             end if
@@ -232,12 +233,13 @@ contains
             call reader%refuse('q', 'and qd are not finite for these values of [model] and [initial]')
         end if
         call read_assembly(reader, scene%model, scene%assembly)
-        call read_equilibrium(reader, scene%model, scene%rests, scene%steady)
+        call read_equilibrium(reader, scene%model, scene%is_equilibrium, scene%steady)
         call reader%close_table()
     end subroutine read_start
 
-    !> The names of coordinates for a line: of many the first and the last, since the length of a line is bounded.
-    pure function some_of(model) result(text)
+    !> Names of coordinates in one line. If there are many, only the first and the last are listed, because the length of a line is
+    !> limited.
+    pure function listed_coordinates(model) result(text)
         class(model_type), intent(in) :: model
         character(len=:), allocatable :: text
         integer, parameter :: most = 30
@@ -253,9 +255,9 @@ contains
             end if
             text = text//model%coordinate_label(i)
         end do
-    end function some_of
+    end function listed_coordinates
 
-    !> [time]
+    !> Read the table [time].
     subroutine read_time(reader, scene)
         type(reader_type), intent(inout) :: reader
         type(scene_type), intent(inout) :: scene
@@ -269,11 +271,11 @@ contains
         call reader%close_table()
     end subroutine read_time
 
-    !> Refuse a step or an interval so small that no run could reach the end.
+    !> Refuse a step or an interval so small that the number of steps or rows would be too large.
     subroutine check_work(reader, table, key, h, scene)
         type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: table, key
-        !> The step or the interval; 0 if there is none.
+        !> The step or the interval; 0 if it is not used.
         real(wp), intent(in) :: h
         type(scene_type), intent(in) :: scene
 
@@ -290,7 +292,7 @@ contains
         end if
     end subroutine check_work
 
-    !> [output]
+    !> Read the table [output].
     subroutine read_output(reader, scene)
         type(reader_type), intent(inout) :: reader
         type(scene_type), intent(inout) :: scene

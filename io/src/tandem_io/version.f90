@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The version of this package, as in fpm.toml, and of the result file.
+!> Version of this package, as in fpm.toml, and of the format of result files.
 module tandem_io_version
     use, intrinsic :: iso_fortran_env, only: compiler_options, compiler_version
     implicit none (type, external)
@@ -9,13 +9,13 @@ module tandem_io_version
 
     !> Version of tandem.
     character(len=*), parameter :: tandem_version = '0.1.0'
-    !> Version of the result file's layout: raised when a reader of older files would go wrong.
+    !> Version of the format of result files; increased when programs for older versions would misread a file.
     integer, parameter :: format_version = 1
 
 contains
 
     !> Description of this build for `tandem version`: optimised (-O3 or link-time optimisation), fast or debug, with the flags that
-    !> decide about speed, and the compiler.
+    !> affect speed, and the compiler.
     pure function build_text() result(text)
         character(len=120) :: text
         character(len=:), allocatable :: flags, rest, word, kind

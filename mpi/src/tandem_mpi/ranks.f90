@@ -6,8 +6,8 @@ module tandem_mpi_ranks
         mpi_iprobe, mpi_recv, mpi_send, mpi_status
     use tandem, only: error_type, long, wp
     use tandem_io, only: case_runner_type, processes_type
-    use tandem_io_sweep_processes, only: nap
-    use tandem_io_sweep_team, only: a_loss, event_type, nothing, team_type
+    use tandem_io_sweep_processes, only: sleep_for
+    use tandem_io_sweep_team, only: event_loss, event_type, event_none, team_type
     implicit none (type, external)
     private
 
@@ -36,7 +36,7 @@ module tandem_mpi_ranks
         procedure :: prepare
         procedure :: size => count_workers
         procedure :: start
-        procedure :: give
+        procedure :: assign
         procedure :: next
         procedure :: end_worker
         procedure :: dismiss
@@ -82,17 +82,17 @@ contains
     end subroutine start
 
     !> Give a worker cases in addition to its earlier ones.
-    subroutine give(self, worker, first, last)
+    subroutine assign(self, worker, first, last)
         class(ranks_type), intent(inout) :: self
         integer, intent(in) :: worker
         integer(long), intent(in) :: first, last
 
         if (worker <= self%jobs) then
-            call self%own%give(worker, first, last)
+            call self%own%assign(worker, first, last)
         else
             call tell_rank(self%jobs, worker, to_give, [first, last])
         end if
-    end subroutine give
+    end subroutine assign
 
     !> End a worker that does not return.
     subroutine end_worker(self, worker)
@@ -135,7 +135,7 @@ contains
         waited = 0
         do
             call self%unpack_event(event)
-            if (event%kind /= nothing) return
+            if (event%kind /= event_none) return
             call mpi_iprobe(mpi_any_source, told, mpi_comm_world, is_there, status)
             if (is_there) then
                 call mpi_get_count(status, mpi_integer8, self%n)
@@ -146,7 +146,7 @@ contains
             end if
             ! MPI would wait with a busy processor, which is needed for the cases.
             call self%own%next(merge(sleep, 0, waited < milliseconds), event)
-            if (event%kind /= nothing .or. waited >= milliseconds) return
+            if (event%kind /= event_none .or. waited >= milliseconds) return
             waited = waited + sleep
         end do
     end subroutine next
@@ -156,7 +156,7 @@ contains
         class(ranks_type), intent(inout) :: self
         type(event_type), intent(inout) :: event
 
-        event%kind = nothing
+        event%kind = event_none
         if (self%taken >= self%n) return
         event%kind = int(self%words(self%taken + 1))
         event%worker = self%sender*self%jobs + int(self%words(self%taken + 2))
@@ -189,7 +189,7 @@ contains
                 call mpi_recv(self%words, n, mpi_integer8, status%mpi_source, told, mpi_comm_world, status)
                 if (n == 0) left = left + 1
             else
-                call nap(sleep)
+                call sleep_for(sleep)
             end if
             call system_clock(now)
         end do
@@ -226,7 +226,7 @@ contains
                     call own%start(int(order(1)), error)
                     if (allocated(error)) return
                 case (to_give)
-                    call own%give(int(order(1)), order(2), order(3))
+                    call own%assign(int(order(1)), order(2), order(3))
                     left = left + order(3) - order(2) + 1
                 case (to_end)
                     call own%end_worker(int(order(1)))
@@ -237,9 +237,9 @@ contains
                 end select
             end do
             call own%next(sleep, event)
-            do while (event%kind /= nothing)
+            do while (event%kind /= event_none)
                 if (n == 0) call system_clock(since)
-                is_urgent = is_urgent .or. event%kind == a_loss
+                is_urgent = is_urgent .or. event%kind == event_loss
                 left = left - 1
                 words(n + 1:n + head) = [int(event%kind, long), int(event%worker, long), int(event%n, long)]
                 words(n + head + 1:n + head + event%n) = event%words(:event%n)

@@ -9,7 +9,7 @@ module sweeps
     use tandem_io_study_files, only: make_folder, write_whole
     use tandem_io_sweep_plan, only: is_uniform
     use tandem_io_sweep_record, only: words_of_record
-    use tandem_io_sweep_team, only: a_loss, a_record, event_type, nothing, team_type
+    use tandem_io_sweep_team, only: event_loss, event_record, event_type, event_none, team_type
     use testdrive, only: error_type
     implicit none (type, external)
     private
@@ -37,7 +37,7 @@ module sweeps
     contains
         procedure :: size => count_one
         procedure :: start => start_late
-        procedure :: give => give_late
+        procedure :: assign => give_late
         procedure :: next => next_late
         procedure :: end_worker => end_late
         procedure :: dismiss => dismiss_late
@@ -78,13 +78,13 @@ contains
         type(record_type) :: record
         integer(long) :: case
 
-        event%kind = nothing
+        event%kind = event_none
         event%worker = 1
         if (.not. allocated(event%words)) allocate (event%words(words_of_record(1)))
         if (self%n == 0 .or. milliseconds == 0) return
         self%told = self%told + 1
         if (self%told == 1) then
-            event%kind = a_loss
+            event%kind = event_loss
             event%words(1) = 9
             event%n = 1
             return
@@ -97,7 +97,7 @@ contains
         end if
         allocate (record%values(1), source=1.0_wp)
         record%case = case
-        event%kind = a_record
+        event%kind = event_record
         call record%to_words(event%words, event%n)
     end subroutine next_late
 

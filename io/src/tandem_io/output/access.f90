@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Settings of HDF5 for a file that must stay whole at any end of the program: the mode "single writer, multiple readers" (SWMR).
+!> Access properties of HDF5 for a file that must stay consistent however the program ends: the mode "single writer, multiple
+!> readers" (SWMR).
 module tandem_io_output_access
     use hdf5, only: h5f_libver_v110_f, h5p_file_access_f, h5pclose_f, h5pcreate_f, h5pset_alignment_f, h5pset_cache_f, &
         h5pset_libver_bounds_f, h5pset_meta_block_size_f, h5pset_small_data_block_size_f, hid_t, hsize_t, size_t
@@ -7,16 +8,16 @@ module tandem_io_output_access
     implicit none (type, external)
     private
 
-    public :: make_access, make_reading_access, release_driver, start_swmr, end_of, forget_small_gaps, let_metadata_go, &
+    public :: make_access, make_reading_access, release_driver, start_swmr, end_of, ignore_small_gaps, release_metadata, &
         many_datasets
 
-    !> Pieces of metadata begin at multiples of this (bytes).
+    !> Alignment of metadata, bytes.
     integer(hsize_t), parameter :: slot = 1024
-    !> Number of datasets from which a file is treated as one of many datasets.
+    !> Number of datasets above which the settings for many datasets are used.
     integer, parameter :: many_datasets = 250
 
     interface
-        !> From now on, write metadata to the disk in an order that keeps the file whole at every moment.
+        !> From now on, write metadata in an order that keeps the file consistent at every moment.
         function h5f_start_swmr_write(file) result(stat) bind(c, name='H5Fstart_swmr_write')
             import :: c_int, c_int64_t
             implicit none (type, external)
@@ -24,7 +25,7 @@ module tandem_io_output_access
             integer(c_int) :: stat
         end function h5f_start_swmr_write
 
-        !> End of the last allocated piece of the file.
+        !> End of the last allocated block of the file.
         function h5f_get_eoa(file, address) result(stat) bind(c, name='H5Fget_eoa')
             import :: c_int, c_int64_t
             implicit none (type, external)
@@ -33,8 +34,8 @@ module tandem_io_output_access
             integer(c_int) :: stat
         end function h5f_get_eoa
 
-        !> Select the driver of driver.c for a file: without HDF5's mark "open for writing", and never shorter than it
-        !> says. Its number, or a negative one.
+        !> Select the driver of driver.c, which omits HDF5's mark "open for writing" and never lets the file be shorter than its
+        !> superblock states. Returns the number of the driver; negative after a failure.
         function set_driver(access) result(driver) bind(c, name='tandem_driver_set')
             import :: c_int64_t
             implicit none (type, external)
@@ -42,14 +43,14 @@ module tandem_io_output_access
             integer(c_int64_t) :: driver
         end function set_driver
 
-        !> Release a driver, if there is one, after closing its file.
+        !> Release a driver after closing its file; no effect for a negative number.
         subroutine release_driver(driver) bind(c, name='tandem_driver_release')
             import :: c_int64_t
             implicit none (type, external)
             integer(c_int64_t), value :: driver
         end subroutine release_driver
 
-        !> Keep all metadata of a file's objects in memory while it is open (metadata.c).
+        !> Keep all metadata of open files in memory (metadata.c).
         function keep_metadata(access) result(stat) bind(c, name='tandem_metadata_keep')
             import :: c_int, c_int64_t
             implicit none (type, external)
@@ -58,13 +59,13 @@ module tandem_io_output_access
         end function keep_metadata
 
         !> Release most of the metadata kept in memory, before the file is closed.
-        subroutine let_metadata_go(file) bind(c, name='tandem_metadata_let_go')
+        subroutine release_metadata(file) bind(c, name='tandem_metadata_release')
             import :: c_int64_t
             implicit none (type, external)
             integer(c_int64_t), value :: file
-        end subroutine let_metadata_go
+        end subroutine release_metadata
 
-        !> Set how HDF5 records free space in a file.
+        !> Select how HDF5 records free space in a file.
         function h5p_set_file_space_strategy(creation, strategy, persist, threshold) result(stat) &
             bind(c, name='H5Pset_file_space_strategy')
             import :: c_bool, c_int, c_int64_t
@@ -75,7 +76,7 @@ module tandem_io_output_access
             integer(c_int) :: stat
         end function h5p_set_file_space_strategy
 
-        !> Set file locking by HDF5.
+        !> Enable or disable file locking by HDF5.
         function h5p_set_file_locking(access, use, ignore_where_disabled) result(stat) bind(c, name='H5Pset_file_locking')
             import :: c_bool, c_int, c_int64_t
             implicit none (type, external)
@@ -87,21 +88,23 @@ module tandem_io_output_access
 
 contains
 
-    !> Make the properties with which a file is opened; the caller closes them. Properties of a file that grows: the format of HDF5
-    !> 1.10; no locks, since a guard locks the file, and readers may be there when it is opened again at the end of a run; and room
-    !> taken in large pieces, so that the end of the file that the superblock states, which plain readers believe, seldom changes
-    !> and is ahead of the rows. Unused room is given back when the file is closed. Rows go to the disk past HDF5's
-    !> cache: a failure then shows before anything on the disk says that they are there.
+    !> Create the properties with which a file is opened; the caller closes them. Properties of a growing file:
     !>
-    !> The system may end a program for good between two pages of a write. Pieces of metadata, most of them smaller than `slot`,
-    !> begin at multiples of it, so that none of them spans two pages: the header of a dataset, which changes with every flush,
-    !> is on the disk in its old or its new state.
+    !> - The format of HDF5 1.10.
+    !> - No locking by HDF5: a guard locks the file, and readers may have it open when it is reopened at the end of a run.
+    !> - Space is allocated in large blocks, so that the end of the file stated in the superblock seldom changes and lies after the
+    !>   rows; plain readers rely on it. Unused space is released when the file is closed.
+    !> - Rows bypass HDF5's cache, so that a failed write is noticed before any metadata refer to the rows.
+    !>
+    !> The system may kill a program between two pages of a write. Blocks of metadata are aligned to `slot`, and most are smaller,
+    !> so that they do not span two pages. In particular, the header of a dataset, which changes with every flush, is on the disk
+    !> either in its old or in its new state.
     subroutine make_access(access, grows, driver, datasets)
         integer(hid_t), intent(out) :: access
         logical, intent(in) :: grows
-        !> The file's driver, which the caller gives back after closing the file; negative if it is not this library's own.
+        !> Driver of the file, to be released after closing the file; negative if HDF5 uses its own driver.
         integer(c_int64_t), intent(out) :: driver
-        !> How many datasets grow in the file, or will.
+        !> Number of datasets that grow.
         integer, intent(in) :: datasets
         integer(hsize_t), parameter :: piece = 2**20
         integer :: stat
@@ -111,7 +114,7 @@ contains
         if (.not. grows) return
         driver = set_driver(int(access, c_int64_t))
         if (driver < 0) then
-            ! No file can be opened with that.
+            ! Without the driver no file must be opened.
             call h5pclose_f(access, stat)
             access = -1_hid_t
             return
@@ -125,18 +128,18 @@ contains
         if (datasets >= many_datasets) stat = int(keep_metadata(int(access, c_int64_t)))
     end subroutine make_access
 
-    !> Do not record gaps smaller than a slot in a new file: no slot begins in them, except in a small piece that was freed.
-    !> HDF5 searches all gaps for each new piece, so that the work grows with the square of their number. 0 on success.
-    integer function forget_small_gaps(creation)
-        !> The properties with which the file is made.
+    !> Do not record gaps smaller than a slot in a new file. No aligned block fits into such a gap, and HDF5 searches all recorded
+    !> gaps for each new block, so that the work would grow with the square of their number. Returns 0 on success.
+    integer function ignore_small_gaps(creation)
+        !> Properties with which the file is created.
         integer(hid_t), intent(in) :: creation
-        integer(c_int), parameter :: as_ever = 0
+        integer(c_int), parameter :: default_strategy = 0
 
-        forget_small_gaps = int(h5p_set_file_space_strategy(int(creation, c_int64_t), as_ever, .false._c_bool, &
+        ignore_small_gaps = int(h5p_set_file_space_strategy(int(creation, c_int64_t), default_strategy, .false._c_bool, &
             int(slot, c_int64_t)))
-    end function forget_small_gaps
+    end function ignore_small_gaps
 
-    !> Make the properties with which a possibly damaged file is opened; the caller closes them, and releases the driver.
+    !> Create the properties for opening a possibly damaged file. The caller closes them and releases the driver.
     subroutine make_reading_access(access, driver)
         integer(hid_t), intent(out) :: access
         integer(c_int64_t), intent(out) :: driver
@@ -146,7 +149,7 @@ contains
         driver = set_driver(int(access, c_int64_t))
     end subroutine make_reading_access
 
-    !> Allow only appending rows to an open file from now on; 0 on success.
+    !> Restrict an open file to appending rows; 0 on success.
     integer function start_swmr(file)
         integer(hid_t), intent(in) :: file
 

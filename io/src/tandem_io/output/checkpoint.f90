@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> The group /checkpoint of a result file: states from which an interrupted run is resumed.
 !>
-!> Two places are written in turn, each with a running number and a checksum, and only after the rows that they count are on the
-!> disk: after any end of the program at least one of them is whole, with its rows.
+!> A state is stored in two copies, which are written alternately, each with a running number and a checksum. A copy is written only
+!> after the rows that it refers to are on the disk. Hence at least one copy is complete and has all its rows, however the program
+!> ends.
 module tandem_io_output_checkpoint
     use hdf5, only: hid_t
     use tandem, only: error_type, long, pack_type, set_error, to_text, wp
@@ -14,10 +15,11 @@ module tandem_io_output_checkpoint
     implicit none (type, external)
     private
 
-    public :: checkpoint_type, snapshot_type, read_snapshot, check_places
+    public :: checkpoint_type, snapshot_type, read_snapshot, check_copies
 
-    !> The places, and how many numbers a chunk of the file has.
-    character(len=*), parameter :: place = '/checkpoint', paths(2) = [character(len=19) :: place//'/first', place//'/second']
+    !> Paths of the group and of the two copies; numbers per chunk of the file.
+    character(len=*), parameter :: group_path = '/checkpoint'
+    character(len=*), parameter :: paths(2) = [character(len=19) :: group_path//'/first', group_path//'/second']
     integer, parameter :: chunk = 4096
     character(len=*), parameter :: kind_of_row = 'result'
 
@@ -27,25 +29,26 @@ module tandem_io_output_checkpoint
         character(len=:), allocatable :: scene
         !> State of the simulation, and of the error estimator that observes it.
         integer(long), allocatable :: simulation(:), watcher(:)
-        !> Rows and events in the file then, rows requested by the interval, and the times of the first and the last row.
+        !> Number of rows and events written before the snapshot, number of rows due to the output interval, and times of the first
+        !> and the last row.
         integer(long) :: rows = 0, events = 0, intervals = 0
         real(wp) :: first_time = 0.0_wp, last_time = 0.0_wp
         !> Energy at the start and its largest deviation.
         real(wp) :: energy(2) = 0.0_wp
-        !> Status in the file, blank if unreadable; true if the run has reached its end.
+        !> Status in the file, blank if unreadable; true if the run is complete.
         character(len=:), allocatable :: status
         logical :: is_complete = .false.
         !> True if the run was killed before its first state was saved; only its scene is known.
         logical :: is_before_start = .false.
-        !> How often the run was taken up before.
+        !> Number of earlier resumptions of the run.
         integer :: times_resumed = 0
-        !> Running number.
+        !> Running number of the snapshot.
         integer(long), private :: number = 0
     contains
         procedure, private :: pack_state => pack_snapshot
     end type snapshot_type
 
-    !> Destination of snapshots.
+    !> Writer of snapshots.
     type :: checkpoint_type
         private
         integer(hid_t) :: datasets(2) = -1_hid_t
@@ -53,27 +56,27 @@ module tandem_io_output_checkpoint
         type(pack_type) :: pack
         integer(long), allocatable :: words(:)
     contains
-        procedure :: make, take_up, write => write_snapshot, close
+        procedure :: make, reopen, write => write_snapshot, close
     end type checkpoint_type
 
 contains
 
-    !> Make the group.
+    !> Create the group.
     subroutine make(self, file)
         class(checkpoint_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file
         integer :: i
 
-        call file%add_group(place)
-        call file%attach(place, 'meaning', 'state for "tandem resume"; readable by the same version of tandem only')
+        call file%add_group(group_path)
+        call file%attach(group_path, 'meaning', 'state for "tandem resume"; readable by the same version of tandem only')
         do i = 1, size(paths)
             call file%add_words(trim(paths(i)), chunk, self%datasets(i))
         end do
         self%number = 0
     end subroutine make
 
-    !> Go on in a file that has the group.
-    subroutine take_up(self, file, snapshot)
+    !> Continue the checkpoints of an existing file.
+    subroutine reopen(self, file, snapshot)
         class(checkpoint_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file
         !> Contents of the checkpoint.
@@ -83,11 +86,11 @@ contains
         do i = 1, size(paths)
             call file%open_dataset(trim(paths(i)), self%datasets(i))
         end do
-        ! It stays until the next one is there.
+        ! The snapshot remains valid until the next one is written.
         self%number = snapshot%number
-    end subroutine take_up
+    end subroutine reopen
 
-    !> Write a snapshot over the older one; the rows that it counts must be on the disk.
+    !> Overwrite the older copy. The rows that the snapshot refers to must be on the disk.
     subroutine write_snapshot(self, file, snapshot)
         class(checkpoint_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file
@@ -115,7 +118,7 @@ contains
         end do
     end subroutine close
 
-    !> Read the last whole snapshot of a result file, or return the reason why there is none.
+    !> Read the most recent complete snapshot of a result file, or return the reason for its absence.
     subroutine read_snapshot(path, snapshot, error)
         character(len=*), intent(in) :: path
         type(snapshot_type), intent(out) :: snapshot
@@ -151,7 +154,7 @@ contains
             problem = ''
             if (reason /= '') problem = 'its checkpoint cannot be read: '//reason
             if (problem == '') call candidate%pack_state(pack, problem)
-            ! A place that was never written says least.
+            ! The problem of a copy that was never written is the least informative.
             if (size(words) > 0 .or. first_problem == '') first_problem = problem
             if (problem == '' .and. candidate%number > snapshot%number) snapshot = candidate
         end do
@@ -177,28 +180,28 @@ contains
         end subroutine refuse
     end subroutine read_snapshot
 
-    !> Report a place that differs from what was written; places never written are valid.
-    subroutine check_places(file, problem)
+    !> Report a copy that differs from the written data; copies that were never written are valid.
+    subroutine check_copies(file, problem)
         type(hdf5_type), intent(inout) :: file
-        !> Empty if both are valid.
+        !> Empty if both copies are valid.
         character(len=:), allocatable, intent(out) :: problem
         integer(long), allocatable :: words(:)
         integer :: i
 
         problem = ''
-        if (.not. file%has(place)) return
+        if (.not. file%has(group_path)) return
         do i = 1, size(paths)
             call file%get_words(trim(paths(i)), words)
             if (allocated(file%problem)) return
             if (size(words) > 0 .and. .not. is_whole(words)) problem = trim(paths(i))//' differs from what was written'
         end do
-    end subroutine check_places
+    end subroutine check_copies
 
-    !> Complete contents of the file. The format after the version number depends on the version.
+    !> Read or write all contents of a snapshot. The format after the version number depends on the version.
     subroutine pack_snapshot(self, pack, problem)
         class(snapshot_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
-        !> Reason why it is unreadable; blank if it is readable.
+        !> Reason why the snapshot is unreadable; blank if it is readable.
         character(len=*), intent(out) :: problem
         character(len=:), allocatable :: version
 

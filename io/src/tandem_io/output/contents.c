@@ -1,16 +1,18 @@
 /* SPDX-License-Identifier: MIT */
-/* Reads what an HDF5 file holds besides its rows: the headers of all objects, the indices of all datasets, and all attributes. */
+/* Reads all contents of an HDF5 file except the rows: headers of objects, indices of datasets, and attributes. */
 #include <hdf5.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* Groups in groups; ours are two deep. Below that a scale is a link to one above, whose users are not read again: the time has a
-   link for each joint that is told of, and as many users. */
+/* Largest depth of groups, which is 2 in files of tandem, and largest depth at which lists of users of scales are read. A deeper
+   scale is a link to the time, which has one link per reported joint and a list of the same length: reading it for each link would
+   take quadratic time. */
 enum { deepest = 8, deepest_scale = 2 };
 
-/* Contents found. Texts are stored apart from the attributes, in collections without checksums. Unreadable texts are counted:
-   they may have been in transit when the program was killed. Texts that stay constant during a run have a sum: FNV-1a (Fowler, Noll
-   and Vo 1991) of 64 bits over the names of objects and attributes and the letters, each with the 0 that ends it. */
+/* State of the search. Texts are stored outside the attributes, in collections without checksums. Unreadable texts are counted
+   instead of reported, because they may have been incomplete when the program was killed. The checksum of the texts that stay
+   constant during a run is the 64-bit FNV-1a hash (Fowler, Noll and Vo 1991) of the null-terminated names of objects and
+   attributes and of the texts. */
 struct contents {
     int lost;
     uint64_t sum;
@@ -25,7 +27,7 @@ static void add(struct contents *found, const char *text)
     while (*text++);
 }
 
-/* True for texts that a run changes at its end. */
+/* True for text attributes that change at the end of a run. */
 static int changes(const struct contents *found, const char *attribute)
 {
     return found->in_report ||
@@ -53,7 +55,7 @@ static herr_t read_attribute(hid_t object, const char *name, const H5A_info_t *i
         values = calloc((size_t)count + 1, H5Tget_size(type));
     if (values) {
         stat = H5Aread(attribute, type, values);
-        /* References to other objects are no memory of ours. */
+        /* Only texts of variable length were allocated by HDF5 and must be released. */
         if (H5Tget_class(type) == H5T_STRING && H5Tis_variable_str(type) > 0) {
             if (stat >= 0 && !changes(found, name)) {
                 add(found, found->object);
@@ -76,7 +78,7 @@ static herr_t read_attribute(hid_t object, const char *name, const H5A_info_t *i
     return stat < 0 ? -1 : 0;
 }
 
-/* 0 if an object and all its contents were read. */
+/* Read an object with all its contents; 0 on success. */
 static int read_object(hid_t place, const char *name, int depth, struct contents *found)
 {
     hid_t object = depth > deepest ? -1 : H5Oopen(place, name, H5P_DEFAULT);
@@ -103,7 +105,7 @@ static int read_object(hid_t place, const char *name, int depth, struct contents
     return stat;
 }
 
-/* How many texts cannot be read; -1 where something else cannot. */
+/* Returns the number of unreadable texts; -1 if anything else is unreadable. */
 int tandem_contents_read(int64_t file, uint64_t *sum)
 {
     struct contents found = {0, 0xcbf29ce484222325u, NULL, 0, 0};

@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: MIT */
-/* HDF5's driver for POSIX, but such that a file that is being written can be opened at every moment: the mark "open for writing",
-   with which HDF5 would refuse it for ever once its writer was killed, never reaches the disk, and the file never is shorter than
-   its superblock says. Who may write is for guard.c to say.
+/* A variant of HDF5's POSIX driver with which a file can be opened at every moment while it is being written:
+   - The mark "open for writing" never reaches the disk. HDF5 would refuse a file with this mark even after its writer was killed.
+   - The file is never shorter than its superblock states.
+   Exclusive access is the task of guard.c.
 
-   Nobody else writes the file. A file that has become shorter is neither read nor written any more; and what HDF5 reads
-   again and again is damaged: from a file with one writer and many readers it reads metadata whose checksum is wrong 100 times, and
-   sleeps twice as long before each, which ends in no lifetime. Its property for that does not hold for the writer. */
+   The driver relies on exclusive access. If the file has become shorter, reading and writing fail. Repeated reading of the same
+   metadata fails too, because the metadata are then damaged: in the mode "single writer, multiple readers", HDF5 reads metadata
+   with a wrong checksum 100 times and doubles the delay each time, which never ends in practice. HDF5's property for the number
+   of attempts has no effect on the writer. */
 #include "heap.h"
 #include "superblock.h"
 #include <hdf5.h>
@@ -17,19 +19,19 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* A file: the data of HDF5, and the same file opened by HDF5's own driver. */
+/* An open file. The first component is used by HDF5; `inner` is the same file opened by HDF5's POSIX driver. */
 typedef struct {
     H5FD_t known;
     H5FD_t *inner;
-    /* Bytes that exist unless others have truncated the file. */
+    /* Expected length of the file in bytes; a shorter file was truncated by another process. */
     uint64_t size;
-    /* The last piece of metadata that was read, if nothing was written since, and how often it was read in a row. */
+    /* Address and size of the metadata that were read last, and the number of consecutive reads without a write. */
     haddr_t last_at;
     size_t last_size;
     int times;
 } file_type;
 
-/* Most readings of a piece of metadata in a row. */
+/* Largest number of consecutive reads of the same metadata. */
 enum { most_times = 10 };
 
 static H5FD_t *inner_of(const H5FD_t *file)
@@ -37,7 +39,7 @@ static H5FD_t *inner_of(const H5FD_t *file)
     return ((const file_type *)file)->inner;
 }
 
-/* The bytes of the file; 0 where they cannot be told. */
+/* Length of the file in bytes; 0 if unknown. */
 static uint64_t size_of(H5FD_t *inner)
 {
     struct stat about;
@@ -78,7 +80,7 @@ static int compare(const H5FD_t *one, const H5FD_t *other)
     return H5FDcmp(inner_of(one), inner_of(other));
 }
 
-/* Features of HDF5's own driver; in addition, pieces of metadata and of data may be combined into large ones. */
+/* Features of HDF5's POSIX driver; in addition, small blocks of metadata and of data may be combined. */
 static herr_t query(const H5FD_t *file, unsigned long *features)
 {
     (void)file;
@@ -108,7 +110,8 @@ static herr_t handle(H5FD_t *file, hid_t access, void **handle)
     return H5FDget_vfd_handle(inner_of(file), access, handle);
 }
 
-/* Refuse texts whose lengths are damaged. HDF5 reads the beginning of a collection first, and the rest by what that says. */
+/* Refuse a collection of texts with invalid lengths. HDF5 reads the beginning of a collection first, and then the rest, according
+   to the stated length. */
 static herr_t check_heap(H5FD_t *inner, H5FD_mem_t type, hid_t transfer, haddr_t at, size_t size, const unsigned char *beginning)
 {
     uint64_t length = tandem_heap_length(beginning, size);
@@ -151,7 +154,7 @@ static herr_t extend(H5FD_t *inner, uint64_t size)
     return H5FDget_vfd_handle(inner, H5P_DEFAULT, &descriptor) < 0 || ftruncate(*(int *)descriptor, (off_t)size) != 0 ? -1 : 0;
 }
 
-/* Write a piece; the superblock as it may stand on the disk. */
+/* Write a block; a superblock is written without the mark "open for writing". */
 static herr_t write_on(H5FD_t *inner, H5FD_mem_t type, hid_t transfer, haddr_t at, size_t size, const void *from)
 {
     const unsigned char *rest = (const unsigned char *)from + superblock_size;
@@ -163,7 +166,7 @@ static herr_t write_on(H5FD_t *inner, H5FD_mem_t type, hid_t transfer, haddr_t a
     end = tandem_superblock_end(from);
     memcpy(bytes, from, sizeof bytes);
     tandem_superblock_set(bytes, end);
-    /* The superblock comes last: all data to which it refers then exist. */
+    /* The superblock is written last, when all data that it refers to exist. */
     if (size > sizeof bytes && H5FDwrite(inner, type, transfer, sizeof bytes, size - sizeof bytes, rest) < 0)
         return -1;
     return extend(inner, end) < 0 ? -1 : H5FDwrite(inner, type, transfer, 0, sizeof bytes, bytes);
@@ -189,21 +192,21 @@ static herr_t truncate_file(H5FD_t *file, hid_t transfer, hbool_t is_closing)
 {
     file_type *ours = (file_type *)file;
 
-    /* A file that was truncated by others is not extended again. */
+    /* A file truncated by another process must not be extended again. */
     if (size_of(ours->inner) < ours->size || H5FDtruncate(ours->inner, transfer, is_closing) < 0)
         return -1;
     ours->size = size_of(ours->inner);
     return 0;
 }
 
-/* Let files that are opened with these properties be written by this driver, and give its number to HDF5; a negative one where
-   that fails. Each call makes a separate driver, so that HDF5 treats a file opened with another driver as another file. */
+/* Select this driver for files opened with the access properties. Returns its HDF5 identifier; negative after a failure. Each call
+   registers a separate driver, so that HDF5 regards a file opened with different drivers as different files. */
 int64_t tandem_driver_set(int64_t access)
 {
     static const H5FD_class_t driver = {
 #if H5_VERSION_GE(1, 14, 0)
         .version = H5FD_CLASS_VERSION,
-        /* An unregistered number. */
+        /* Identifier from the range that HDF5 leaves to unregistered drivers. */
         .value = 512,
 #endif
         .name = "tandem",
@@ -232,8 +235,8 @@ int64_t tandem_driver_set(int64_t access)
     return (int64_t)id;
 }
 
-/* Release a driver after its file was closed, not before: HDF5 still reads data of a driver after releasing it for the file. A
-   driver that is not released lasts until HDF5 ends. */
+/* Release a driver. The file must be closed: HDF5 uses data of the driver until the file is closed. A driver that is not released
+   remains registered until HDF5 is closed. */
 void tandem_driver_release(int64_t driver)
 {
     if (driver >= 0)

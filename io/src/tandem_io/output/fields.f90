@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Fields of a result file besides the time, and the selection made by a scene. This table is the only list of the fields.
+!> Fields of a result file except the time, and their selection by a scene. All fields are listed in the table of this module.
 module tandem_io_output_fields
     use tandem, only: model_type, wp
     implicit none (type, external)
@@ -10,9 +10,9 @@ module tandem_io_output_fields
     public :: field_acceleration_error, field_kinetic_energy, field_potential_energy, field_step, field_chart
     public :: one, each_coordinate, each_constraint
 
-    !> Length of a field's name.
+    !> Length of the name of a field.
     integer, parameter :: field_length = 24
-    !> How many numbers a field has at a time.
+    !> Numbers of a field per row: a single one, one per coordinate, or one per constraint.
     integer, parameter :: one = 0, each_coordinate = 1, each_constraint = 2
 
     !> Indices of `fields`.
@@ -26,11 +26,12 @@ module tandem_io_output_fields
         character(len=field_length) :: name, group
         !> `one`, `each_coordinate` or `each_constraint`.
         integer :: width
-        !> True if the field is a count, stored as integers.
+        !> True if the field is a count, which is stored as an integer.
         logical :: counts
-        !> Power of a second in the unit of a field with `each_coordinate`: 0 position, -1 velocity, -2 acceleration.
+        !> Power of one second in the unit of a field with width `each_coordinate`: 0 for positions, -1 for velocities, -2 for
+        !> accelerations.
         integer :: rate
-        !> Unit of a field with `one`.
+        !> Unit of a field with width `one`.
         character(len=8) :: unit
         !> Description of the field.
         character(len=80) :: meaning
@@ -53,10 +54,10 @@ module tandem_io_output_fields
         field_type('step', 'diagnostics', one, .false., 0, 's', 'size of the step that ended here, 0 if none did'), &
         field_type('chart', 'diagnostics', one, .true., 0, '1', 'running number of the chart, from 1')]
 
-    !> Their names.
+    !> Names of the fields.
     character(len=field_length), parameter :: field_names(size(fields)) = fields%name
 
-    !> Default fields: quantities that the integration computes in any case.
+    !> Default fields: quantities that the integration computes anyway.
     character(len=field_length), parameter :: default_fields(8) = [character(len=field_length) :: 'q', 'qd', 'qdd', &
         'position_error', 'velocity_error', 'acceleration_error', 'step', 'chart']
 
@@ -64,13 +65,13 @@ module tandem_io_output_fields
     type :: output_type
         !> Path of the result file.
         character(len=:), allocatable :: file
-        !> Number of steps of the grid between rows.
+        !> Number of grid steps between rows.
         integer :: every = 1
-        !> Time between rows, which dense output gives between the steps; 0 means rows at steps, as `every` says.
+        !> Time between rows, which are interpolated by dense output; 0 for rows at steps according to `every`.
         real(wp) :: interval = 0.0_wp
-        !> Rows at every step, and between them by dense output, at most this time apart; 0 means rows at steps alone.
+        !> Largest time between rows at all steps and intermediate rows by dense output; 0 for no intermediate rows.
         real(wp) :: spacing = 0.0_wp
-        !> Seconds of wall time after which rows and the state of the run are written to the disk; 0 means at every step.
+        !> Wall time after which rows and the state of the run are written to the disk, seconds; 0 to write after every step.
         real(wp) :: flush = 1.0_wp
         !> Names of the fields.
         character(len=field_length), allocatable :: fields(:)
@@ -90,10 +91,10 @@ contains
         if (allocated(self%fields)) asks_for = any(self%fields == fields(field)%name)
     end function asks_for
 
-    !> Problem of the requested fields; empty if all are valid.
+    !> Reason why the requested fields are invalid; empty if they are valid.
     pure function problem(self, model) result(text)
         class(output_type), intent(in) :: self
-        !> The model that is to run.
+        !> Model of the run.
         class(model_type), intent(in) :: model
         character(len=:), allocatable :: text
         integer :: i
@@ -111,7 +112,7 @@ contains
         end if
     end function problem
 
-    !> The index of a field's name.
+    !> Index of the field with a name; 0 if unknown.
     pure integer function index_of(name)
         character(len=field_length), intent(in) :: name
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Protection of a result file beyond HDF5: a lock while it is written, checks that it still exists and that the disk has room,
-   an end ahead of the written data, and the system's reason if it refuses to write. */
+/* Protection of a result file in addition to HDF5: locks, checks that the file still exists and that the disk has space, a stated
+   end after the written data, and the system's reason for a refused write. */
 #define _GNU_SOURCE
 #include "superblock.h"
 #include <errno.h>
@@ -11,9 +11,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* A descriptor of the file with a shared lock: readers may come, no other writer may. -1 if it cannot be opened. No lock on
-   file systems without locks. */
-int tandem_guard_take(const char *path)
+/* Lock the file against other writers by a shared lock, which admits readers. Returns a descriptor; -1 if the file cannot be
+   opened. File systems without locks are not protected. */
+int tandem_guard_lock(const char *path)
 {
     int file = open(path, O_RDWR | O_CLOEXEC | O_NONBLOCK);
 
@@ -22,9 +22,9 @@ int tandem_guard_take(const char *path)
     return file;
 }
 
-/* A descriptor of the file that no other process can get meanwhile, until it is released; -2 if another one has it, -1 if the file
-   cannot be opened. The lock is on a byte far behind the end, so that it hinders no reader. A file system without locks has
-   none. */
+/* Claim the file: until the descriptor is released, no other process can claim it. Returns a descriptor; -2 if another process has
+   claimed the file, -1 if the file cannot be opened. The locked byte lies far after the end, so that readers are admitted. File
+   systems without locks are not protected. */
 int tandem_guard_claim(const char *path)
 {
     int file = open(path, O_RDWR | O_CLOEXEC | O_NONBLOCK);
@@ -45,26 +45,27 @@ void tandem_guard_release(int file)
 }
 
 /* True if another process has locked the file. */
-int tandem_guard_is_taken(const char *path)
+int tandem_guard_is_locked(const char *path)
 {
-    int file = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK), is_taken;
+    int file = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK), is_locked;
 
     if (file < 0)
         return 0;
-    is_taken = flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    is_locked = flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
     close(file);
-    return is_taken;
+    return is_locked;
 }
 
-/* True if the path still leads to the file. */
-int tandem_guard_is_there(int file, const char *path)
+/* True if the path still refers to the open file. */
+int tandem_guard_still_exists(int file, const char *path)
 {
     struct stat ours, theirs;
 
     return fstat(file, &ours) == 0 && stat(path, &theirs) == 0 && ours.st_dev == theirs.st_dev && ours.st_ino == theirs.st_ino;
 }
 
-/* Read the superblock, the end of the file stated there, and the size of the file. 0 if the superblock is unknown. */
+/* Read the superblock, the stated end of the file, and the length of the file. Returns 0 if the superblock is invalid or of
+   another version. */
 static int read_superblock(int file, unsigned char *bytes, uint64_t *last, uint64_t *size)
 {
     struct stat about;
@@ -76,7 +77,7 @@ static int read_superblock(int file, unsigned char *bytes, uint64_t *last, uint6
     return 1;
 }
 
-/* True if the file is signed as HDF5 and not shorter than a known superblock states; files written here always are (driver.c). */
+/* True if the file has the signature of HDF5 and is not shorter than its superblock states, as driver.c guarantees. */
 int tandem_guard_is_whole(int file)
 {
     unsigned char bytes[superblock_size];
@@ -87,9 +88,9 @@ int tandem_guard_is_whole(int file)
            (!tandem_superblock_is_known(bytes) || tandem_superblock_end(bytes) <= (uint64_t)about.st_size);
 }
 
-/* Remove the mark of a writer from the superblock, and let the file end where it says, or at `end` if that is later: before a
-   flush, so that flushed data never lie behind the end. An unknown superblock is left alone. */
-void tandem_guard_mend(int file, int64_t end)
+/* Remove the mark of a writer from the superblock, and extend the file to the stated end, or to `end` if this is later. Called
+   before a flush, so that flushed data never lie after the stated end. A superblock of another version is left unchanged. */
+void tandem_guard_repair(int file, int64_t end)
 {
     unsigned char bytes[superblock_size];
     uint64_t last, size;
@@ -102,12 +103,12 @@ void tandem_guard_mend(int file, int64_t end)
     if (last > size && ftruncate(file, (off_t)last) != 0)
         last = size;
     tandem_superblock_set(bytes, last);
-    /* A failure leaves the mark, with which the file can be read by those who ask for it (SWMR). */
+    /* After a failure the mark remains; readers can then open the file in SWMR mode. */
     if (pwrite(file, bytes, superblock_size, 0) != superblock_size)
         return;
 }
 
-/* Cut the file at the end stated in the superblock: beyond it lies unused room for rows. */
+/* Truncate the file to the stated end, after which lies unused space for rows. */
 void tandem_guard_trim(int file)
 {
     unsigned char bytes[superblock_size];
@@ -115,12 +116,12 @@ void tandem_guard_trim(int file)
 
     if (!read_superblock(file, bytes, &last, &size) || last >= size)
         return;
-    /* A failure leaves unused room. */
+    /* After a failure the unused space remains. */
     if (ftruncate(file, (off_t)last) != 0)
         return;
 }
 
-/* True if the file may grow by so many bytes; its length stays unchanged. */
+/* True if the file can grow by `bytes`; its length stays unchanged. */
 int tandem_guard_has_room(int file, int64_t bytes)
 {
     struct stat about;
@@ -135,7 +136,7 @@ int tandem_guard_has_room(int file, int64_t bytes)
     return problem != ENOSPC && problem != EDQUOT && problem != EFBIG;
 }
 
-/* The system's words for its last refusal to write, if it was one: their length, 0 for none. */
+/* Copy the system's message if its last error was a refusal to write. Returns the length of the message; 0 if there is none. */
 int tandem_guard_reason(char *text, int size)
 {
     static const int refusals[] = {ENOSPC, EDQUOT, EFBIG, EIO, EROFS, ENODEV, ESTALE, EACCES, EPERM};
@@ -154,7 +155,7 @@ int tandem_guard_reason(char *text, int size)
     return 0;
 }
 
-void tandem_guard_forget_reason(void)
+void tandem_guard_clear_reason(void)
 {
     errno = 0;
 }

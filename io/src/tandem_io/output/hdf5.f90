@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Operations of HDF5 for results: groups, attributes, and datasets that grow by rows. Objects are named by their path.
+!> Operations of HDF5 for results: groups, attributes, and datasets that grow by rows. Objects are identified by their path.
 !>
-!> The first failure is stored in `problem`, as text; later calls do nothing, so that callers need not check after each call.
+!> The first failure is stored as text in `problem`; later calls do nothing, so that callers need not check after each call.
 !>
-!> The whole process shares one HDF5 library. For all its users, this module disables the printing of its error stack, and the
-!> closing of open objects when the program ends.
+!> HDF5 has one state per process. For all users of HDF5 in the process, this module disables the printing of HDF5's error stack and
+!> the closing of open objects at program exit.
 module tandem_io_output_hdf5
     use hdf5, only: h5dclose_f, h5dcreate_f, h5dget_space_f, h5dset_extent_f, h5dwrite_f, h5eset_auto_f, h5f_acc_rdwr_f, &
         h5f_acc_trunc_f, h5f_scope_global_f, h5fclose_f, h5fcreate_f, h5fflush_f, h5fopen_f, h5gclose_f, h5gcreate_f, h5open_f, &
@@ -13,9 +13,9 @@ module tandem_io_output_hdf5
         h5t_ieee_f64le, h5t_native_double, h5t_std_i64le, h5tclose_f, hid_t, hsize_t
     use tandem, only: long, wp
     use tandem_fletcher, only: fletcher_type
-    use tandem_io_output_access, only: end_of, forget_small_gaps, let_metadata_go, make_access, many_datasets, &
+    use tandem_io_output_access, only: end_of, ignore_small_gaps, release_metadata, make_access, many_datasets, &
         make_reading_access, release_driver, start_swmr
-    use tandem_io_output_guard, only: forget_reason, guard_type, system_reason
+    use tandem_io_output_guard, only: clear_reason, guard_type, system_reason
     use tandem_io_output_hdf5_texts, only: make_fixed_type
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc, c_null_char, c_ptr
     implicit none (type, external)
@@ -23,28 +23,28 @@ module tandem_io_output_hdf5
 
     public :: hdf5_type, start_library
 
-    !> Largest number of attributes stored in the header of their group. HDF5 writes its pieces such that they are whole at every
-    !> moment, unlike its other storage of many attributes.
+    !> Largest number of attributes stored in the header of their object. HDF5 writes a header such that it is consistent at every
+    !> moment; its alternative storage for many attributes is not.
     integer, parameter :: most_attributes = 1000
-    !> Message about a file that is shorter than it was written.
+    !> Message if the file is shorter than the data written to it.
     character(len=*), parameter :: was_cut = &
         'another process truncated or overwrote the file during the run; its content is lost'
 
     type :: hdf5_type
-        !> The first failure; not allocated while all is well.
+        !> The first failure; not allocated if there is none.
         character(len=:), allocatable :: problem
         integer(hid_t), private :: file = -1_hid_t
-        !> Driver of the file, if it is this library's own.
+        !> Driver of the file; negative if HDF5 uses its own driver.
         integer(c_int64_t), private :: driver = -1
-        !> How many datasets grow in it.
+        !> Number of datasets that grow.
         integer, private :: datasets = 0
         !> True while rows are being appended.
         logical, private :: is_growing = .false.
         type(guard_type), private :: guard
     contains
-        procedure :: create, start_appending, reopen, flush, close, let_go
+        procedure :: create, start_appending, reopen, flush, close, unlock
         procedure :: add_group, add_dataset, append, append_texts, close_dataset
-        procedure, private :: note
+        procedure, private :: check
         ! Attributes.
         generic :: attach => attach_integer, attach_real, attach_string, attach_strings
         procedure, private :: attach_integer, attach_real, attach_string, attach_strings
@@ -62,7 +62,7 @@ module tandem_io_output_hdf5
     end type hdf5_type
 
     interface
-        !> Keep the library from closing open objects when the program ends: after a failure to write it would crash.
+        !> Disable the closing of open objects at program exit, which would crash after a failed write.
         function h5_do_not_close_at_exit() result(stat) bind(c, name='H5dont_atexit')
             import :: c_int
             implicit none (type, external)
@@ -71,53 +71,53 @@ module tandem_io_output_hdf5
     end interface
 
     interface
-        !> Make a dataset a dimension scale of a name.
+        !> Turn a dataset into a dimension scale with a name.
         module subroutine make_scale(self, dataset, path, name)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             integer(hid_t), intent(in) :: dataset
-            !> Its path, for messages.
+            !> Path of the dataset, for messages; name of the scale.
             character(len=*), intent(in) :: path, name
         end subroutine make_scale
 
-        !> Assign a scale to the rows of a dataset, which has none yet.
+        !> Attach a scale to the rows of a dataset without scales.
         module subroutine scale_rows(self, dataset, path, rank, scale)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             integer(hid_t), intent(in) :: dataset
-            !> Its path, for messages.
+            !> Path of the dataset, for messages.
             character(len=*), intent(in) :: path
-            !> How many dimensions the dataset has.
+            !> Number of dimensions of the dataset.
             integer, intent(in) :: rank
             integer(hid_t), intent(in) :: scale
         end subroutine scale_rows
 
-        !> Write into a scale the list of all datasets to whose rows it belongs.
+        !> Write the list of all datasets whose rows a scale labels.
         module subroutine list_users(self, scale, path, datasets)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             integer(hid_t), intent(in) :: scale
-            !> Its path, for messages.
+            !> Path of the scale, for messages.
             character(len=*), intent(in) :: path
             integer(hid_t), intent(in) :: datasets(:)
         end subroutine list_users
 
-        !> Make a dataset without rows and leave it open. To C and Python it is (rows) or (rows, width).
+        !> Create a dataset without rows and leave it open. Its shape in C and Python is (rows) or (rows, width).
         module subroutine add_dataset(self, path, width, chunk, counts, dataset, scale, texts)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
-            !> Numbers in a row; 0 for a series of single numbers, without that dimension.
+            !> Numbers per row; 0 for one number per row, without the second dimension.
             integer, intent(in) :: width
-            !> Rows in a chunk.
+            !> Rows per chunk.
             integer, intent(in) :: chunk
             !> True if integers are stored.
             logical, intent(in) :: counts
-            !> The dataset.
+            !> Identifier of the open dataset.
             integer(hid_t), intent(out) :: dataset
-            !> The dataset whose values belong to the rows, to be named by `list_users`; itself if absent.
+            !> Scale of the rows, to be passed to `list_users` later. If absent, the dataset becomes a scale itself.
             integer(hid_t), intent(in), optional :: scale
-            !> Length of the texts that are stored; none where absent.
+            !> Length of the stored texts; absent for numbers.
             integer, intent(in), optional :: texts
         end subroutine add_dataset
 
@@ -126,40 +126,40 @@ module tandem_io_output_hdf5
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             integer(hid_t), intent(in) :: dataset
-            !> Its path, for messages.
+            !> Path of the dataset, for messages.
             character(len=*), intent(in) :: path
-            !> Numbers in a row, 0 for a series of single numbers.
+            !> Numbers per row; 0 for one number per row, without the second dimension.
             integer, intent(in) :: width
-            !> Rows that it has, and rows to append.
+            !> Number of existing rows, and of rows to append.
             integer(long), intent(in) :: before
             integer, intent(in) :: rows
-            !> The rows, one per column; more columns may follow.
+            !> The rows, one per column; columns after the first `rows` are ignored.
             real(wp), intent(in), contiguous, target :: values(:, :)
         end subroutine append
 
-        !> Append texts to a dataset of them, blanks at their ends dropped.
+        !> Append texts to a dataset of texts, without trailing blanks.
         module subroutine append_texts(self, dataset, path, before, values)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             integer(hid_t), intent(in) :: dataset
-            !> Its path, for messages.
+            !> Path of the dataset, for messages.
             character(len=*), intent(in) :: path
-            !> Rows that it has.
+            !> Number of existing rows.
             integer(long), intent(in) :: before
             character(len=*), intent(in) :: values(:)
         end subroutine append_texts
 
-        !> Open a file to append rows to its datasets, once they are open and `start_appending` was called. A file whose writer was
-        !> killed is freed of its mark before.
+        !> Open a file whose datasets are to be extended; the caller then opens the datasets and calls `start_appending`. A mark
+        !> left by a killed writer is removed first.
         module subroutine open_to_append(self, path, datasets)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
-            !> How many datasets grow in it.
+            !> Number of datasets that grow.
             integer, intent(in) :: datasets
         end subroutine open_to_append
 
-        !> Open a dataset that is there.
+        !> Open an existing dataset.
         module subroutine open_dataset(self, path, dataset)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -175,17 +175,17 @@ module tandem_io_output_hdf5
             integer(long) :: rows
         end function rows_of
 
-        !> Make an empty series of integers that are not rows of the result, and leave it open.
+        !> Create an empty array of 64-bit integers that are not rows of the result, and leave it open.
         module subroutine add_words(self, path, chunk, dataset)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
-            !> Numbers in a chunk.
+            !> Numbers per chunk.
             integer, intent(in) :: chunk
             integer(hid_t), intent(out) :: dataset
         end subroutine add_words
 
-        !> Overwrite the beginning of such a series, which grows if it is too short.
+        !> Overwrite the beginning of an array created by `add_words`, which is extended if it is too short.
         module subroutine write_words(self, dataset, path, words)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -194,7 +194,7 @@ module tandem_io_output_hdf5
             integer(long), intent(in), contiguous, target :: words(:)
         end subroutine write_words
 
-        !> Read such a series.
+        !> Read an array created by `add_words`.
         module subroutine get_words(self, path, words)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -202,7 +202,7 @@ module tandem_io_output_hdf5
             integer(long), allocatable, target, intent(out) :: words(:)
         end subroutine get_words
 
-        !> True if there is an object of this path; its group must exist.
+        !> True if an object with this path exists; its group must exist.
         module function has(self, path) result(is_there)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -210,47 +210,47 @@ module tandem_io_output_hdf5
             logical :: is_there
         end function has
 
-        !> Read the first rows of a dataset of numbers or of texts, and sum them up row by row.
+        !> Read the first rows of a dataset of numbers or texts, and compute their checksums row by row.
         module subroutine sum_rows(self, path, early_rows, rows, early, sum, all_rows)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
-            !> Rows after which the first and the second sum are taken; fewer if there are fewer rows.
+            !> Numbers of rows covered by `early` and by `sum`; all rows if there are fewer.
             integer(long), intent(in) :: early_rows, rows
             type(fletcher_type), intent(out) :: early, sum
-            !> Rows that the dataset has.
+            !> Number of rows of the dataset.
             integer(long), intent(out) :: all_rows
         end subroutine sum_rows
 
-        !> Read every object of the file with all its attributes, to find damage.
-        module subroutine read_all(self, lost_texts, sum_of_texts)
+        !> Read every object of the file with all its attributes; damage is reported in `problem`.
+        module subroutine read_all(self, unreadable_texts, text_checksum)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
-            !> Number of unreadable texts among the attributes.
-            integer, intent(out) :: lost_texts
-            !> A checksum of the texts that stay constant during a run.
-            integer(long), intent(out) :: sum_of_texts
+            !> Number of unreadable text attributes.
+            integer, intent(out) :: unreadable_texts
+            !> Checksum of the text attributes that stay constant during a run.
+            integer(long), intent(out) :: text_checksum
         end subroutine read_all
 
-        !> Cut a dataset back to its first rows.
+        !> Truncate a dataset to its first rows.
         module subroutine cut(self, dataset, path, width, rows)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             integer(hid_t), intent(in) :: dataset
             character(len=*), intent(in) :: path
-            !> Numbers in a row, 0 for a series of single numbers.
+            !> Numbers per row; 0 for one number per row, without the second dimension.
             integer, intent(in) :: width
             integer(long), intent(in) :: rows
         end subroutine cut
 
-        !> Remove a group with all that it holds, if it is there.
+        !> Remove a group with all its contents, if it exists.
         module subroutine remove(self, path)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
         end subroutine remove
 
-        !> Give an object an integer attribute.
+        !> Write an integer attribute of an object.
         module subroutine attach_integer(self, path, name, value)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -259,7 +259,7 @@ module tandem_io_output_hdf5
             integer(long), intent(in) :: value
         end subroutine attach_integer
 
-        !> Give an object a real attribute.
+        !> Write a real attribute of an object.
         module subroutine attach_real(self, path, name, value)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -267,65 +267,65 @@ module tandem_io_output_hdf5
             real(wp), intent(in) :: value
         end subroutine attach_real
 
-        !> Give an object a text, blanks at its end dropped.
+        !> Write a text attribute of an object, without trailing blanks.
         module subroutine attach_string(self, path, name, value)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path, name, value
         end subroutine attach_string
 
-        !> Give an object an array of texts, blanks at their ends dropped.
+        !> Write an attribute of an object that is an array of texts, without trailing blanks.
         module subroutine attach_strings(self, path, name, values)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path, name, values(:)
         end subroutine attach_strings
 
-        !> Give an object its meaning, and room for attributes that come after `start_appending`, in one piece, which is written at
-        !> once.
+        !> Write the attribute `meaning` of an object, and reserve space for attributes that follow after `start_appending`. The
+        !> space is contiguous, so that it is written at once.
         module subroutine reserve(self, path, bytes, meaning)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
-            !> About 40 and its value an attribute; at most 64000.
+            !> Reserved space: about 40 bytes plus the value for each attribute; at most 64000.
             integer, intent(in) :: bytes
             character(len=*), intent(in) :: meaning
         end subroutine reserve
 
-        !> Leave room for a text that is written after `start_appending`.
+        !> Reserve space for a text that is written after `start_appending`.
         module subroutine reserve_text(self, path, name)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path, name
         end subroutine reserve_text
 
-        !> Take all attributes but the meaning from an object.
+        !> Remove all attributes of an object except `meaning`.
         module subroutine detach_all(self, path)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
         end subroutine detach_all
 
-        !> Read an integer attribute; 0 if there is none.
+        !> Read an integer attribute; 0 if it does not exist.
         module subroutine get_attribute(self, path, name, value, is_there)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
-            !> Path of the object, and the attribute's name.
+            !> Path of the object, and name of the attribute.
             character(len=*), intent(in) :: path, name
             integer(long), target, intent(out) :: value
             logical, intent(out) :: is_there
         end subroutine get_attribute
 
-        !> Read a text attribute; blank if it is missing or unreadable.
+        !> Read a text attribute; blank if it does not exist or is unreadable.
         module subroutine get_text(self, path, name, value)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
-            !> Path of the object, and the attribute's name.
+            !> Path of the object, and name of the attribute.
             character(len=*), intent(in) :: path, name
             character(len=:), allocatable, intent(out) :: value
         end subroutine get_text
 
-        !> Replace a text of the root after a failure to write, if that needs no new space; `close` comes next.
+        !> Replace a text of the root after a failed write, provided that it needs no new space. The next call must be `close`.
         module subroutine replace_text(self, path, name, value)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -334,7 +334,7 @@ module tandem_io_output_hdf5
             character(len=*), intent(in) :: value
         end subroutine replace_text
 
-        !> Make a dataset of integers (rows).
+        !> Create a dataset of integers (rows).
         module subroutine put_integers(self, path, values)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -342,7 +342,7 @@ module tandem_io_output_hdf5
             integer(long), intent(in) :: values(:)
         end subroutine put_integers
 
-        !> Make a dataset of numbers (rows).
+        !> Create a dataset of real numbers (rows).
         module subroutine put_reals(self, path, values)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -350,7 +350,7 @@ module tandem_io_output_hdf5
             real(wp), intent(in) :: values(:)
         end subroutine put_reals
 
-        !> Make a dataset of a matrix in row-major order.
+        !> Create a dataset from a matrix, in row-major order.
         module subroutine put_matrix(self, path, values)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
@@ -358,26 +358,26 @@ module tandem_io_output_hdf5
             real(wp), intent(in) :: values(:, :)
         end subroutine put_matrix
 
-        !> Make a dataset of texts (rows), blanks at their ends dropped.
+        !> Create a dataset of texts (rows), without trailing blanks.
         module subroutine put_strings(self, path, values)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path, values(:)
         end subroutine put_strings
 
-        !> Open a file to read from it.
+        !> Open a file for reading.
         module subroutine open_to_read(self, path)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
         end subroutine open_to_read
 
-        !> Make a dataset of known size and leave it open: (rows), or (rows, width) to C and Python.
+        !> Create a dataset of known size and leave it open. Its shape in C and Python is (rows) or (rows, width).
         module subroutine add_column(self, path, width, rows, counts, dataset)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
-            !> Numbers in a row; 0 for single numbers, without that dimension.
+            !> Numbers per row; 0 for one number per row, without the second dimension.
             integer, intent(in) :: width
             integer(long), intent(in) :: rows
             !> True if integers are stored.
@@ -385,92 +385,92 @@ module tandem_io_output_hdf5
             integer(hid_t), intent(out) :: dataset
         end subroutine add_column
 
-        !> Write some rows of such a dataset.
+        !> Write some rows of a dataset created by `add_column`.
         module subroutine fill_column(self, dataset, path, width, before, values)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             integer(hid_t), intent(in) :: dataset
-            !> Its path, for messages.
+            !> Path of the dataset, for messages.
             character(len=*), intent(in) :: path
             integer, intent(in) :: width
-            !> Rows before these.
+            !> Number of rows before these.
             integer(long), intent(in) :: before
-            !> The rows, one per column.
+            !> Rows, one per column.
             real(wp), intent(in), contiguous, target :: values(:, :)
         end subroutine fill_column
 
-        !> Name the columns of a dataset by the texts of another one, a dimension scale, which is made if it is missing.
+        !> Label the columns of a dataset by a dimension scale of texts, which is created if it does not exist.
         module subroutine name_columns(self, dataset, path, scale, names)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             integer(hid_t), intent(in) :: dataset
-            !> Its path, for messages, and that of the other.
+            !> Paths of the dataset, for messages, and of the scale.
             character(len=*), intent(in) :: path, scale
             character(len=*), intent(in) :: names(:)
         end subroutine name_columns
 
-        !> Give an existing object a second path, unless that path exists.
+        !> Add a second path to an existing object, unless this path exists.
         module subroutine link(self, path, second)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path, second
         end subroutine link
 
-        !> Read a dataset of numbers: (width, rows), where a series of single numbers has the width 1.
+        !> Read a dataset of numbers: (width, rows), with width 1 for one number per row.
         module subroutine get(self, path, values)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self
             character(len=*), intent(in) :: path
-            !> Not allocated if it is unreadable.
+            !> Not allocated if the dataset is unreadable.
             real(wp), allocatable, target, intent(out) :: values(:, :)
         end subroutine get
     end interface
 
 contains
 
-    !> Create a file; one of this name is lost.
+    !> Create a file; an existing file with this path is overwritten.
     subroutine create(self, path, datasets)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
-        !> Number of datasets that will grow, if `start_appending` will be called.
+        !> Number of datasets that grow; absent if `start_appending` is not called.
         integer, intent(in), optional :: datasets
         logical :: grows
         integer(hid_t) :: access, properties
         integer :: stat
 
         call start_library(stat)
-        call self%note(stat, 'start HDF5')
+        call self%check(stat, 'start HDF5')
         if (allocated(self%problem)) return
         grows = present(datasets)
         self%datasets = 0
         if (grows) self%datasets = datasets
-        ! Before old contents are lost: a run that starts meanwhile then sees that the file is in use.
-        if (grows) call self%guard%take(path)
+        ! Lock the file before its old contents are overwritten: other runs then see that it is in use.
+        if (grows) call self%guard%lock(path)
         call make_access(access, grows, self%driver, self%datasets)
-        call forget_reason()
+        call clear_reason()
         call h5pcreate_f(h5p_file_create_f, properties, stat)
         call h5pset_attr_phase_change_f(properties, most_attributes, most_attributes, stat)
-        if (self%datasets >= many_datasets) call self%note(forget_small_gaps(properties), 'create '//path)
+        if (self%datasets >= many_datasets) call self%check(ignore_small_gaps(properties), 'create '//path)
         call h5fcreate_f(path, h5f_acc_trunc_f, self%file, stat, properties, access)
-        call self%note(stat, 'create '//path)
+        call self%check(stat, 'create '//path)
         call h5pclose_f(properties, stat)
         call h5pclose_f(access, stat)
     end subroutine create
 
-    !> From now on only rows are appended and attributes written, and at any end of the program the file holds the data of the last
-    !> flush (HDF5's "single writer, multiple readers"). Groups, datasets and room for new attributes (`reserve`) must exist
-    !> before; a text among the attributes that is written anew may be unreadable for a moment.
+    !> Restrict further operations to appending rows and writing attributes. From now on, the file contains all data of the last
+    !> flush however the program ends (HDF5's mode "single writer, multiple readers"). Groups, datasets and space for new attributes
+    !> (`reserve`) must exist already. A text attribute that is being overwritten may be unreadable for a moment.
     subroutine start_appending(self, path)
         class(hdf5_type), intent(inout) :: self
         !> Path of the file.
         character(len=*), intent(in) :: path
 
         if (allocated(self%problem)) return
-        call self%note(start_swmr(self%file), 'make '//path//' ready for rows')
+        call self%check(start_swmr(self%file), 'make '//path//' ready for rows')
         self%is_growing = .not. allocated(self%problem)
     end subroutine start_appending
 
-    !> Open a file again that `close` has closed, to attach further data.
+    !> Open the file again after `close`, to add data.
     subroutine reopen(self, path)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
@@ -478,45 +478,45 @@ contains
         integer :: stat
 
         if (allocated(self%problem)) return
-        if (.not. self%guard%is_there()) then
+        if (.not. self%guard%still_exists()) then
             self%problem = 'the file was removed or replaced after the run'
             return
         end if
         call make_access(access, .true., self%driver, self%datasets)
-        call forget_reason()
+        call clear_reason()
         call h5fopen_f(path, h5f_acc_rdwr_f, self%file, stat, access_prp=access)
-        call self%note(stat, 'open '//path//' again')
+        call self%check(stat, 'open '//path//' again')
         if (stat /= 0) self%file = -1_hid_t
         call h5pclose_f(access, stat)
         call self%start_appending(path)
     end subroutine reopen
 
-    !> Bring everything to the disk.
+    !> Write all data to the disk.
     subroutine flush(self)
         class(hdf5_type), intent(inout) :: self
         integer :: stat
 
         if (allocated(self%problem)) return
-        ! Before the flush too, which might hide that the file was cut.
+        ! Check before the flush too, because the flush may extend a file that was truncated.
         if (self%guard%is_whole()) then
-            call self%guard%mend(end_of(self%file))
-            call forget_reason()
+            call self%guard%repair(end_of(self%file))
+            call clear_reason()
             call h5fflush_f(self%file, h5f_scope_global_f, stat)
-            call self%note(stat, 'write the rows to disk')
+            call self%check(stat, 'write the rows to disk')
             if (allocated(self%problem)) return
         end if
-        if (.not. self%guard%is_there()) then
+        if (.not. self%guard%still_exists()) then
             self%problem = 'the file was removed or replaced during the run'
         else if (.not. self%guard%is_whole()) then
             self%problem = was_cut
         end if
     end subroutine flush
 
-    !> Close the file, if it is open. After a failure HDF5 is not called again: its buffered data would damage the file.
-    !> Data not yet flushed to a growing file may be lost to readers if the program ends meanwhile.
+    !> Close the file if it is open. After a failure HDF5 is not called again, because its buffered data would damage the file. Data
+    !> of a growing file that were not flushed may be lost to readers if the program ends during the call.
     subroutine close(self, keeps_lock)
         class(hdf5_type), intent(inout) :: self
-        !> True to keep other writers out until `let_go`; default false.
+        !> True to keep the file locked against other writers until `unlock`; default false.
         logical, intent(in), optional :: keeps_lock
         logical :: keeps_lock_
         integer :: stat
@@ -524,10 +524,10 @@ contains
         keeps_lock_ = .false.
         if (present(keeps_lock)) keeps_lock_ = keeps_lock
         if (self%file >= 0 .and. .not. allocated(self%problem)) then
-            call forget_reason()
-            if (self%datasets >= many_datasets) call let_metadata_go(int(self%file, c_int64_t))
+            call clear_reason()
+            if (self%datasets >= many_datasets) call release_metadata(int(self%file, c_int64_t))
             call h5fclose_f(self%file, stat)
-            call self%note(stat, 'write the rows to disk')
+            call self%check(stat, 'write the rows to disk')
             if (stat == 0) call release_driver(self%driver)
             if (.not. allocated(self%problem)) call self%guard%trim()
         end if
@@ -537,14 +537,14 @@ contains
         if (.not. keeps_lock_) call self%guard%release()
     end subroutine close
 
-    !> Let other writers in again.
-    subroutine let_go(self)
+    !> Unlock the file for other writers.
+    subroutine unlock(self)
         class(hdf5_type), intent(inout) :: self
 
         call self%guard%release()
-    end subroutine let_go
+    end subroutine unlock
 
-    !> Make a group.
+    !> Create a group.
     subroutine add_group(self, path)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
@@ -555,7 +555,7 @@ contains
         call h5pcreate_f(h5p_group_create_f, properties, stat)
         call h5pset_attr_phase_change_f(properties, most_attributes, most_attributes, stat)
         call h5gcreate_f(self%file, path, group, stat, gcpl_id=properties)
-        call self%note(stat, 'make the group '//path)
+        call self%check(stat, 'make the group '//path)
         if (stat == 0) call h5gclose_f(group, stat)
         call h5pclose_f(properties, stat)
     end subroutine add_group
@@ -568,17 +568,17 @@ contains
 
         if (dataset >= 0 .and. .not. allocated(self%problem)) then
             call h5dclose_f(dataset, stat)
-            call self%note(stat, 'write the rows to disk')
+            call self%check(stat, 'write the rows to disk')
         end if
         dataset = -1_hid_t
     end subroutine close_dataset
 
-    !> Keep the first failure.
-    subroutine note(self, stat, action)
+    !> Record the first failure.
+    subroutine check(self, stat, action)
         class(hdf5_type), intent(inout) :: self
         !> Status returned by HDF5.
         integer, intent(in) :: stat
-        !> Attempted action, an infinitive.
+        !> Attempted action, as an infinitive.
         character(len=*), intent(in) :: action
 
         character(len=:), allocatable :: reason
@@ -591,13 +591,13 @@ contains
         end if
         self%problem = 'HDF5 could not '//action
         if (reason /= '') self%problem = self%problem//' ('//reason//')'
-    end subroutine note
+    end subroutine check
 
-    !> Start the library (repeated calls are allowed) and keep it from printing: failures are reported here.
+    !> Start the library, unless it runs already, and disable its error output, because failures are reported by this module.
     subroutine start_library(stat)
         integer, intent(out) :: stat
 
-        ! Before the first start; later calls have no effect.
+        ! This call has no effect after the library has been started.
         stat = int(h5_do_not_close_at_exit())
         call h5open_f(stat)
         if (stat == 0) call h5eset_auto_f(0, stat)

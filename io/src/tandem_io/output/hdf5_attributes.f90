@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Attributes of objects of a file: numbers and texts.
+!> Attributes of the objects of a file: numbers and texts.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_attributes
     use hdf5, only: h5_index_name_f, h5_integer_kind, h5_iter_inc_f, h5aclose_f, h5acreate_f, h5adelete_by_idx_f, h5adelete_f, &
         h5aexists_f, h5aget_name_by_idx_f, h5aget_num_attrs_f, h5aopen_by_name_f, h5aopen_f, h5aread_f, h5awrite_f, &
@@ -32,11 +32,11 @@ contains
         call attach_texts(self, path, name, values, size(values))
     end procedure attach_strings
 
-    !> Texts of variable length in UTF-8, which Python reads as str.
+    !> Write texts of variable length in UTF-8, which Python reads as str.
     subroutine attach_texts(self, path, name, values, length)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path, name, values(:)
-        !> Length of the array, -1 for a single text.
+        !> Length of the array; -1 for a single text.
         integer, intent(in) :: length
         character(kind=c_char), allocatable, target :: letters(:)
         character(len=:), allocatable :: old
@@ -45,7 +45,7 @@ contains
         integer :: stat
 
         if (allocated(self%problem)) return
-        ! HDF5 can reuse the room of an old text only after reading the text.
+        ! HDF5 can reuse the space of the old text only after reading it.
         if (length < 0) call self%get_text(path, name, old)
         call set_letters(values, letters, starts)
         call make_text_type(text_type)
@@ -53,13 +53,13 @@ contains
         call h5tclose_f(text_type, stat)
     end subroutine attach_texts
 
-    !> Write an attribute. A single value overwrites an older one; an array is made anew, since its length may differ.
+    !> Write an attribute. A scalar overwrites an existing one; an array is created again, because its length may differ.
     subroutine attach_value(self, path, name, file_type, memory_type, values, length)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path, name
         integer(hid_t), intent(in) :: file_type, memory_type
         type(c_ptr), intent(in) :: values
-        !> Length of an array, -1 for a scalar.
+        !> Length of an array; -1 for a scalar.
         integer, intent(in) :: length
         integer(hid_t) :: object, attribute
         logical :: exists
@@ -67,7 +67,7 @@ contains
 
         if (allocated(self%problem)) return
         call h5oopen_f(self%file, path, object, stat)
-        call self%note(stat, 'open '//path)
+        call self%check(stat, 'open '//path)
         if (stat /= 0) return
         call h5aexists_f(object, name, exists, stat)
         if (exists .and. length >= 0) then
@@ -79,27 +79,27 @@ contains
         else
             call make_attribute(object, name, file_type, length, attribute, stat)
         end if
-        call self%note(stat, 'make the attribute '//name//' of '//path)
+        call self%check(stat, 'make the attribute '//name//' of '//path)
         if (stat == 0) then
             call h5awrite_f(attribute, memory_type, values, stat)
             call h5aclose_f(attribute, ignored)
             if (stat /= 0 .and. exists) then
-                ! HDF5 1.14 does not replace unreadable texts.
+                ! HDF5 1.14 does not overwrite unreadable texts.
                 call h5adelete_f(object, name, ignored)
                 call make_attribute(object, name, file_type, length, attribute, stat)
                 if (stat == 0) call h5awrite_f(attribute, memory_type, values, stat)
                 call h5aclose_f(attribute, ignored)
             end if
-            call self%note(stat, 'write the attribute '//name//' of '//path)
+            call self%check(stat, 'write the attribute '//name//' of '//path)
         end if
         call h5oclose_f(object, stat)
     end subroutine attach_value
 
-    !> Make an attribute and leave it open.
+    !> Create an attribute and leave it open.
     subroutine make_attribute(object, name, file_type, length, attribute, stat)
         integer(hid_t), intent(in) :: object, file_type
         character(len=*), intent(in) :: name
-        !> Length of an array, -1 for a scalar.
+        !> Length of an array; -1 for a scalar.
         integer, intent(in) :: length
         integer(hid_t), intent(out) :: attribute
         !> Status returned by HDF5.
@@ -116,8 +116,8 @@ contains
         call h5sclose_f(space, ignored)
     end subroutine make_attribute
 
-    !> Give an object its meaning, and room for attributes that come after `start_appending`, in one piece, which is written at
-    !> once: HDF5 reuses the room of a deleted attribute as long as another attribute follows it.
+    !> The space is occupied by an attribute that is deleted afterwards. HDF5 reuses the space of a deleted attribute as long as
+    !> another attribute follows it.
     module procedure reserve
         character(len=*), parameter :: name = 'room'
         integer(hid_t) :: object, attribute
@@ -126,7 +126,7 @@ contains
         if (allocated(self%problem)) return
         call h5oopen_f(self%file, path, object, stat)
         call make_attribute(object, name, h5t_std_i64le, bytes/8, attribute, stat)
-        call self%note(stat, 'reserve space for attributes of '//path)
+        call self%check(stat, 'reserve space for attributes of '//path)
         if (stat == 0) then
             call h5aclose_f(attribute, stat)
             call self%attach(path, 'meaning', meaning)
@@ -135,9 +135,10 @@ contains
         call h5oclose_f(object, stat)
     end procedure reserve
 
-    !> Reserve room among the texts for one of some hundred letters, so that it needs no space on a full disk. Texts are stored in
-    !> collections of 4 kB, or larger after growth; old texts stay there. Of five texts of a quarter of a collection, the last
-    !> begins a collection or finds much room, unless the room left before was just enough for all.
+    !> Reserve space for a text of some hundred letters, so that it can be written on a full disk. HDF5 stores texts in collections
+    !> of 4 kB, which may grow, and does not remove old texts. Each of the five texts written here takes a quarter of a collection:
+    !> after the last one, a collection has enough free space, unless the free space at the beginning happened to fit all five
+    !> exactly.
     module procedure reserve_text
         integer, parameter :: times = 5, length = 1024
         integer :: i
@@ -156,7 +157,7 @@ contains
 
         if (allocated(self%problem)) return
         call h5oopen_f(self%file, path, object, stat)
-        call self%note(stat, 'open '//path)
+        call self%check(stat, 'open '//path)
         if (stat /= 0) return
         call h5aget_num_attrs_f(object, n, stat)
         kept = 0
@@ -167,7 +168,7 @@ contains
             else
                 call h5adelete_by_idx_f(object, '.', h5_index_name_f, h5_iter_inc_f, kept, stat)
             end if
-            call self%note(stat, 'remove the attributes of '//path)
+            call self%check(stat, 'remove the attributes of '//path)
         end do
         call h5oclose_f(object, stat)
     end procedure detach_all

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Last message in a file that accepts no more data: replacement of texts in place.
+!> Replacement of a text in a file that accepts no more data.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_last_word
     use hdf5, only: h5aclose_f, h5aopen_by_name_f, h5awrite_f, h5fget_filesize_f
     use tandem_io_output_hdf5_texts, only: make_text_type, read_text, set_letters
@@ -7,10 +7,10 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_last_word
 
 contains
 
-    !> Replace a text of the root after a failure to write, if that needs no new space. Data that HDF5 still buffers must not
-    !> be written: new properties have a driver of their own, which makes it another file to HDF5, read anew from the disk.
-    !> Texts are stored in collections with some room, known to HDF5 once it has read from one. If the room is too small, the file
-    !> is left unchanged.
+    !> Replace a text of the root after a failed write, provided that it needs no new space. Data that HDF5 still buffers must not
+    !> be written: the new access properties have a separate driver, so that HDF5 treats the file as another one and reads it from
+    !> the disk. HDF5 stores texts in collections with some free space, which it uses after reading a text of the collection. If the
+    !> free space is too small, the file is left unchanged.
     module procedure replace_text
         character(len=:), allocatable :: old
         character(kind=c_char), allocatable, target :: letters(:)
@@ -20,12 +20,13 @@ contains
         integer(hsize_t) :: new_size
         integer :: stat, ignored
 
-        ! A file that was truncated by others stays unchanged, so that nobody takes it for a result.
-        if (.not. (self%guard%is_there() .and. self%guard%is_whole())) return
-        call self%guard%take(path)
-        ! Writing behind the end stated in the superblock is not allowed (see `open_to_append`), nor is cutting the file on closing.
+        ! A file truncated by another process is left unchanged: it must not look like a valid result.
+        if (.not. (self%guard%still_exists() .and. self%guard%is_whole())) return
+        call self%guard%lock(path)
+        ! Data must not be written after the end stated in the superblock (see `open_to_append`), and the file must not be truncated
+        ! when it is closed.
         inquire (file=path, size=size)
-        call self%guard%mend(size)
+        call self%guard%repair(size)
         call make_access(access, .true., driver, 0)
         call h5fopen_f(path, h5f_acc_rdwr_f, file, stat, access_prp=access)
         call h5pclose_f(access, ignored)
@@ -38,7 +39,7 @@ contains
             call h5tclose_f(text_type, ignored)
         end if
         if (stat == 0) call h5fget_filesize_f(file, new_size, stat)
-        ! A file that has grown is not closed, so that the change does not reach the disk.
+        ! A file that has grown is not closed: the change then never reaches the disk.
         if (stat == 0 .and. new_size == size) then
             call h5aclose_f(attribute, stat)
             call h5fclose_f(file, stat)

@@ -16,10 +16,10 @@ contains
         associate (sizes => [int(width, hsize_t), 0_hsize_t], largest => [int(width, hsize_t), h5s_unlimited_f], &
             chunks => [int(width, hsize_t), int(chunk, hsize_t)], first => 3 - rank)
             call h5screate_simple_f(rank, sizes(first:), space, stat, largest(first:))
-            call self%note(stat, 'make '//path)
+            call self%check(stat, 'make '//path)
             call h5pcreate_f(h5p_dataset_create_f, properties, stat)
             call h5pset_chunk_f(properties, rank, chunks(first:), stat)
-            call self%note(stat, 'make '//path)
+            call self%check(stat, 'make '//path)
         end associate
         if (allocated(self%problem)) return
         stored = merge(h5t_std_i64le, h5t_ieee_f64le, counts)
@@ -28,7 +28,7 @@ contains
             call h5tset_strpad_f(stored, h5t_str_nullpad_f, stat)
         end if
         call h5dcreate_f(self%file, path, stored, space, dataset, stat, properties)
-        call self%note(stat, 'make '//path)
+        call self%check(stat, 'make '//path)
         if (present(texts)) call h5tclose_f(stored, stat)
         call h5pclose_f(properties, stat)
         call h5sclose_f(space, stat)
@@ -72,20 +72,20 @@ contains
         integer :: stat, rank
 
         if (allocated(self%problem) .or. rows == 0) return
-        call forget_reason()
+        call clear_reason()
         rank = merge(1, 2, width == 0)
         associate (sizes => [int(width, hsize_t), int(before + rows, hsize_t)], start => [0_hsize_t, int(before, hsize_t)], &
             block => [int(width, hsize_t), int(rows, hsize_t)], first => 3 - rank)
             call h5dset_extent_f(dataset, sizes(first:), stat)
-            call self%note(stat, 'extend '//path)
+            call self%check(stat, 'extend '//path)
             call h5dget_space_f(dataset, file_space, stat)
-            call self%note(stat, 'extend '//path)
+            call self%check(stat, 'extend '//path)
             if (allocated(self%problem)) return
             call h5sselect_hyperslab_f(file_space, h5s_select_set_f, start(first:), block(first:), stat)
             call h5screate_simple_f(rank, block(first:), memory_space, stat)
         end associate
         call h5dwrite_f(dataset, memory_type, values, stat, memory_space, file_space)
-        call self%note(stat, 'write '//path)
+        call self%check(stat, 'write '//path)
         call h5sclose_f(memory_space, stat)
         call h5sclose_f(file_space, stat)
     end subroutine append_values

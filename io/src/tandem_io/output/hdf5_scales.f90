@@ -1,15 +1,16 @@
 ! SPDX-License-Identifier: MIT
-!> Dimension scales: datasets that label the rows or the columns of others, by which readers find the time of a row.
+!> Dimension scales: datasets that label the rows or the columns of other datasets. With a scale, readers find the times of rows.
 !>
-!> A scale has a list of its users, which the library writes anew with each of them: for many datasets, time and file size grow
-!> with the square of their number. So the scales of rows are written here as by the library, and the list once.
+!> Each scale has a list of the datasets that use it. The library rewrites this list for every new user, so that time and file size
+!> grow with the square of the number of datasets. Therefore this module writes the attributes of row scales itself, in the
+!> library's format, and writes the list only once.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_scales
     use hdf5, only: h5aclose_f, h5acreate_f, h5awrite_f, h5dopen_f, h5lexists_f, h5rcreate_f, h5t_compound_f, h5t_native_integer, &
         h5t_std_ref_obj, h5tcreate_f, h5tinsert_f, h5tvlen_create_f, hobj_ref_t_f, size_t
     use, intrinsic :: iso_c_binding, only: c_null_ptr, c_size_t
     implicit none (type, external)
 
-    !> The scales of a dimension, and a user of a scale, with the dimension that it is for.
+    !> Scales of one dimension; user of a scale, with the dimension that it labels.
     type, bind(c) :: scales_type
         integer(c_size_t) :: n
         type(c_ptr) :: scales
@@ -20,7 +21,7 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_scales
     end type user_type
 
     interface
-        !> Make a dataset a dimension scale. The Fortran interface to this lives in one more library; C's needs none.
+        !> Turn a dataset into a dimension scale. The C function is called because the Fortran interface needs another library.
         function h5ds_set_scale(dataset, name) result(stat) bind(c, name='H5DSset_scale')
             import :: c_char, c_int, c_int64_t
             implicit none (type, external)
@@ -29,7 +30,7 @@ submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_scales
             integer(c_int) :: stat
         end function h5ds_set_scale
 
-        !> Attach a scale to a dimension of a dataset, counted from 0 in C's order.
+        !> Attach a scale to a dimension of a dataset, counted from 0 in C order.
         function h5ds_attach_scale(dataset, scale, dimension) result(stat) bind(c, name='H5DSattach_scale')
             import :: c_int, c_int64_t
             implicit none (type, external)
@@ -50,10 +51,10 @@ contains
         end do
         letters(len(name) + 1) = c_null_char
         stat = int(h5ds_set_scale(int(dataset, c_int64_t), letters))
-        call self%note(stat, 'make a scale of '//path)
+        call self%check(stat, 'make a scale of '//path)
     end procedure make_scale
 
-    !> Assign a scale to the rows of a dataset, which has none yet: the first dimension in C's order.
+    !> Rows are the first dimension in C order.
     module procedure scale_rows
         type(hobj_ref_t_f), target :: reference
         type(scales_type), target :: scales(rank)
@@ -86,7 +87,7 @@ contains
         call write_list(self, scale, path, 'REFERENCE_LIST', kind_of_user, size(users), c_loc(users))
     end procedure list_users
 
-    !> Write an attribute that is a list; its type is not needed any more.
+    !> Write an attribute that is a list, and release the type of its entries.
     subroutine write_list(self, dataset, path, name, kind_of_entry, n, entries)
         class(hdf5_type), intent(inout) :: self
         integer(hid_t), intent(in) :: dataset, kind_of_entry
@@ -98,10 +99,10 @@ contains
 
         call h5screate_simple_f(1, [int(n, hsize_t)], space, stat)
         call h5acreate_f(dataset, name, kind_of_entry, space, attribute, stat)
-        call self%note(stat, 'attach the time to '//path)
+        call self%check(stat, 'attach the time to '//path)
         if (stat == 0) then
             call h5awrite_f(attribute, kind_of_entry, entries, stat)
-            call self%note(stat, 'attach the time to '//path)
+            call self%check(stat, 'attach the time to '//path)
             call h5aclose_f(attribute, stat)
         end if
         call h5sclose_f(space, stat)
@@ -115,15 +116,15 @@ contains
 
         if (allocated(self%problem)) return
         call h5lexists_f(self%file, scale, exists, stat)
-        call self%note(stat, 'look for '//scale)
+        call self%check(stat, 'look for '//scale)
         if (.not. exists) call self%put_strings(scale, names)
         if (allocated(self%problem)) return
         call h5dopen_f(self%file, scale, other, stat)
-        call self%note(stat, 'find '//scale)
+        call self%check(stat, 'find '//scale)
         if (stat /= 0) return
         if (.not. exists) call self%make_scale(other, scale, 'name')
         stat = int(h5ds_attach_scale(int(dataset, c_int64_t), int(other, c_int64_t), 1_c_int))
-        call self%note(stat, 'attach the names to '//path)
+        call self%check(stat, 'attach the names to '//path)
         call h5dclose_f(other, stat)
     end procedure name_columns
 end submodule tandem_io_output_hdf5_scales

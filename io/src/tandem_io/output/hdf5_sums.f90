@@ -1,15 +1,15 @@
 ! SPDX-License-Identifier: MIT
-!> Contents of a file and their integrity: all its objects, and checksums of the rows of its datasets.
+!> Contents of a file and their integrity: all objects, and checksums of the rows of datasets.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_sums
     use hdf5, only: h5dget_type_f, h5dread_f, h5lexists_f, h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, &
         h5t_string_f, h5tget_class_f, h5tget_size_f, size_t
     implicit none (type, external)
 
-    !> Bytes that are read at once, and most words of a row: more is damage.
+    !> Number of bytes read at once; largest valid number of words in a row.
     integer(long), parameter :: piece = 2_long**20, longest_row = 2_long**24
 
     interface
-        !> Read everything but the rows. Returns the number of unreadable texts, negative on other failures (contents.c).
+        !> Read all contents except rows. Returns the number of unreadable texts; negative after another failure (contents.c).
         function c_read_all(file, sum) result(stat) bind(c, name='tandem_contents_read')
             import :: c_int, c_int64_t
             implicit none (type, external)
@@ -27,16 +27,16 @@ contains
         is_there = .false.
         if (allocated(self%problem)) return
         call h5lexists_f(self%file, path, is_there, stat)
-        call self%note(stat, 'find '//path)
+        call self%check(stat, 'find '//path)
         is_there = is_there .and. stat == 0
     end procedure has
 
     module procedure read_all
-        lost_texts = 0
-        sum_of_texts = 0
+        unreadable_texts = 0
+        text_checksum = 0
         if (allocated(self%problem)) return
-        lost_texts = int(c_read_all(int(self%file, c_int64_t), sum_of_texts))
-        call self%note(lost_texts, 'read its content')
+        unreadable_texts = int(c_read_all(int(self%file, c_int64_t), text_checksum))
+        call self%check(unreadable_texts, 'read its content')
     end procedure read_all
 
     module procedure sum_rows
@@ -62,18 +62,18 @@ contains
             call h5sget_simple_extent_dims_f(space, sizes(3 - rank:), largest(3 - rank:), stat)
             all_rows = int(sizes(2), long)
         else
-            call self%note(-1, 'read '//path)
+            call self%check(-1, 'read '//path)
         end if
         call h5sclose_f(space, stat)
         words = int(sizes(1), long)
         if (are_texts) words = words*((int(length, long) + 7)/8)
-        if (words > longest_row) call self%note(-1, 'read '//path)
+        if (words > longest_row) call self%check(-1, 'read '//path)
         last = min(rows, all_rows)
         rows_at_once = max(1_long, piece/max(8*words, 8_long))
         at = 0
         do while (at < last .and. .not. allocated(self%problem))
             next = min(at + rows_at_once, last)
-            ! Stop at the rows of the first sum.
+            ! The first part must end at the last row of the first checksum.
             if (at < early_rows) next = min(next, early_rows)
             call add_piece(self, dataset, path, rank, [sizes(1), int(next - at, hsize_t)], at, merge(int(length), 0, are_texts), &
                 sum)
@@ -84,22 +84,22 @@ contains
         call h5dclose_f(dataset, stat)
     end procedure sum_rows
 
-    !> Add some rows of a dataset to a sum: numbers as reals of 8 bytes, texts as they are, with blanks up to a whole word.
+    !> Add rows of a dataset to a checksum: numbers as 8-byte reals, texts padded with blanks to whole words.
     subroutine add_piece(self, dataset, path, rank, block, before, length, sum)
         class(hdf5_type), intent(inout) :: self
         integer(hid_t), intent(in) :: dataset
         character(len=*), intent(in) :: path
         integer, intent(in) :: rank
-        !> Numbers in a row, and rows.
+        !> Numbers per row, and number of rows.
         integer(hsize_t), intent(in) :: block(2)
-        !> Rows before.
+        !> Number of preceding rows.
         integer(long), intent(in) :: before
-        !> Letters of a text; 0 for numbers.
+        !> Length of a text; 0 for numbers.
         integer, intent(in) :: length
         type(fletcher_type), intent(inout) :: sum
         real(wp), target :: values(merge(1_hsize_t, block(1), length > 0), block(2))
         character(kind=c_char), target :: letters(length, block(2))
-        type(c_ptr) :: place
+        type(c_ptr) :: buffer
         integer(hid_t) :: file_space, memory_space, memory_type
         integer :: first, stat, i
 
@@ -111,14 +111,14 @@ contains
         call h5screate_simple_f(rank, block(first:), memory_space, stat)
         if (length > 0) then
             call make_fixed_type(length, memory_type)
-            place = c_loc(letters)
-            call h5dread_f(dataset, memory_type, place, stat, memory_space, file_space)
-            call self%note(stat, 'read '//path)
+            buffer = c_loc(letters)
+            call h5dread_f(dataset, memory_type, buffer, stat, memory_space, file_space)
+            call self%check(stat, 'read '//path)
             call h5tclose_f(memory_type, stat)
         else
-            place = c_loc(values)
-            call h5dread_f(dataset, h5t_native_double, place, stat, memory_space, file_space)
-            call self%note(stat, 'read '//path)
+            buffer = c_loc(values)
+            call h5dread_f(dataset, h5t_native_double, buffer, stat, memory_space, file_space)
+            call self%check(stat, 'read '//path)
         end if
         call h5sclose_f(memory_space, stat)
         call h5sclose_f(file_space, stat)
@@ -132,7 +132,7 @@ contains
         end do
     end subroutine add_piece
 
-    !> Letters as words, with blanks up to a whole one.
+    !> Letters as 64-bit words, padded with blanks.
     pure function words_of(letters) result(words)
         character(kind=c_char), intent(in) :: letters(:)
         integer(long) :: words((size(letters) + 7)/8)

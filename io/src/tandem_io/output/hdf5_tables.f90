@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Datasets written or read with all their values in one call, as for reports.
+!> Datasets that are written or read in a single call.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_tables
     use hdf5, only: h5_integer_kind, h5dopen_f, h5dread_f, h5f_acc_rdonly_f, h5kind_to_type, h5lcreate_hard_f, h5lexists_f, &
         h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f
@@ -41,13 +41,13 @@ contains
         call h5tclose_f(text_type, stat)
     end procedure put_strings
 
-    !> Make a dataset with all its values.
+    !> Create a dataset with all its values.
     subroutine put_values(self, path, file_type, memory_type, values, sizes)
         class(hdf5_type), intent(inout) :: self
         character(len=*), intent(in) :: path
         integer(hid_t), intent(in) :: file_type, memory_type
         type(c_ptr), intent(in) :: values
-        !> Of its dimensions, in Fortran's order.
+        !> Sizes of the dimensions, in Fortran order.
         integer, intent(in) :: sizes(:)
         integer(hid_t) :: space, dataset
         integer :: stat
@@ -55,10 +55,10 @@ contains
         if (allocated(self%problem)) return
         call h5screate_simple_f(size(sizes), int(sizes, hsize_t), space, stat)
         call h5dcreate_f(self%file, path, file_type, space, dataset, stat)
-        call self%note(stat, 'make '//path)
+        call self%check(stat, 'make '//path)
         if (stat == 0) then
             if (all(sizes > 0)) call h5dwrite_f(dataset, memory_type, values, stat)
-            call self%note(stat, 'write '//path)
+            call self%check(stat, 'write '//path)
             call h5dclose_f(dataset, stat)
         end if
         call h5sclose_f(space, stat)
@@ -72,7 +72,7 @@ contains
         call h5lexists_f(self%file, second, exists, stat)
         if (exists) return
         call h5lcreate_hard_f(self%file, path, self%file, second, stat)
-        call self%note(stat, 'make '//second)
+        call self%check(stat, 'make '//second)
     end procedure link
 
     module procedure open_to_read
@@ -80,11 +80,11 @@ contains
         integer :: stat
 
         call start_library(stat)
-        call self%note(stat, 'start HDF5')
+        call self%check(stat, 'start HDF5')
         if (allocated(self%problem)) return
         call make_reading_access(access, self%driver)
         call h5fopen_f(path, h5f_acc_rdonly_f, self%file, stat, access_prp=access)
-        call self%note(stat, 'open '//path)
+        call self%check(stat, 'open '//path)
         if (stat /= 0) self%file = -1_hid_t
         call h5pclose_f(access, stat)
     end procedure open_to_read
@@ -92,12 +92,12 @@ contains
     module procedure get
         integer(hid_t) :: dataset, space
         integer(hsize_t) :: sizes(2), largest(2)
-        type(c_ptr) :: place
+        type(c_ptr) :: buffer
         integer :: stat, rank
 
         if (allocated(self%problem)) return
         call h5dopen_f(self%file, path, dataset, stat)
-        call self%note(stat, 'find '//path)
+        call self%check(stat, 'find '//path)
         if (stat /= 0) return
         call h5dget_space_f(dataset, space, stat)
         call h5sget_simple_extent_ndims_f(space, rank, stat)
@@ -106,12 +106,12 @@ contains
             call h5sget_simple_extent_dims_f(space, sizes(3 - rank:), largest(3 - rank:), stat)
             allocate (values(sizes(1), sizes(2)))
             stat = 0
-            place = c_loc(values)
-            if (size(values) > 0) call h5dread_f(dataset, h5t_native_double, place, stat)
+            buffer = c_loc(values)
+            if (size(values) > 0) call h5dread_f(dataset, h5t_native_double, buffer, stat)
         else
             stat = -1
         end if
-        call self%note(stat, 'read '//path)
+        call self%check(stat, 'read '//path)
         if (stat /= 0 .and. allocated(values)) deallocate (values)
         call h5sclose_f(space, stat)
         call h5dclose_f(dataset, stat)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Texts in HDF5: types of variable and of fixed length, and letters in C's representation.
+!> Texts in HDF5: types of variable and of fixed length, and conversion to C strings.
 module tandem_io_output_hdf5_texts
     use hdf5, only: h5aget_space_f, h5aread_f, h5dvlen_reclaim_f, h5p_default_f, h5sclose_f, h5t_cset_utf8_f, h5t_fortran_s1, &
         h5t_string, h5tclose_f, h5tcopy_f, h5tset_cset_f, h5tset_size_f, hid_t, size_t
@@ -20,7 +20,7 @@ module tandem_io_output_hdf5_texts
 
 contains
 
-    !> The type of texts of variable length in UTF-8.
+    !> Create the type of texts of variable length in UTF-8.
     subroutine make_text_type(text_type)
         integer(hid_t), intent(out) :: text_type
         integer :: stat
@@ -29,7 +29,7 @@ contains
         call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
     end subroutine make_text_type
 
-    !> The type of texts of one length in UTF-8, as Fortran has them. Only such may be appended.
+    !> Create the type of texts of fixed length in UTF-8, as in Fortran. Only such texts can be appended.
     subroutine make_fixed_type(length, text_type)
         integer, intent(in) :: length
         integer(hid_t), intent(out) :: text_type
@@ -40,26 +40,26 @@ contains
         call h5tset_cset_f(text_type, h5t_cset_utf8_f, stat)
     end subroutine make_fixed_type
 
-    !> Texts in C's representation: letters that end in a null, and their starts.
+    !> Convert texts to C strings: letters terminated by null, and a pointer to each string.
     subroutine set_letters(values, letters, starts)
         character(len=*), intent(in) :: values(:)
         character(kind=c_char), allocatable, target, intent(out) :: letters(:)
         type(c_ptr), intent(out) :: starts(:)
-        integer :: i, j, place
+        integer :: i, j, at
 
         allocate (letters(sum(len_trim(values) + 1)))
-        place = 0
+        at = 0
         do i = 1, size(values)
-            starts(i) = c_loc(letters(place + 1))
+            starts(i) = c_loc(letters(at + 1))
             do j = 1, len_trim(values(i))
-                letters(place + j) = values(i) (j:j)
+                letters(at + j) = values(i) (j:j)
             end do
-            place = place + len_trim(values(i)) + 1
-            letters(place) = c_null_char
+            at = at + len_trim(values(i)) + 1
+            letters(at) = c_null_char
         end do
     end subroutine set_letters
 
-    !> The text of an attribute, of variable length.
+    !> Read a text attribute of variable length.
     subroutine read_text(attribute, value, stat)
         integer(hid_t), intent(in) :: attribute
         character(len=:), allocatable, intent(out) :: value
@@ -67,15 +67,15 @@ contains
         integer, intent(out) :: stat
         character(kind=c_char), pointer :: letters(:)
         type(c_ptr), target :: start(1)
-        type(c_ptr) :: place
+        type(c_ptr) :: buffer
         integer(hid_t) :: text_type, space
         integer :: length, i, ignored
 
         length = 0
         start = c_null_ptr
-        place = c_loc(start)
+        buffer = c_loc(start)
         call make_text_type(text_type)
-        call h5aread_f(attribute, text_type, place, stat)
+        call h5aread_f(attribute, text_type, buffer, stat)
         if (c_associated(start(1))) length = int(c_length(start(1)))
         allocate (character(len=length) :: value)
         if (length > 0) then
@@ -86,7 +86,7 @@ contains
         end if
         if (c_associated(start(1))) then
             call h5aget_space_f(attribute, space, ignored)
-            call h5dvlen_reclaim_f(text_type, space, h5p_default_f, place, ignored)
+            call h5dvlen_reclaim_f(text_type, space, h5p_default_f, buffer, ignored)
             call h5sclose_f(space, ignored)
         end if
         call h5tclose_f(text_type, ignored)

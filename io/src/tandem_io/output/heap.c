@@ -2,8 +2,8 @@
 #include "heap.h"
 #include <string.h>
 
-/* The least size of a collection; the sizes of its header, of an object's header, and of a reference to a dataset; and where the
-   length of the collection and of an object stand. */
+/* Smallest size of a collection; sizes of the header of a collection, of the header of an object, and of a reference to a dataset;
+   offset of the length in both headers. */
 enum { least = 4096, head = 16, object_head = 16, reference = 8, length_at = 8 };
 
 static uint64_t number_at(const unsigned char *bytes, int size)
@@ -19,7 +19,7 @@ uint64_t tandem_heap_length(const unsigned char *bytes, size_t size)
 {
     static const unsigned char signature[8] = {'G', 'C', 'O', 'L', 1, 0, 0, 0};
 
-    /* As a number these bytes are 2.6e-314, which does not occur in rows of a run. */
+    /* Rows are not mistaken for a collection: as a real number the signature is 2.6e-314, which does not occur in runs. */
     return size < least || memcmp(bytes, signature, sizeof signature) != 0 ? 0 : number_at(bytes + length_at, 8);
 }
 
@@ -38,7 +38,7 @@ int tandem_heap_is_sound(const unsigned char *bytes, uint64_t end)
         at += object_head;
         if (length > end - at)
             return 0;
-        /* A text; its length is right if no letter is missing, which would be 0 here. */
+        /* An object that is not a reference is a text. Texts have no null: a null shows that the length is wrong. */
         if (length != reference && memchr(bytes + at, 0, (size_t)length) != NULL)
             return 0;
         at += (length + 7) / 8 * 8;

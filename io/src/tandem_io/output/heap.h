@@ -5,10 +5,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* The length of a collection that begins with some bytes of a file, by what it says; 0 if they are none. */
+/* Length stated in the header of a collection; 0 if the bytes are not the beginning of a collection. */
 uint64_t tandem_heap_length(const unsigned char *bytes, size_t size);
 
-/* True if HDF5 can read a collection. Collections have no checksum; HDF5 1.10 uses all lengths in them unchecked, and writes beyond
-   its memory if they are damaged. */
+/* True if HDF5 can safely read a collection. Collections have no checksum, and HDF5 1.10 uses the lengths in them without checks:
+   invalid lengths would make it write beyond its memory. */
 int tandem_heap_is_sound(const unsigned char *bytes, uint64_t length);
 #endif

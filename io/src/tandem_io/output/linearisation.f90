@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> A linearised system as an HDF5 file: /linearisation with the matrices, the eigenvalues and the modes.
+!> Writes a linearised system as an HDF5 file: the group /linearisation with the matrices, the eigenvalues and the modes.
 module tandem_io_output_linearisation
     use tandem, only: cause_name, error_type, inputs_type, kind_name, label_length, linearisation_type, long, model_type, &
         nearest_type, set_error, wp
@@ -16,7 +16,7 @@ module tandem_io_output_linearisation
 
 contains
 
-    !> Write the file, over an existing one. Matrices are stored in row-major order.
+    !> Write the file; an existing file is overwritten. Matrices are stored in row-major order.
     subroutine write_linearisation(path, scene, model, it, io, error)
         character(len=*), intent(in) :: path
         !> The complete scene as text.
@@ -57,7 +57,7 @@ contains
         if (allocated(file%problem)) call set_error(error, status_output_failed, path//': '//file%problem)
     end subroutine write_linearisation
 
-    !> Write the eigenvalues near a shift; the nearest comes first.
+    !> Write the eigenvalues nearest to a shift, in order of increasing distance.
     subroutine write_nearest(path, scene, model, it, error)
         character(len=*), intent(in) :: path, scene
         class(model_type), intent(in) :: model
@@ -98,7 +98,7 @@ contains
         if (allocated(file%problem)) call set_error(error, status_output_failed, path//': '//file%problem)
     end subroutine write_nearest
 
-    !> Names of the rows and columns.
+    !> Write the names of rows and columns of the matrices.
     subroutine put_names(file, model, it, io)
         type(hdf5_type), intent(inout) :: file
         class(model_type), intent(in) :: model
@@ -115,7 +115,8 @@ contains
         call file%put(group//'/outputs', io%outputs)
     end subroutine put_names
 
-    !> Eigenvalues [re, im] and their properties; one shape per row, zero if symmetries and families explain the eigenvalue.
+    !> Write the eigenvalues [re, im] and their properties. Each row of the shapes is one mode; it is zero for eigenvalues due to
+    !> symmetries and families of equilibria.
     subroutine put_modes(file, it)
         type(hdf5_type), intent(inout) :: file
         type(linearisation_type), intent(in) :: it

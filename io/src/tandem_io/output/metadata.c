@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 #include <hdf5.h>
 
-/* Keep all metadata of a file's objects in memory while it is open. If HDF5 has no room for another object, it drops others
-   first, and in the mode "single writer, multiple readers" that fails for the indices of datasets (1.10.8): of some thousand
-   datasets none can be written any more. 0 on success. */
+/* Keep all metadata of open files in memory; 0 on success. Otherwise HDF5 evicts metadata when its cache is full, and in the mode
+   "single writer, multiple readers" this fails for the indices of datasets (HDF5 1.10.8), so that a file with some thousand
+   datasets cannot be written. */
 int tandem_metadata_keep(int64_t access)
 {
     H5AC_cache_config_t cache;
@@ -18,9 +18,9 @@ int tandem_metadata_keep(int64_t access)
     return H5Pset_mdc_config((hid_t)access, &cache) < 0 ? -1 : 0;
 }
 
-/* Let go of nearly all of it, which is on the disk and not in use any more. To close the file HDF5 looks through what is left once
-   for every index of a dataset, which takes the square of their number. */
-void tandem_metadata_let_go(int64_t file)
+/* Evict nearly all metadata, which are on the disk and no longer in use, before the file is closed. On closing, HDF5 searches the
+   remaining metadata once per index of a dataset, which would take quadratic time. */
+void tandem_metadata_release(int64_t file)
 {
     H5AC_cache_config_t cache;
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Modes as motions of bodies in HDF5, for viewers.
+!> Motions of bodies in the modes of a linearised system, for viewers.
 module tandem_io_output_modes
     use tandem, only: mechanism_type, model_type, wp
     use tandem_io_output_hdf5, only: hdf5_type
@@ -10,8 +10,8 @@ module tandem_io_output_modes
 
 contains
 
-    !> The motions of the bodies in each mode (6 n_bodies, n_modes): for body 1 x, y, z and the rotations about them, then body 2,
-    !> and so on. No rows for models other than mechanisms.
+    !> Compute the motions of the bodies in each mode (6 n_bodies, n_modes): dx, dy, dz and rotations about x, y, z of body 1, then
+    !> of body 2, and so on. The result has no rows for models other than mechanisms.
     subroutine body_motions(model, q, shapes, motions)
         class(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:)
@@ -33,7 +33,7 @@ contains
         end select
     end subroutine body_motions
 
-    !> Write `bodies`, `motions_re` and `motions_im` of a group.
+    !> Write the datasets `bodies`, `motions_re` and `motions_im` of a group.
     subroutine put_body_motions(file, group, model, q, shapes)
         type(hdf5_type), intent(inout) :: file
         character(len=*), intent(in) :: group

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Several observers as one.
+!> A list of observers that acts as one observer.
 module tandem_io_output_observers
     use tandem, only: error_type, observer_type, simulation_type
     implicit none (type, external)
@@ -7,7 +7,7 @@ module tandem_io_output_observers
 
     public :: observer_list_type
 
-    !> A pointer that an array can hold.
+    !> Element of an array of pointers.
     type :: item_type
         class(observer_type), pointer :: observer => null()
     end type item_type
@@ -20,7 +20,7 @@ module tandem_io_output_observers
 
 contains
 
-    !> Add an observer, which must outlive the list; it is called after those before it.
+    !> Add an observer, which must outlive the list. Observers are called in the order in which they were added.
     subroutine add(self, observer)
         class(observer_list_type), intent(inout) :: self
         class(observer_type), intent(inout), target :: observer
@@ -29,7 +29,7 @@ contains
         self%items = [self%items, item_type(observer)]
     end subroutine add
 
-    !> Call each observer in turn, also after an error; the first error is returned. An observer may be a list again.
+    !> Call each observer in turn, even after an error; the first error is returned. An observer may itself be a list.
     recursive subroutine observe(self, simulation, occasion, error)
         class(observer_list_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation

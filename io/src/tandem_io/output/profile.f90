@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Writes the profile of a run: the group /report/profile, a row for each part that was entered.
+!> Writes the profile of a run: the group /report/profile, with one row per part of the program that was entered.
 module tandem_io_output_profile
     use tandem, only: n_parts, part_group, part_group_name, part_name, profile_type, wp
     use tandem_io_output_hdf5, only: hdf5_type
@@ -8,11 +8,11 @@ module tandem_io_output_profile
 
     public :: write_profile
 
-    character(len=*), parameter :: place = '/report/profile'
+    character(len=*), parameter :: group_path = '/report/profile'
 
 contains
 
-    !> Make the group.
+    !> Create the group.
     subroutine write_profile(file, profile)
         type(hdf5_type), intent(inout) :: file
         type(profile_type), intent(in) :: profile
@@ -23,7 +23,7 @@ contains
 
         n = 0
         do i = 1, n_parts
-            ! The first is what is in no other.
+            ! Part 1 contains all time outside the other parts; it is not counted as entered.
             if (i > 1 .and. profile%calls(i) == 0) cycle
             n = n + 1
             rows(n) = i
@@ -31,23 +31,23 @@ contains
             groups(n) = part_group_name(part_group(i))
             seconds(n) = profile%seconds(i)
         end do
-        call file%add_group(place)
-        call file%put(place//'/part', names(:n))
-        call file%put(place//'/group', groups(:n))
-        call file%put(place//'/calls', profile%calls(rows(:n)))
-        call file%put(place//'/seconds', seconds(:n))
-        call file%attach(place//'/seconds', 'unit', 's')
-        call file%attach(place//'/seconds', 'meaning', 'time in the part without its subparts, corrected for the clock')
-        call file%attach(place, 'seconds', profile%total())
-        call file%attach(place, 'measured_seconds', profile%measured)
-        call file%attach(place, 'processor_seconds', profile%processor)
-        call file%attach(place, 'output_seconds', profile%output_seconds())
-        call file%attach(place, 'bare_seconds', profile%bare_seconds())
-        call file%attach(place, 'clock_seconds', profile%clock_seconds())
-        call file%attach(place, 'clock_pairs', profile%pairs)
-        call file%attach(place, 'clock_pair_seconds', profile%cost_within + profile%cost_around)
-        call file%attach(place, 'clock_pair_seconds_in_loop', profile%cost_in_loop)
-        call file%attach(place, 'compared_with_clocks', profile%clocked)
-        call file%attach(place, 'compared_without', profile%plain)
+        call file%add_group(group_path)
+        call file%put(group_path//'/part', names(:n))
+        call file%put(group_path//'/group', groups(:n))
+        call file%put(group_path//'/calls', profile%calls(rows(:n)))
+        call file%put(group_path//'/seconds', seconds(:n))
+        call file%attach(group_path//'/seconds', 'unit', 's')
+        call file%attach(group_path//'/seconds', 'meaning', 'time in the part without its subparts, corrected for the clock')
+        call file%attach(group_path, 'seconds', profile%total())
+        call file%attach(group_path, 'measured_seconds', profile%measured)
+        call file%attach(group_path, 'processor_seconds', profile%processor)
+        call file%attach(group_path, 'output_seconds', profile%output_seconds())
+        call file%attach(group_path, 'bare_seconds', profile%bare_seconds())
+        call file%attach(group_path, 'clock_seconds', profile%clock_seconds())
+        call file%attach(group_path, 'clock_pairs', profile%pairs)
+        call file%attach(group_path, 'clock_pair_seconds', profile%cost_within + profile%cost_around)
+        call file%attach(group_path, 'clock_pair_seconds_in_loop', profile%cost_in_loop)
+        call file%attach(group_path, 'compared_with_clocks', profile%clocked)
+        call file%attach(group_path, 'compared_without', profile%plain)
     end subroutine write_profile
 end module tandem_io_output_profile

@@ -73,11 +73,11 @@ contains
         end associate
     end procedure measure
 
-    !> Advance the integrals of the model to the current time, by the formula of Gauss of order 10 on the dense output.
+    !> Advance the integrals of the model to the current time by Gaussian quadrature of order 10 on the dense output.
     module procedure integrate
         integer, parameter :: n = 5
         real(wp), parameter :: a = sqrt(5 - 2*sqrt(10/7.0_wp))/3, b = sqrt(5 + 2*sqrt(10/7.0_wp))/3
-        real(wp), parameter :: place(n) = [-b, -a, 0.0_wp, a, b], c = 13*sqrt(70.0_wp)
+        real(wp), parameter :: point(n) = [-b, -a, 0.0_wp, a, b], c = 13*sqrt(70.0_wp)
         real(wp), parameter :: weight(n) = [322 - c, 322 + c, 512.0_wp, 322 + c, 322 - c]/900
         real(wp) :: from, to, total(size(self%rates))
         integer :: i, stat
@@ -87,7 +87,7 @@ contains
         if (.not. to > from) return
         total = 0.0_wp
         do i = 1, n
-            call simulation%look_at((from + to)/2 + place(i)*(to - from)/2, error)
+            call simulation%look_at((from + to)/2 + point(i)*(to - from)/2, error)
             if (allocated(error)) return
             call simulation%multipliers(self%lambda)
             associate (state => simulation%state)
@@ -109,7 +109,7 @@ contains
         end_of_step = simulation%state%t
         do
             t = self%first_time + real(self%intervals + 1, wp)*self%interval
-            ! A row that rounding has put just behind the step belongs to its end.
+            ! By rounding, the time may lie just after the step although it is the end of the step.
             if (t > end_of_step + 1.0e-9_wp*self%interval) exit
             if (is_before_event .and. t >= end_of_step) exit
             t = min(t, end_of_step)
@@ -118,7 +118,7 @@ contains
             call simulation%look_back()
             if (allocated(error)) return
             self%intervals = self%intervals + 1
-            if (self%gathered == self%capacity) call self%bring(simulation)
+            if (self%gathered == self%capacity) call self%write_to_disk(simulation)
             if (allocated(self%file%problem)) return
         end do
     end procedure gather_between
@@ -129,17 +129,17 @@ contains
         integer(long) :: i, n
 
         to = simulation%state%t
-        ! A state changed by an event at the end of the step is not part of the motion within the step.
+        ! If an event has changed the state at the end of the step, the new state is not part of the motion within the step.
         if (.not. to > self%spaced_until) return
         self%spaced_until = to
         from = to - simulation%last_step
-        ! A quotient that rounding has put just above a whole number is that number.
+        ! The factor prevents one interval too many if rounding raises a whole quotient.
         n = ceiling((to - from)/self%spacing*(1 - 1.0e-9_wp), long)
         self%is_between = .true.
         do i = 1, n - 1
             call simulation%look_at(from + (to - from)*(real(i, wp)/real(n, wp)), error)
             if (.not. allocated(error)) call self%gather(simulation, error)
-            if (self%gathered == self%capacity) call self%bring(simulation)
+            if (self%gathered == self%capacity) call self%write_to_disk(simulation)
             if (allocated(self%file%problem)) exit
         end do
         self%is_between = .false.
@@ -154,11 +154,11 @@ contains
             call self%series(i)%append(self%file, self%rows, self%gathered)
         end do
         if (.not. allocated(self%file%problem)) self%rows = self%rows + self%gathered
-        ! Rows whose writing failed are dropped too: it is not tried again.
+        ! Rows that could not be written are discarded too, because the write is not repeated.
         self%gathered = 0
     end procedure write_rows
 
-    !> The running number of the current chart.
+    !> Running number of the current chart.
     integer(long) function number_of_charts(simulation)
         class(simulation_type), intent(in) :: simulation
 

@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A series of a result file: the time or one field, a dataset that grows by rows, and the rows that it does not have yet.
+!> A series of a result file: the time, a field or a quantity. It consists of a dataset that grows by rows and a buffer of rows that
+!> are not yet written.
 module tandem_io_output_series
     use hdf5, only: hid_t
     use tandem, only: label_length, long, model_type, quantity_type, wp
@@ -11,38 +12,38 @@ module tandem_io_output_series
 
     public :: series_type, label_columns, width_of
 
-    !> A dataset and the rows that it does not have yet.
+    !> A dataset and its unwritten rows.
     type :: series_type
-        !> Index in `fields`; 0 for the time; -i for the i-th quantity of the model.
+        !> Index in `fields`; 0 for the time; -i for quantity i of the model.
         integer :: field = 0
-        !> Numbers in a row as the file counts them: 0 for a single one.
+        !> Numbers per row; 0 for one number per row, without the second dimension.
         integer :: width = 0
         character(len=:), allocatable :: path
         integer(hid_t) :: dataset = -1_hid_t
         real(wp), allocatable :: rows(:, :)
-        !> The sum of the rows that the dataset has.
+        !> Checksum of the written rows.
         type(fletcher_type) :: sum
     contains
         procedure :: make, append
     end type series_type
 
-    !> The names of columns, as a dataset that the series of a group share.
+    !> Names of the datasets with the labels of columns, which all series of a group share.
     character(len=10), parameter :: columns(each_coordinate:each_constraint) = ['coordinate', 'constraint']
 
 contains
 
-    !> Make the dataset, or open it for a resumed run, and make the buffer.
-    subroutine make(self, file, field, model, capacity, chunk, goes_on, time)
+    !> Create the dataset, or open it for a resumed run, and allocate the buffer.
+    subroutine make(self, file, field, model, capacity, chunk, is_resumed, time)
         class(series_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file
-        !> Index of the field, 0 for the time, -i for a quantity.
+        !> Index of the field; 0 for the time; -i for quantity i.
         integer, intent(in) :: field
         class(model_type), intent(in) :: model
-        !> Rows of the buffer, and of a chunk of the file.
+        !> Rows of the buffer, and rows per chunk of the file.
         integer, intent(in) :: capacity, chunk
         !> True if the dataset exists.
-        logical, intent(in) :: goes_on
-        !> The dataset of the time; absent for the time itself.
+        logical, intent(in) :: is_resumed
+        !> Dataset of the time; absent for the time itself.
         integer(hid_t), intent(in), optional :: time
         character(len=label_length), allocatable :: names(:), units(:)
 
@@ -50,13 +51,13 @@ contains
         allocate (self%rows(max(1, width_of(field, model)), capacity))
         self%path = '/trajectory/time'
         if (field < 0) then
-            call make_quantity(self, file, model%quantities(-field), chunk, goes_on, time)
+            call make_quantity(self, file, model%quantities(-field), chunk, is_resumed, time)
             return
         else if (field > 0) then
             self%path = '/'//trim(fields(field)%group)//'/'//trim(fields(field)%name)
             if (fields(field)%width /= one) self%width = width_of(field, model)
         end if
-        if (goes_on) then
+        if (is_resumed) then
             call file%open_dataset(self%path, self%dataset)
         else if (field == 0) then
             call file%add_dataset(self%path, 0, chunk, .false., self%dataset)
@@ -64,7 +65,7 @@ contains
             call file%attach(self%path, 'meaning', 'the time of each row')
         else
             call file%add_dataset(self%path, self%width, chunk, fields(field)%counts, self%dataset, time)
-            ! Readers look for the dimensions of a group in that group.
+            ! Readers look for the scales of a dataset in its own group.
             call file%link('/trajectory/time', '/'//trim(fields(field)%group)//'/time')
             call file%attach(self%path, 'meaning', fields(field)%meaning)
             if (fields(field)%width == one) then
@@ -79,13 +80,13 @@ contains
         end if
     end subroutine make
 
-    !> The dataset of a quantity, in a group with the others of its sensor.
-    subroutine make_quantity(self, file, quantity, chunk, goes_on, time)
+    !> Create or open the dataset of a quantity, in the group of its sensor.
+    subroutine make_quantity(self, file, quantity, chunk, is_resumed, time)
         class(series_type), intent(inout) :: self
         type(hdf5_type), intent(inout) :: file
         type(quantity_type), intent(in) :: quantity
         integer, intent(in) :: chunk
-        logical, intent(in) :: goes_on
+        logical, intent(in) :: is_resumed
         integer(hid_t), intent(in), optional :: time
         character(len=1), parameter :: axes(3) = ['x', 'y', 'z']
         character(len=2), parameter :: parameters(4) = ['e0', 'e1', 'e2', 'e3']
@@ -94,7 +95,7 @@ contains
         self%path = quantity%place()
         group = self%path(:index(self%path, '/', back=.true.) - 1)
         self%width = quantity%width
-        if (goes_on) then
+        if (is_resumed) then
             call file%open_dataset(self%path, self%dataset)
             return
         end if
@@ -108,11 +109,11 @@ contains
         if (quantity%undetermined /= '') call file%attach(self%path, 'undetermined', trim(quantity%undetermined))
     end subroutine make_quantity
 
-    !> Write the gathered rows.
+    !> Write the rows of the buffer.
     subroutine append(self, file, before, gathered)
         class(series_type), intent(inout), target :: self
         type(hdf5_type), intent(inout) :: file
-        !> Rows that the dataset has, and rows in the buffer.
+        !> Number of rows in the dataset, and in the buffer.
         integer(long), intent(in) :: before
         integer, intent(in) :: gathered
         real(wp), pointer :: numbers(:)
@@ -122,7 +123,7 @@ contains
         call self%sum%add(numbers(:size(self%rows, 1)*gathered))
     end subroutine append
 
-    !> Names and units of a field's columns; no units if the model has none.
+    !> Names and units of the columns of a field; no units if the model has none.
     subroutine label_columns(model, field, names, units)
         class(model_type), intent(in) :: model
         type(field_type), intent(in) :: field
@@ -154,7 +155,7 @@ contains
         end select
     end subroutine label_columns
 
-    !> Numbers in a row of a field; 1 for the time.
+    !> Numbers per row of a series; 1 for the time.
     pure integer function width_of(field, model)
         integer, intent(in) :: field
         class(model_type), intent(in) :: model

@@ -10,7 +10,7 @@ static uint32_t rotate(uint32_t x, int bits)
     return x << bits | x >> (32 - bits);
 }
 
-/* Bob Jenkins' hash lookup3 (public domain) of the 44 bytes before the checksum, which HDF5 takes for metadata. */
+/* Bob Jenkins' hash lookup3 (public domain) of the 44 bytes before the checksum, as used by HDF5 for metadata. */
 static uint32_t checksum(const unsigned char *bytes)
 {
     uint32_t word[12] = {0}, a, b, c;

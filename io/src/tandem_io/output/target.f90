@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Checks of paths to which results are written.
+!> Checks of files before results are written to them or read from them.
 module tandem_io_output_target
     use hdf5, only: h5aexists_f, h5f_acc_rdonly_f, h5fclose_f, h5fis_hdf5_f, h5fopen_f, hid_t
     use tandem, only: error_type, set_error
     use tandem_status, only: status_invalid_checkpoint, status_output_failed
-    use tandem_io_output_guard, only: guard_type, is_taken
+    use tandem_io_output_guard, only: guard_type, is_locked
     use tandem_io_output_hdf5, only: start_library
     use tandem_io_path, only: is_dangling, is_regular
     use, intrinsic :: iso_c_binding, only: c_int64_t
@@ -13,18 +13,19 @@ module tandem_io_output_target
 
     public :: check_source, check_target, in_use, is_result, is_hdf5, remove_file
 
-    !> Reason to leave a file alone.
+    !> Message about a file that must not be changed.
     character(len=*), parameter :: in_use = 'it is in use: another run writes it, or another process reads it'
 
 contains
 
-    !> Refuse an unwritable path, an existing file, and a file that is being written. A missing file is created, empty.
+    !> Check a path for a new result. A path that cannot be written, an existing file without `force`, and a file in use are
+    !> refused. If the file does not exist, an empty one is created.
     subroutine check_target(path, force, is_new, error)
-        !> The result file.
+        !> Path of the result file.
         character(len=*), intent(in) :: path
         !> True if an existing file may be overwritten.
         logical, intent(in) :: force
-        !> True if there was no such file.
+        !> True if the file did not exist.
         logical, intent(out) :: is_new
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: folder
@@ -65,7 +66,7 @@ contains
         end if
         if (exists) call check_existing(path, force, error)
         if (allocated(error)) return
-        ! The system's message explains the failure.
+        ! The message of the system is reported.
         message = ''
         if (exists) then
             open (newunit=unit, file=path, status='old', action='readwrite', access='stream', iostat=stat, iomsg=message)
@@ -80,13 +81,13 @@ contains
         is_new = .not. exists
     end subroutine check_target
 
-    !> Refuse to overwrite a file unless requested, and a file in use always.
+    !> Refuse to overwrite a file that is in use, or that exists without `force`.
     subroutine check_existing(path, force, error)
         character(len=*), intent(in) :: path
         logical, intent(in) :: force
         type(error_type), allocatable, intent(out) :: error
 
-        if (is_taken(path)) then
+        if (is_locked(path)) then
             call set_error(error, status_output_failed, path//' is in use: another run writes it, or another process reads it', &
                 'choose another file')
         else if (.not. force) then
@@ -94,12 +95,12 @@ contains
         end if
     end subroutine check_existing
 
-    !> Refuse a file that is not a result of tandem, and one that is being written. If it is to be changed, a mark left by a killed
-    !> writer (of another program: ours makes none) is removed.
+    !> Refuse a file that is not a result of tandem or is being written. If the file is to be changed, remove a mark left by the
+    !> killed writer of another program; tandem does not write this mark.
     subroutine check_source(path, error, purpose)
         character(len=*), intent(in) :: path
         type(error_type), allocatable, intent(out) :: error
-        !> Purpose named in messages. If absent, the file is to be resumed and changed.
+        !> Purpose named in messages; absent if the run is to be resumed in the file.
         character(len=*), intent(in), optional :: purpose
         type(guard_type) :: guard
         logical :: exists
@@ -113,13 +114,13 @@ contains
             call refuse('it is a folder, a pipe or a device, not a regular file')
             return
         end if
-        if (is_taken(path)) then
+        if (is_locked(path)) then
             call refuse(in_use)
             return
         end if
         if (.not. present(purpose) .and. is_marked(path)) then
-            call guard%take(path)
-            call guard%mend(0_c_int64_t)
+            call guard%lock(path)
+            call guard%repair(0_c_int64_t)
             call guard%release()
         end if
         if (.not. is_hdf5(path)) then
@@ -145,10 +146,10 @@ contains
         end subroutine refuse
     end subroutine check_source
 
-    !> True if HDF5 has marked a file as being written. If there is no writer, it was killed at a bad moment.
+    !> True if HDF5 has marked the file as open for writing. Without a writer, the mark was left by a killed one.
     logical function is_marked(path)
         character(len=*), intent(in) :: path
-        !> Places, from 1, of the superblock's version and of the marks, and the version that has them (HDF5 File Format
+        !> Positions of the superblock's version and of the mark, from 1, and the version that has this mark (HDF5 File Format
         !> Specification, III.A).
         integer, parameter :: version_at = 9, marks_at = 12, version_with_marks = 3
         character :: version, marks
@@ -174,7 +175,7 @@ contains
         if (can_be_opened) call h5fclose_f(file, stat)
     end function can_be_opened
 
-    !> True if a file exists and was written by tandem.
+    !> True if a file exists and is a result of tandem.
     logical function is_result(path)
         character(len=*), intent(in) :: path
         integer(hid_t) :: file
@@ -189,13 +190,13 @@ contains
         call h5fclose_f(file, stat)
     end function is_result
 
-    !> True if a regular file exists and is HDF5.
+    !> True if a regular file exists and is in HDF5 format.
     logical function is_hdf5(path)
         character(len=*), intent(in) :: path
         integer :: stat
 
         is_hdf5 = .false.
-        ! HDF5 would wait for who writes to a pipe.
+        ! HDF5 would block until a writer opens the pipe.
         if (.not. is_regular(path)) return
         call start_library(stat)
         if (stat /= 0) return
@@ -203,7 +204,7 @@ contains
         is_hdf5 = is_hdf5 .and. stat == 0
     end function is_hdf5
 
-    !> Remove a file, if it can be removed.
+    !> Remove a file, if possible.
     subroutine remove_file(path)
         character(len=*), intent(in) :: path
         integer :: unit, stat

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Head of a result file: groups, attributes, the time.
+!> Root attributes and groups of a result file.
 submodule(tandem_io_output_trajectory) tandem_io_output_trajectory_head
     use tandem_name_index, only: name_index_type
     use tandem_io_version, only: format_version, tandem_version
@@ -9,7 +9,7 @@ contains
 
     module procedure add_groups
         character(len=:), allocatable :: path
-        type(name_index_type) :: there
+        type(name_index_type) :: existing
         integer :: i, k
 
         if (.not. allocated(model%quantities)) return
@@ -17,8 +17,8 @@ contains
             path = model%quantities(i)%place()
             do k = 2, len(path)
                 if (path(k:k) /= '/') cycle
-                if (there%get(path(:k)) > 0) cycle
-                call there%put(path(:k), i)
+                if (existing%get(path(:k)) > 0) cycle
+                call existing%put(path(:k), i)
                 call file%add_group(path(:k - 1))
             end do
         end do
@@ -36,10 +36,10 @@ contains
         if (present(scene)) call file%attach('/', 'scene', scene)
     end procedure attach_head
 
-    module procedure take_back
+    module procedure reset_outcome
         character(len=:), allocatable :: old
 
-        ! Writes that may need space come first, so that nothing else is lost if there is none.
+        ! Writes that may need space come first, so that nothing else is lost on a full disk.
         call file%get_text('/', 'scene', old)
         if (old /= scene) call file%attach('/', 'scene', scene)
         call file%flush()
@@ -47,7 +47,7 @@ contains
         call file%detach_all('/report')
         call file%remove('/report/profile')
         call file%flush()
-    end procedure take_back
+    end procedure reset_outcome
 
     module procedure time_stamp
         character(len=10) :: time

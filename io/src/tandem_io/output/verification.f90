@@ -3,7 +3,7 @@
 module tandem_io_output_verification
     use tandem, only: error_type, set_error
     use tandem_status, only: status_invalid_checkpoint
-    use tandem_io_output_checkpoint, only: check_places
+    use tandem_io_output_checkpoint, only: check_copies
     use tandem_io_output_checksums, only: examine, finding_type
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_io_output_target, only: check_source
@@ -14,12 +14,12 @@ module tandem_io_output_verification
 
 contains
 
-    !> Read all of a result file, which stays unchanged.
+    !> Read a result file completely, without changing it, and compare it with its checksums.
     subroutine verify_result(path, finding, status, error)
         character(len=*), intent(in) :: path
         !> Result of the check.
         type(finding_type), intent(out) :: finding
-        !> Status of the file, blank if unreadable.
+        !> Status of the file; blank if unreadable.
         character(len=:), allocatable, intent(out) :: status
         !> Set if the file is not a result, or cannot be opened.
         type(error_type), allocatable, intent(out) :: error
@@ -31,7 +31,7 @@ contains
         call check_source(path, error, 'verify')
         if (allocated(error)) return
         call file%open_to_read(path)
-        ! If either of them is unreadable, the file is damaged.
+        ! A damaged file is not refused here but reported below.
         is_of_a_run = file%has('/trajectory')
         if (.not. is_of_a_run) is_of_a_run = file%has('/checksums')
         if (.not. (is_of_a_run .or. allocated(file%problem))) then
@@ -42,10 +42,10 @@ contains
         end if
         call file%get_text('/', 'status', status)
         call examine(file, finding)
-        call check_places(file, problem)
-        if (finding%lost_texts > 0) problem = 'some text attributes cannot be read'
+        call check_copies(file, problem)
+        if (finding%unreadable_texts > 0) problem = 'some text attributes cannot be read'
         if (allocated(file%problem)) problem = file%problem
-        ! A run that was killed may have left one of these half written.
+        ! If the run was killed, a copy of the checkpoint or a text may be incomplete.
         if (finding%problem == '' .and. (status /= 'running' .or. allocated(file%problem))) finding%problem = problem
         call file%close()
     end subroutine verify_result

@@ -7,12 +7,12 @@ module tandem_io_scene_articulated_vehicle
 
     public :: build_articulated_vehicle
 
-    !> Least nonzero steering frequency, rad/s: the period of a smaller one would overflow.
+    !> Smallest nonzero steering frequency, rad/s; the period of a smaller frequency would overflow.
     real(wp), parameter :: slowest = 1.0e-300_wp
 
 contains
 
-    !> The model with its parameters, and its start.
+    !> Build the model with its parameters, and its start.
     subroutine build_articulated_vehicle(reader, model, q, qd)
         class(reader_type), intent(inout) :: reader
         class(model_type), allocatable, intent(out) :: model

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Reads what [initial] says about assembling the start.
+!> Reads the keys of [initial] that specify the assembly of the start.
 module tandem_io_scene_assembly
     use tandem, only: assembly_type, label_length, model_type, not_negative, positive, reader_type, velocity_metrics, wp
     implicit none (type, external)
@@ -7,18 +7,18 @@ module tandem_io_scene_assembly
 
     public :: read_assembly
 
-    !> The keys that mean something with `assemble` only.
+    !> Keys that require `assemble`.
     character(len=21), parameter :: details(7) = [character(len=21) :: 'fixed', 'fixed_velocities', 'weights', &
         'velocity_weights', 'velocity_metric', 'largest_move', 'largest_velocity_move']
 
 contains
 
-    !> The keys of the table that is open. The details belong to the complete scene if the start is assembled.
+    !> Read the keys from the open table. The details appear in the complete scene only if the start is assembled.
     subroutine read_assembly(reader, model, assembly)
         class(reader_type), intent(inout) :: reader
         !> The model, defined.
         class(model_type), intent(in) :: model
-        !> Requested assembly; not allocated if the start is not assembled.
+        !> Settings for the assembly; not allocated if the start is not assembled.
         type(assembly_type), allocatable, intent(out) :: assembly
         logical :: assembles
         integer :: i
@@ -37,7 +37,7 @@ contains
         end do
     end subroutine read_assembly
 
-    !> Fixed coordinates, weights of the others, and largest corrections.
+    !> Read the fixed coordinates, the weights of the others, and the largest corrections.
     subroutine read_details(reader, model, assembly)
         class(reader_type), intent(inout) :: reader
         class(model_type), intent(in) :: model

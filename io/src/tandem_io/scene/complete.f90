@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Complete descriptions as TOML text: each key once, with its value or default.
+!> Complete scenes as TOML text: each key once, with its value or default.
 module tandem_io_scene_complete
     use tandem, only: is_number, is_text, is_truth, shown_type, value_type
     use tandem_io_scene_text, only: to_toml
@@ -9,12 +9,12 @@ module tandem_io_scene_complete
 
     public :: complete_text, unit_in, value_in, value_to_toml
 
-    !> Column at which comments begin if the value leaves room.
+    !> Column at which comments begin, unless the value is too long.
     integer, parameter :: comment_column = 34
 
 contains
 
-    !> The text of a complete scene.
+    !> Text of a complete scene.
     function complete_text(lines) result(text)
         type(shown_type), intent(in) :: lines(:)
         character(len=:), allocatable :: text
@@ -49,7 +49,7 @@ contains
         text = text(:length)
     end function complete_text
 
-    !> A line with its end.
+    !> Text of a line, with the newline.
     function text_of(line) result(text)
         type(shown_type), intent(in) :: line
         character(len=:), allocatable :: text
@@ -77,7 +77,7 @@ contains
         end do
     end function unit_in
 
-    !> Value of a key as TOML on one line; empty if there is none.
+    !> Value of a key in TOML on one line; empty if the key does not exist.
     function value_in(lines, table, key) result(text)
         type(shown_type), intent(in) :: lines(:)
         character(len=*), intent(in) :: table, key
@@ -93,7 +93,7 @@ contains
         end do
     end function value_in
 
-    !> True if a line has a key, which may be in quotes.
+    !> True if a line contains a key, which may be quoted.
     logical function is_key(line, table, key)
         type(shown_type), intent(in) :: line
         character(len=*), intent(in) :: table, key
@@ -103,10 +103,10 @@ contains
         if (is_key .and. line%key /= key) is_key = path_to_toml(line%key) == key
     end function is_key
 
-    !> A value as TOML. A list of numbers takes several lines if it is long.
+    !> Value in TOML. A long list of numbers is written on several lines.
     function value_to_toml(value, is_whole) result(text)
         type(value_type), intent(in) :: value
-        !> True to write whole numbers without a point.
+        !> True to write whole numbers without a decimal point.
         logical, intent(in) :: is_whole
         character(len=:), allocatable :: text
         real(wp), allocatable :: numbers(:)
@@ -146,7 +146,7 @@ contains
         if (value%is_list) text = '['//text//']'
     end function value_to_toml
 
-    !> A dotted key, with quotes around parts that need them.
+    !> Dotted key, with quotes around parts that need them.
     function path_to_toml(path) result(text)
         character(len=*), intent(in) :: path
         character(len=:), allocatable :: text

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Converts parsed TOML to dotted keys with values and their places in the text.
+!> Converts parsed TOML to dotted keys with values, and records their positions in the text.
 module tandem_io_scene_conversion
     use tandem, only: atom_type, entries_type, error_type, is_other, is_text, is_truth, value_type, wp
     use tandem_io_scene_source, only: parsed_type, set_input_error, source_type
@@ -10,34 +10,34 @@ module tandem_io_scene_conversion
     implicit none (type, external)
     private
 
-    public :: converter_type, place_type
+    public :: converter_type, position_type
 
-    !> Longest text, in bytes: that of a path.
+    !> Largest length of a text in bytes, sufficient for paths.
     integer, parameter :: longest = 4096
 
-    !> Place of an entry: the source, and the first and last character of its key and of its value.
-    type :: place_type
+    !> Position of an entry: its source, and the first and last character of its key and of its value.
+    type :: position_type
         integer :: source = 0
         integer :: key(2) = 0, value(2) = 0
-    end type place_type
+    end type position_type
 
-    !> Adds the values of one source to entries.
+    !> Adds the values of one source to a list of entries.
     type :: converter_type
-        !> Number of the source.
+        !> Index of the source.
         integer :: number = 0
         type(source_type) :: source
         type(parsed_type) :: parsed
-        !> Places of all entries: the first `n_places`.
-        type(place_type), allocatable :: places(:)
-        integer :: n_places = 0
+        !> Positions of all entries; the first `n_positions` are in use.
+        type(position_type), allocatable :: positions(:)
+        integer :: n_positions = 0
     contains
-        procedure :: add_below, add_keys, add_place, place_of
+        procedure :: add_below, add_keys, add_position, position_of
         procedure, private :: add_value, convert_value, convert_row, convert_atom
     end type converter_type
 
 contains
 
-    !> Add the entries of a table, and of the tables in it.
+    !> Add the entries of a table and of its subtables.
     recursive subroutine add_below(self, path, table, entries, error)
         class(converter_type), intent(inout) :: self
         character(len=*), intent(in) :: path
@@ -46,7 +46,7 @@ contains
         type(error_type), allocatable, intent(inout) :: error
         type(toml_key), allocatable :: names(:), below(:)
         class(toml_value), pointer :: found
-        type(place_type) :: place
+        type(position_type) :: position
         character(len=:), allocatable :: problem
         integer :: i
 
@@ -54,9 +54,9 @@ contains
         call table%get_keys(names)
         do i = 1, size(names)
             call table%get(names(i)%key, found)
-            place = self%place_of(found)
+            position = self%position_of(found)
             if (has_dot(names(i)%key) .or. len(names(i)%key) == 0) then
-                call set_input_error(error, self%source%describe('"'//names(i)%key//'" is not a valid name', place%key, &
+                call set_input_error(error, self%source%describe('"'//names(i)%key//'" is not a valid name', position%key, &
                     'names contain letters and no dots'))
                 return
             end if
@@ -64,7 +64,7 @@ contains
             type is (toml_table)
                 call found%get_keys(below)
                 if (size(below) == 0) then
-                    call set_input_error(error, self%source%describe(path//'.'//names(i)%key//' is empty', place%value, &
+                    call set_input_error(error, self%source%describe(path//'.'//names(i)%key//' is empty', position%value, &
                         'add keys, or remove it'))
                     return
                 end if
@@ -72,13 +72,13 @@ contains
             class default
                 call self%add_value(path//'.'//names(i)%key, found, entries, problem)
                 if (problem /= '') call set_input_error(error, self%source%describe(path//'.'//names(i)%key//' '//problem, &
-                    place%value, 'of '//path))
+                    position%value, 'of '//path))
             end select
             if (allocated(error)) return
         end do
     end subroutine add_below
 
-    !> Add the keys of a table. Their values are judged when they are read.
+    !> Add the keys of a table. Their values are checked when they are read.
     subroutine add_keys(self, path, table, entries)
         class(converter_type), intent(inout) :: self
         character(len=*), intent(in) :: path
@@ -103,50 +103,50 @@ contains
         character(len=*), intent(in) :: key
         class(toml_value), intent(inout) :: found
         type(entries_type), intent(inout) :: entries
-        !> Reason why no mechanism has such a value.
+        !> Reason why the value is invalid in a mechanism; empty if it is valid.
         character(len=:), allocatable, intent(out) :: problem
         type(value_type) :: value
 
         call self%convert_value(found, value, problem)
-        call self%add_place(self%place_of(found))
-        call entries%set(key, value, self%n_places, self%number)
+        call self%add_position(self%position_of(found))
+        call entries%set(key, value, self%n_positions, self%number)
     end subroutine add_value
 
-    !> Append a place.
-    subroutine add_place(self, place)
+    !> Append a position.
+    subroutine add_position(self, position)
         class(converter_type), intent(inout) :: self
-        type(place_type), intent(in) :: place
-        type(place_type), allocatable :: longer(:)
+        type(position_type), intent(in) :: position
+        type(position_type), allocatable :: longer(:)
 
-        if (.not. allocated(self%places)) allocate (self%places(64))
-        if (self%n_places == size(self%places)) then
-            allocate (longer(2*self%n_places))
-            longer(:self%n_places) = self%places
-            call move_alloc(longer, self%places)
+        if (.not. allocated(self%positions)) allocate (self%positions(64))
+        if (self%n_positions == size(self%positions)) then
+            allocate (longer(2*self%n_positions))
+            longer(:self%n_positions) = self%positions
+            call move_alloc(longer, self%positions)
         end if
-        self%n_places = self%n_places + 1
-        self%places(self%n_places) = place
-    end subroutine add_place
+        self%n_positions = self%n_positions + 1
+        self%positions(self%n_positions) = position
+    end subroutine add_position
 
-    !> Place of a key and of its value.
-    type(place_type) function place_of(self, found) result(place)
+    !> Positions of a key and of its value.
+    type(position_type) function position_of(self, found) result(position)
         class(converter_type), intent(in) :: self
         class(toml_value), intent(in) :: found
         integer :: origin
 
-        place%source = self%number
-        place%key = span_of(found%origin)
+        position%source = self%number
+        position%key = span_of(found%origin)
         origin = found%origin
         select type (found)
         type is (toml_keyval)
             if (found%origin_value > 0) origin = found%origin_value
         class default
-            ! For lists and inline tables the parser reports the key alone.
+            ! For lists and inline tables the parser reports only the position of the key.
             origin = self%parsed%value_of(found%origin)
         end select
-        place%value = span_of(origin)
+        position%value = span_of(origin)
     contains
-        !> First and last character of what begins at a token.
+        !> First and last character of the value that begins at a token.
         function span_of(origin) result(span)
             integer, intent(in) :: origin
             integer :: span(2)
@@ -155,7 +155,7 @@ contains
             if (origin < 1 .or. origin > self%parsed%context%top) return
             span = [self%parsed%context%token(origin)%first, self%parsed%context%token(self%parsed%end_of(origin))%last]
         end function span_of
-    end function place_of
+    end function position_of
 
     !> True if a key has a dot outside of braces.
     pure logical function has_dot(key)
@@ -172,12 +172,12 @@ contains
         has_dot = .false.
     end function has_dot
 
-    !> Convert a value, a list of values, or a list of lists of one length.
+    !> Convert a value, a list of values, or a list of lists of equal length.
     subroutine convert_value(self, found, value, problem)
         class(converter_type), intent(in) :: self
         class(toml_value), intent(inout) :: found
         type(value_type), intent(out) :: value
-        !> Reason why no mechanism has such a value.
+        !> Reason why the value is invalid in a mechanism; empty if it is valid.
         character(len=:), allocatable, intent(out) :: problem
         class(toml_value), pointer :: element
         integer :: i, j
@@ -212,7 +212,7 @@ contains
         end do
     end subroutine convert_value
 
-    !> Reason why no mechanism has such an atom; empty if it may.
+    !> Reason why an atom is invalid in a mechanism; empty if it is valid.
     pure function atom_problem(atom, is_in_list) result(problem)
         type(atom_type), intent(in) :: atom
         logical, intent(in) :: is_in_list
@@ -227,27 +227,27 @@ contains
         end if
     end function atom_problem
 
-    !> Length of the lists in a list, 0 if there are none or if they differ.
+    !> Length of the lists in a list of lists; 0 if the elements are no lists, or lists of different lengths.
     subroutine find_row_length(list, length, problem)
         type(toml_array), intent(inout) :: list
         integer, intent(out) :: length
         character(len=:), allocatable, intent(out) :: problem
         class(toml_value), pointer :: element
-        integer :: i, its
+        integer :: i, its_length
 
         problem = ''
         length = 0
         do i = 1, len(list)
             call list%get(i, element)
-            its = 0
+            its_length = 0
             select type (element)
             type is (toml_array)
-                its = len(element)
-                if (its == 0) problem = 'has an element '//to_toml(i)//' that is an empty list'
+                its_length = len(element)
+                if (its_length == 0) problem = 'has an element '//to_toml(i)//' that is an empty list'
             end select
-            if (i == 1) length = its
-            if (problem == '' .and. its /= length) problem = 'has an element '//to_toml(i)//' that is not like the first one: '// &
-                'give one list, or lists of one length'
+            if (i == 1) length = its_length
+            if (problem == '' .and. its_length /= length) problem = 'has an element '//to_toml(i)// &
+                ' that is not like the first one: give one list, or lists of one length'
             if (problem /= '') then
                 length = 0
                 return
@@ -255,7 +255,7 @@ contains
         end do
     end subroutine find_row_length
 
-    !> Convert one of the lists in a list.
+    !> Convert a list in a list of lists.
     subroutine convert_row(self, row, atoms)
         class(converter_type), intent(in) :: self
         type(toml_array), intent(inout) :: row
@@ -269,7 +269,7 @@ contains
         end do
     end subroutine convert_row
 
-    !> Convert a number, a text, true or false; other values keep their kind in words.
+    !> Convert a number, a text or a truth value. For other values, `text` describes their kind.
     subroutine convert_atom(self, found, atom)
         class(converter_type), intent(in) :: self
         class(toml_value), intent(in) :: found
@@ -290,7 +290,7 @@ contains
             case (toml_type%string)
                 call found%get(text)
                 atom = atom_type(kind=is_text, text=text)
-                call judge_text(atom)
+                call check_text_value(atom)
             case (toml_type%boolean)
                 call found%get(truth)
                 atom = atom_type(kind=is_truth, truth=truth)
@@ -312,8 +312,8 @@ contains
         end select
     end subroutine convert_atom
 
-    !> Mark a text that is empty, too long, or has control characters.
-    pure subroutine judge_text(atom)
+    !> Set `problem` for a text that is empty, too long, or contains control characters.
+    pure subroutine check_text_value(atom)
         type(atom_type), intent(inout) :: atom
         integer :: i
 
@@ -327,9 +327,10 @@ contains
                 atom%problem = 'must not contain control characters'
             end do
         end if
-    end subroutine judge_text
+    end subroutine check_text_value
 
-    !> True if an integer may have more digits than 64 bits hold, in base 16 too; the parser would wrap it around.
+    !> True if an integer may have more digits than 64 bits can represent, also in hexadecimal form; the parser would wrap it
+    !> around.
     logical function has_overflown(self, found)
         class(converter_type), intent(in) :: self
         type(toml_keyval), intent(in) :: found

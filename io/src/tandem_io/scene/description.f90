@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> The description of a scene or of a sweep: keys with values, from a TOML file and from settings of the command line, which are
-!> parsed once. It can be read any number of times.
+!> The description of a scene or of a sweep: keys with values from a TOML file and from settings of the command line. They are
+!> parsed once and can be read any number of times.
 !>
-!> A table that may come several times, such as [[event]], is an array in the file. A setting gives all of them anew,
-!> `event=[{...}, {...}]`, or keys of one, by its number: `event.2.value=0.5`.
+!> A table that may occur several times, such as [[event]], is an array in the file. A setting can replace all of these tables,
+!> `event=[{...}, {...}]`, or a key of one of them, selected by its number: `event.2.value=0.5`.
 module tandem_io_scene_description
     use tandem, only: atom_type, entries_type, error_type, is_number, reader_type, value_type
     use tandem_io_scene_complete, only: value_to_toml
-    use tandem_io_scene_conversion, only: converter_type, place_type
+    use tandem_io_scene_conversion, only: converter_type, position_type
     use tandem_io_scene_source, only: set_input_error, source_type
     use tandem_io_scene_text, only: listed, nearest_name, to_toml
     use tomlf, only: len, toml_array, toml_key, toml_table, toml_value
@@ -16,39 +16,39 @@ module tandem_io_scene_description
 
     public :: description_type, key_length
 
-    !> Length of the names of tables and keys.
+    !> Largest length of the names of tables and keys.
     integer, parameter :: key_length = 32
-    !> Prefix of a setting that removes a key; the key follows.
+    !> Prefix of a setting that removes the following key.
     character(len=*), parameter :: unset_option = '--unset '
 
     !> An entry of the top level.
     type :: root_type
         character(len=:), allocatable :: name
-        type(place_type) :: place
+        type(position_type) :: position
         logical :: is_table = .false.
     end type root_type
 
     type :: description_type
-        !> Path of the file, or how messages call the text.
+        !> Path of the file; for a text, its name in messages.
         character(len=:), allocatable :: path
         !> All keys with their values.
         type(entries_type) :: entries
-        !> First fault of the tables that have tables within them, for the models that read them.
+        !> First error in tables with subtables; reported by the models that read such tables.
         type(error_type), allocatable :: fault
-        !> The file, and the settings in their order.
+        !> The file (0) and the settings, in the order in which they were applied.
         type(source_type), allocatable, private :: sources(:)
-        !> Places of the entries.
-        type(place_type), allocatable, private :: places(:)
+        !> Positions of the entries.
+        type(position_type), allocatable, private :: positions(:)
         !> Entries of the top level.
         type(root_type), allocatable, private :: roots(:)
-        !> Known tables, those that may come several times with their numbers, and those that have tables within them.
+        !> Known tables; tables that may occur several times, with their numbers; tables with subtables.
         character(len=key_length), allocatable, private :: tables(:), arrays(:), deep(:)
         integer, allocatable, private :: counts(:)
-        !> Owner of the tables, in messages; empty for a scene.
+        !> Owner of the tables for messages; empty for a scene.
         character(len=:), allocatable, private :: owner
     contains
         procedure :: open, apply, change, explain, refuse_tables, n_settings
-        procedure, private :: merge_source, merge_array, merge_numbered, remove, check_tables, tables_there
+        procedure, private :: merge_source, merge_array, merge_numbered, remove, check_tables, known_tables
     end type description_type
 
     interface
@@ -56,9 +56,9 @@ module tandem_io_scene_description
         module subroutine remove(self, key, error)
             implicit none (type, external)
             class(description_type), intent(inout) :: self
-            !> Names with dots between them, as in TOML; elements of an array of tables have numbers.
+            !> Names separated by dots, as in TOML; the elements of an array of tables are numbered.
             character(len=*), intent(in) :: key
-            !> Set if it is not given.
+            !> Set if the key is not given.
             type(error_type), allocatable, intent(out) :: error
         end subroutine remove
     end interface
@@ -68,16 +68,16 @@ contains
     !> Read a file and the settings of the command line.
     subroutine open(self, path, settings, tables, arrays, deep, error, text, owner)
         class(description_type), intent(inout) :: self
-        !> Path of the file, or how messages call the text.
+        !> Path of the file; for a text, its name in messages.
         character(len=*), intent(in) :: path
-        !> `table.key=value`, or `--unset table.key`; blanks at the end dropped.
+        !> Settings `table.key=value` or `--unset table.key`, possibly with trailing blanks.
         character(len=*), intent(in) :: settings(:)
-        !> Known tables, those that may come several times, and those that have tables within them.
+        !> Known tables; tables that may occur several times; tables with subtables.
         character(len=*), intent(in) :: tables(:), arrays(:), deep(:)
         type(error_type), allocatable, intent(out) :: error
-        !> Text of the description, instead of a file.
+        !> Text of the description, which replaces the file.
         character(len=*), intent(in), optional :: text
-        !> Owner of the tables if it is not a scene, in messages: `sweep`.
+        !> Owner of the tables for messages, such as `sweep`; absent for a scene.
         character(len=*), intent(in), optional :: owner
         type(converter_type) :: converter
         integer :: i
@@ -140,7 +140,7 @@ contains
         call self%merge_source(converter, error)
     end subroutine add_setting
 
-    !> Add the entries of a source; later ones replace earlier ones.
+    !> Add the entries of a source, which replace earlier entries with the same keys.
     subroutine merge_source(self, converter, error)
         class(description_type), intent(inout) :: self
         type(converter_type), intent(inout) :: converter
@@ -150,14 +150,14 @@ contains
         type(root_type) :: root
         integer :: i, array
 
-        if (allocated(self%places)) call move_alloc(self%places, converter%places)
-        if (allocated(converter%places)) converter%n_places = size(converter%places)
+        if (allocated(self%positions)) call move_alloc(self%positions, converter%positions)
+        if (allocated(converter%positions)) converter%n_positions = size(converter%positions)
         allocate (names(0))
         call converter%parsed%root%get_keys(names)
         do i = 1, size(names)
             call converter%parsed%root%get(names(i)%key, found)
             root%name = names(i)%key
-            root%place = converter%place_of(found)
+            root%position = converter%position_of(found)
             array = findloc(self%arrays == names(i)%key, .true., dim=1)
             root%is_table = array > 0
             if (array > 0) then
@@ -176,15 +176,15 @@ contains
             if (allocated(error)) return
             self%roots = [self%roots, root]
         end do
-        if (.not. allocated(converter%places)) allocate (converter%places(0))
-        self%places = converter%places(:converter%n_places)
+        if (.not. allocated(converter%positions)) allocate (converter%positions(0))
+        self%positions = converter%positions(:converter%n_positions)
     end subroutine merge_source
 
-    !> Add tables that may come several times.
+    !> Add an array of tables.
     subroutine merge_array(self, converter, array, found, error)
         class(description_type), intent(inout) :: self
         type(converter_type), intent(inout) :: converter
-        !> Number of the name.
+        !> Index of the array.
         integer, intent(in) :: array
         class(toml_value), intent(inout) :: found
         type(error_type), allocatable, intent(out) :: error
@@ -197,7 +197,7 @@ contains
         is_good = .false.
         select type (found)
         type is (toml_array)
-            call drop_below(self, name)
+            call remove_below(self, name)
             self%counts(array) = len(found)
             is_good = .true.
             do i = 1, len(found)
@@ -214,18 +214,18 @@ contains
             if (is_good) call self%merge_numbered(converter, array, found, error)
         end select
         if (is_good) return
-        associate (source => converter%source, place => converter%place_of(found))
+        associate (source => converter%source, position => converter%position_of(found))
             if (source%is_setting) then
-                call set_input_error(error, source%describe('"'//name//'" is an array of tables', place%key, &
+                call set_input_error(error, source%describe('"'//name//'" is an array of tables', position%key, &
                     'write '//name//'=[{KEY = VALUE, ...}, ...]'))
             else
-                call set_input_error(error, source%describe('"'//name//'" is an array of tables', place%key, &
+                call set_input_error(error, source%describe('"'//name//'" is an array of tables', position%key, &
                     'write [['//name//']] on a line of its own'))
             end if
         end associate
     end subroutine merge_array
 
-    !> Add the keys of one of several tables. One without keys has an entry by itself.
+    !> Add the keys of an element of an array of tables. The element also has an entry of its own, in case it has no keys.
     subroutine add_element(self, converter, path, table)
         class(description_type), intent(inout) :: self
         type(converter_type), intent(inout) :: converter
@@ -237,7 +237,7 @@ contains
         call converter%add_keys(path, table, self%entries)
     end subroutine add_element
 
-    !> Add tables by their numbers: existing ones, or the next one.
+    !> Set keys of elements selected by their numbers; the number after the last one adds an element.
     subroutine merge_numbered(self, converter, array, table, error)
         class(description_type), intent(inout) :: self
         type(converter_type), intent(inout) :: converter
@@ -247,12 +247,12 @@ contains
         type(toml_key), allocatable :: names(:)
         class(toml_value), pointer :: found
         character(len=:), allocatable :: name, path
-        type(place_type) :: place
+        type(position_type) :: position
         type(atom_type) :: no_atoms(0)
         integer :: i, j
 
         name = trim(self%arrays(array))
-        place = converter%place_of(table)
+        position = converter%position_of(table)
         allocate (names(0))
         call table%get_keys(names)
         associate (n => self%counts(array))
@@ -273,21 +273,21 @@ contains
                 end if
                 n = max(n, j)
                 call set_input_error(error, converter%source%describe('"'//name//'" is an array of tables; '// &
-                    'there are '//to_toml(n), place%key, 'write '//name//'.NUMBER.key=value, with a number from 1 to '// &
+                    'there are '//to_toml(n), position%key, 'write '//name//'.NUMBER.key=value, with a number from 1 to '// &
                     to_toml(n + 1)//', or '//name//'=[{...}, ...] for all of them'))
                 return
             end do
         end associate
     end subroutine merge_numbered
 
-    !> Remove all entries below a name, and the name itself.
-    subroutine drop_below(self, name)
+    !> Remove an entry and all entries below it.
+    subroutine remove_below(self, name)
         class(description_type), intent(inout) :: self
         character(len=*), intent(in) :: name
         integer :: i
 
         call self%entries%keep([(index(self%entries%list(i)%key//'.', name//'.') /= 1, i=1, self%entries%n)])
-    end subroutine drop_below
+    end subroutine remove_below
 
     !> Refuse entries of the top level that are not known tables.
     subroutine check_tables(self, error)
@@ -297,38 +297,38 @@ contains
         integer :: i, span(2)
 
         do i = 1, size(self%roots)
-            associate (root => self%roots(i), source => self%sources(self%roots(i)%place%source))
+            associate (root => self%roots(i), source => self%sources(self%roots(i)%position%source))
                 if (any(self%arrays == root%name)) cycle
                 if (any(self%deep == root%name) .or. any(self%tables == root%name)) then
                     if (root%is_table) cycle
                     remark = 'write ['//root%name//'] on a line of its own'
-                    span = root%place%key
+                    span = root%position%key
                     if (any(self%deep == root%name)) then
                         remark = 'write ['//root%name//'] or ['//root%name//'.NAME] on a line of its own'
-                        span = root%place%value
+                        span = root%position%value
                     end if
                     call set_input_error(error, source%describe('"'//root%name//'" is a table', span, remark))
                 else
                     near = nearest_name(root%name, [self%tables, self%arrays, self%deep])
                     if (near /= '') near = 'did you mean "'//near//'"?'
-                    call set_input_error(error, source%describe('unknown table or key "'//root%name//'"', root%place%key, near)// &
-                        new_line('a')//self%tables_there())
+                    call set_input_error(error, source%describe('unknown table or key "'//root%name//'"', root%position%key, &
+                        near)//new_line('a')//self%known_tables())
                 end if
                 return
             end associate
         end do
     end subroutine check_tables
 
-    !> The tables that there are, in words.
-    function tables_there(self) result(text)
+    !> Sentence that lists the known tables.
+    function known_tables(self) result(text)
         class(description_type), intent(in) :: self
         character(len=:), allocatable :: text
 
         text = 'tables of a scene: '//listed([self%tables, self%arrays])//'; of a mechanism: '//listed(self%deep)
         if (self%owner /= '') text = 'the tables of a '//self%owner//': '//listed([self%tables, self%arrays])
-    end function tables_there
+    end function known_tables
 
-    !> Refuse tables that another model would have.
+    !> Refuse tables that only other models have.
     subroutine refuse_tables(self, error)
         class(description_type), intent(in) :: self
         type(error_type), allocatable, intent(inout) :: error
@@ -337,27 +337,27 @@ contains
         do i = 1, size(self%roots)
             associate (root => self%roots(i))
                 if (.not. any(self%deep == root%name)) cycle
-                call set_input_error(error, self%sources(root%place%source)%describe('unknown table or key "'//root%name//'"', &
-                    root%place%key, 'it belongs to mechanisms: [scene] model = "mechanism"')//new_line('a')// &
+                call set_input_error(error, self%sources(root%position%source)%describe('unknown table or key "'//root%name//'"', &
+                    root%position%key, 'it belongs to mechanisms: [scene] model = "mechanism"')//new_line('a')// &
                     'tables of a scene: '//listed([self%tables, self%arrays]))
                 return
             end associate
         end do
     end subroutine refuse_tables
 
-    !> Number of the settings that give values.
+    !> Number of settings that set values.
     pure integer function n_settings(self)
         class(description_type), intent(in) :: self
 
         n_settings = ubound(self%sources, 1)
     end function n_settings
 
-    !> Change the value of a setting, and its text accordingly.
+    !> Change the value of a setting and its text.
     subroutine change(self, setting, element, atom)
         class(description_type), intent(inout) :: self
-        !> Its number among the settings, and the number of an element if the value is a list; 0 for the value itself.
+        !> Index of the setting; index of an element if the value is a list, 0 for the whole value.
         integer, intent(in) :: setting, element
-        !> A whole number becomes an integer.
+        !> New value; a whole number becomes an integer.
         type(atom_type), intent(in) :: atom
         type(atom_type) :: new
         character(len=:), allocatable :: text
@@ -375,10 +375,10 @@ contains
             if (new%kind == is_number) new%is_whole = is_whole(new%number)
             entry%value%atoms(max(1, element)) = new
             entry%given = entry%value
-            ! Numbers keep the form that the setting has.
+            ! A whole number is written without a decimal point if the setting had none.
             has_whole = verify(text(index(text, '=') + 1:), '+-0123456789 '//new_line('a')) == 0
             text = text(:index(text, '='))//value_to_toml(entry%value, has_whole .and. new%is_whole)
-            self%places(entry%place)%value = [index(text, '=') + 1, len(text)]
+            self%positions(entry%place)%value = [index(text, '=') + 1, len(text)]
         end associate
         self%sources(setting)%text = text//new_line('a')
     end subroutine change
@@ -391,7 +391,7 @@ contains
         is_whole = abs(number) <= 2.0_wp**53 .and. .not. abs(number - anint(number)) > 0.0_wp
     end function is_whole
 
-    !> The error of a reader, shown with its line.
+    !> Convert the error of a reader to a message that shows the line.
     subroutine explain(self, reader, error)
         class(description_type), intent(in) :: self
         type(reader_type), intent(inout) :: reader
@@ -404,11 +404,11 @@ contains
         end if
         associate (fault => reader%fault)
             if (reader%place > 0) then
-                associate (place => self%places(reader%place))
+                associate (position => self%positions(reader%place))
                     if (fault%is_at_key) then
-                        text = self%sources(place%source)%describe(fault%message, place%key, fault%remark)
+                        text = self%sources(position%source)%describe(fault%message, position%key, fault%remark)
                     else
-                        text = self%sources(place%source)%describe(fault%message, place%value, fault%remark)
+                        text = self%sources(position%source)%describe(fault%message, position%value, fault%remark)
                     end if
                 end associate
                 if (fault%tail /= '') text = text//new_line('a')//fault%tail

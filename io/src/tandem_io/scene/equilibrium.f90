@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Reads the request of [initial] for an equilibrium or a steady motion, and moves the start there.
+!> Reads the keys of [initial] that request an equilibrium or a steady motion, and moves the start there.
 module tandem_io_scene_equilibrium
     use tandem, only: affine_motion_type, any_motion, assemble, assembly_type, error_type, find_steady_from_words, &
         list_motions, model_type, motion_name_length, reader_type, equilibrium_search_type, wp
@@ -10,23 +10,23 @@ module tandem_io_scene_equilibrium
 
 contains
 
-    !> The keys of the table that is open.
-    subroutine read_equilibrium(reader, model, rests, steady)
+    !> Read the keys from the open table.
+    subroutine read_equilibrium(reader, model, is_equilibrium, steady)
         class(reader_type), intent(inout) :: reader
         !> The model, defined.
         class(model_type), intent(inout) :: model
-        !> True if the start is to be an equilibrium; motions of a steady motion, NAME or NAME=RATE, none for no steady motion.
-        logical, intent(out) :: rests
+        !> True if the start is to be an equilibrium; motions of a steady motion, NAME or NAME=RATE, empty if it is not requested.
+        logical, intent(out) :: is_equilibrium
         character(len=motion_name_length), allocatable, intent(out) :: steady(:)
         type(affine_motion_type), allocatable :: motions(:)
         character(len=motion_name_length), allocatable :: choices(:)
         integer :: i, last
 
-        rests = .false.
+        is_equilibrium = .false.
         allocate (steady(0))
         if (reader%failed()) return
-        call reader%get('equilibrium', rests, 'true: start at rest in the nearest equilibrium')
-        ! With thousands of bodies, the list takes longer than everything else.
+        call reader%get('equilibrium', is_equilibrium, 'true: start at rest in the nearest equilibrium')
+        ! The list of motions takes longer than everything else for thousands of bodies.
         allocate (motions(0))
         if (reader%gives('steady')) call list_motions(model, motions)
         choices = [character(len=motion_name_length) :: any_motion, motions%name]
@@ -44,13 +44,13 @@ contains
             if (all(motions%name /= steady(i)(:last - 1))) call reader%refuse('steady', 'has "'//trim(steady(i))// &
                 '": only the rate of a single motion can be prescribed')
         end do
-        if (rests .and. size(steady) > 0) call reader%refuse('steady', 'cannot be combined with equilibrium = true')
+        if (is_equilibrium .and. size(steady) > 0) call reader%refuse('steady', 'cannot be combined with equilibrium = true')
     end subroutine read_equilibrium
 
-    !> Move the start to its equilibrium, after its assembly if one is requested.
-    subroutine move_to_equilibrium(model, rests, steady, t, q, qd, search, error, assembly)
+    !> Move the start to an equilibrium or a steady motion, after assembling it if requested.
+    subroutine move_to_equilibrium(model, is_equilibrium, steady, t, q, qd, search, error, assembly)
         class(model_type), intent(inout), target :: model
-        logical, intent(in) :: rests
+        logical, intent(in) :: is_equilibrium
         character(len=*), intent(in) :: steady(:)
         real(wp), intent(in) :: t
         real(wp), intent(inout) :: q(:), qd(:)
@@ -65,7 +65,7 @@ contains
             call assemble(model, request, t, q, qd, error)
             if (allocated(error)) return
         end if
-        if (rests) then
+        if (is_equilibrium) then
             call search%find_equilibrium(model, t, q, error)
         else
             call find_steady_from_words(search, model, t, q, qd, steady, error)

@@ -8,17 +8,17 @@ module tandem_io_scene_events
 
     public :: read_events
 
-    !> Length of /GROUP/NAME/WHAT.
+    !> Largest length of a path /GROUP/NAME/WHAT.
     integer, parameter :: path_length = label_length + 40
     character(len=7), parameter :: directions(-1:1) = [character(len=7) :: 'falling', 'both', 'rising']
     character(len=6), parameter :: actions(2) = [character(len=6) :: 'record', 'stop']
 
 contains
 
-    !> The events of a scene.
+    !> Read the events of a scene.
     subroutine read_events(reader, model, events)
         class(reader_type), intent(inout) :: reader
-        !> The model, whose coordinates and constraint rows can be watched.
+        !> Model whose coordinates, constraint rows and quantities can be watched.
         class(model_type), intent(inout) :: model
         type(threshold_event_type), allocatable, intent(out) :: events(:)
         character(len=:), allocatable :: name, watch, change
@@ -61,7 +61,7 @@ contains
         end do
     end subroutine read_events
 
-    !> Find the measured quantity that a text names by its path in files, with .x, .y or .z appended for a vector.
+    !> Find the measured quantity with a path, /GROUP/NAME/WHAT. For a vector, .x, .y or .z is appended to the path.
     subroutine find_measured(reader, model, watch, event)
         class(reader_type), intent(inout) :: reader
         class(model_type), intent(in) :: model
@@ -109,7 +109,7 @@ contains
         call reader%refuse('watch', path)
     end subroutine find_measured
 
-    !> Read the changes made by an event: words known to the model, separated by semicolons.
+    !> Read the changes made by an event: texts that the model interprets, separated by semicolons.
     subroutine read_changes(reader, model, change, event)
         class(reader_type), intent(inout) :: reader
         class(model_type), intent(inout) :: model
@@ -140,7 +140,7 @@ contains
         end do
     end subroutine read_changes
 
-    !> Find the quantity that a text names.
+    !> Find the coordinate, velocity or multiplier with a name.
     subroutine find_quantity(reader, model, watch, event)
         class(reader_type), intent(inout) :: reader
         class(model_type), intent(in) :: model

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/* The names in a folder. Fortran cannot list a folder, and the layout of C's struct dirent differs between systems. */
+/* Lists a folder, in C because the layout of struct dirent differs between systems. */
 #include <dirent.h>
 #include <string.h>
 
-/* Writes the names, each with a newline after it, into `names` of `size` bytes. Returns how many bytes were written:
-   0 where the folder cannot be read. Names that find no room are left out. */
+/* Write the names in a folder, each followed by a newline, into `names` of `size` bytes. Returns the number of bytes written, 0 if
+   the folder cannot be read. Names for which there is no space are omitted. */
 int tandem_list_folder(const char *path, char *names, int size)
 {
     int length = 0;

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Builds a mechanism from a scene: its tables are converted to the keys of `build_mechanism`.
+!> Builds a mechanism from a scene: the tables are converted to the keys of `build_mechanism`.
 module tandem_io_scene_mechanism
     use tandem, only: build_mechanism, entries_type, error_type, mechanism_kinds, mechanism_singles, mechanism_type, model_type, &
         reader_type, shown_type, wp
@@ -9,12 +9,12 @@ module tandem_io_scene_mechanism
 
     public :: build_mechanism_scene, mechanism_tables
 
-    !> The tables that a mechanism brings.
+    !> Tables of a mechanism.
     character(len=key_length), parameter :: mechanism_tables(12) = [character(len=key_length) :: mechanism_singles, mechanism_kinds]
 
 contains
 
-    !> The mechanism, and its start in the reference configuration. The table [scene] is open.
+    !> Build the mechanism and its start in the reference configuration. The table [scene] is open.
     subroutine build_mechanism_scene(reader, model, q, qd)
         class(reader_type), intent(inout) :: reader
         class(model_type), allocatable, intent(out) :: model
@@ -35,7 +35,7 @@ contains
         if (reader%failed()) return
         call reader%entries%of_tables(mechanism_tables, entries)
         allocate (mechanism)
-        ! Values from tables that are read later.
+        ! Shown values from tables that are read later.
         times = [reader%entries%number_at('time.start'), reader%entries%number_at('time.end')]
         call build_mechanism(entries, planar, reader%entries%truth_at('initial.assemble'), times, mechanism, error, place, shown)
         if (allocated(error)) then

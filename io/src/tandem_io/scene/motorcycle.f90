@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Builds the motorcycle from a scene; the fork angle selects a standard motorcycle or a chopper.
+!> Builds the motorcycle from a scene; the angle of the fork selects a standard motorcycle or a chopper.
 module tandem_io_scene_motorcycle
     use tandem, only: model_type, motorcycle_type, not_negative, positive, reader_type, wp
     implicit none (type, external)
@@ -7,12 +7,12 @@ module tandem_io_scene_motorcycle
 
     public :: build_motorcycle
 
-    !> Least nonzero steering frequency, rad/s: the period of a smaller one would overflow.
+    !> Smallest nonzero steering frequency, rad/s; the period of a smaller frequency would overflow.
     real(wp), parameter :: slowest = 1.0e-300_wp
 
 contains
 
-    !> The model with its parameters, and its start.
+    !> Build the model with its parameters, and its start.
     subroutine build_motorcycle(reader, model, q, qd)
         class(reader_type), intent(inout) :: reader
         class(model_type), allocatable, intent(out) :: model

@@ -13,9 +13,8 @@ module tandem_io_scene_registry
     public :: scene_model_type, shipped_models
 
     abstract interface
-        !> Read [model] and what the model has in [initial]; the latter table stays open. Before, [scene] is open for keys that the
-        !> model
-        !> has there. Errors stay in the reader.
+        !> Read [model] and the model's own keys of [initial]; the latter table stays open for the caller. On entry, [scene] is open
+        !> for additional keys of the model. Errors are stored in the reader.
         subroutine build_interface(reader, model, q, qd)
             import :: reader_type, model_type, wp
             implicit none (type, external)
@@ -27,17 +26,17 @@ module tandem_io_scene_registry
         end subroutine build_interface
     end interface
 
-    !> The name of a model in scenes, and the procedure that builds it: `scene_model_type('pendulum', build_pendulum)`.
+    !> Name of a model in scenes, and the procedure that builds it: `scene_model_type('pendulum', build_pendulum)`.
     type :: scene_model_type
         character(len=key_length) :: name
         procedure(build_interface), pointer, nopass :: build
-        !> Tables of the model besides those of every scene.
+        !> Tables of the model in addition to those of every scene.
         character(len=key_length), allocatable :: tables(:)
     end type scene_model_type
 
 contains
 
-    !> The models of this package. A new one is a file beside this one and a line here.
+    !> Models of this package. A new model needs a file beside this one and a line in this list.
     function shipped_models() result(models)
         type(scene_model_type) :: models(4)
 

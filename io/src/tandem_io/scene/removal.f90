@@ -34,8 +34,8 @@ contains
         call self%entries%keep(is_kept)
         array = findloc(self%arrays == parts(1)%key, .true., dim=1)
         if (array > 0 .and. size(parts) == 1) self%counts(array) = 0
-        if (array > 0 .and. size(parts) == 2) call close_gap(self, array, parts(2)%key)
-        ! A table without keys is no longer given.
+        if (array > 0 .and. size(parts) == 2) call renumber_after(self, array, parts(2)%key)
+        ! Remove the table itself if no keys are left in it.
         if (any([(index(self%entries%list(i)%key, parts(1)%key//'.') == 1, i=1, self%entries%n)])) return
         self%roots = pack(self%roots, names_of(self%roots) /= parts(1)%key)
     end procedure remove
@@ -54,7 +54,7 @@ contains
     !> Split a key at its dots.
     subroutine split(key, parts, error)
         character(len=*), intent(in) :: key
-        !> Empty before.
+        !> Empty on entry.
         type(toml_key), allocatable, intent(inout) :: parts(:)
         type(error_type), allocatable, intent(out) :: error
         type(source_type) :: source
@@ -83,7 +83,7 @@ contains
         end do
     end subroutine split
 
-    !> Name that may have been meant by the first part of a key that is not given; empty if none is near.
+    !> Name that is similar to the first unknown part of a key; empty if there is none.
     function nearest_part(self, parts) result(near)
         class(description_type), intent(in) :: self
         type(toml_key), intent(in) :: parts(:)
@@ -111,18 +111,18 @@ contains
         end do
     end function nearest_part
 
-    !> The tables behind one that is gone count one less.
-    subroutine close_gap(self, array, gone)
+    !> Renumber the tables that follow a removed one.
+    subroutine renumber_after(self, array, removed)
         class(description_type), intent(inout) :: self
         integer, intent(in) :: array
-        !> Number of the table.
-        character(len=*), intent(in) :: gone
+        !> Number of the removed table.
+        character(len=*), intent(in) :: removed
         type(entries_type) :: entries
         type(entry_type) :: entry
         character(len=:), allocatable :: head
         integer :: i, number, first
 
-        read (gone, *) first
+        read (removed, *) first
         do i = 1, self%entries%n
             entry = self%entries%list(i)
             do number = first + 1, self%counts(array)
@@ -135,5 +135,5 @@ contains
         end do
         self%entries = entries
         self%counts(array) = self%counts(array) - 1
-    end subroutine close_gap
+    end subroutine renumber_after
 end submodule tandem_io_scene_removal

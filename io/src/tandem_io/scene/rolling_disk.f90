@@ -9,7 +9,7 @@ module tandem_io_scene_rolling_disk
 
 contains
 
-    !> The model with its parameters, and its start.
+    !> Build the model with its parameters, and its start.
     subroutine build_rolling_disk(reader, model, q, qd)
         class(reader_type), intent(inout) :: reader
         class(model_type), allocatable, intent(out) :: model

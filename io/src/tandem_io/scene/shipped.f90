@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> Paths of scenes. A scene is given by its path, or by the name of a file NAME.toml in one of these folders, searched in this
-!> order: the folder given by the environment variable TANDEM_SCENES; `scenes` in the current folder; `share/tandem/scenes` beside
-!> the folder of the program, where `make install` puts them; `scenes` beside the program or up to four folders above it, which is
-!> the checkout that the program was built in.
+!> Paths of scenes. A scene is specified by its path or by the name NAME of a file NAME.toml. The file is searched in these folders:
+!> - the folder given by the environment variable TANDEM_SCENES;
+!> - `scenes` in the current folder;
+!> - `share/tandem/scenes` beside the folder of the program, where `make install` puts scenes;
+!> - `scenes` beside the program, or in one of the four folders above it, for programs built in a checkout.
 module tandem_io_scene_shipped
     use tandem, only: error_type
     use tandem_io_scene_source, only: set_input_error
@@ -13,17 +14,17 @@ module tandem_io_scene_shipped
 
     public :: find_scene, path_length, program_path, shipped_scenes
 
-    !> How many folders above the program are looked at.
+    !> Number of folders above the program that are searched.
     integer, parameter :: levels = 4
-    !> Most scenes in a list.
+    !> Largest number of scenes in a list.
     integer, parameter :: most = 256
-    !> Longest path.
+    !> Largest length of a path.
     integer, parameter :: path_length = 4096
-    !> How the name of a scene file ends.
+    !> File name extension of scenes.
     character(len=*), parameter :: ending = '.toml'
 
     interface
-        !> The names in a folder, a newline after each; the number of bytes written.
+        !> Write the names in a folder, each followed by a newline. Returns the number of bytes written.
         function list_folder(path, names, size) result(length) bind(c, name='tandem_list_folder')
             import :: c_char, c_int
             implicit none (type, external)
@@ -33,7 +34,7 @@ module tandem_io_scene_shipped
             integer(c_int) :: length
         end function list_folder
 
-        !> Target of a symbolic link, without a null at its end; its length, or -1.
+        !> Target of a symbolic link, without a terminating null. Returns its length; -1 after a failure.
         function read_link(path, target_, size) result(length) bind(c, name='readlink')
             import :: c_char, c_size_t, c_intptr_t
             implicit none (type, external)
@@ -46,9 +47,9 @@ module tandem_io_scene_shipped
 
 contains
 
-    !> The path of a scene. A name that contains a slash or ends in .toml is a path already.
+    !> Find the path of a scene. A name that contains a slash or ends in .toml is a path.
     subroutine find_scene(name, path, error)
-        !> A path, or the name of a scene.
+        !> Path or name of a scene.
         character(len=*), intent(in) :: name
         character(len=:), allocatable, intent(out) :: path
         type(error_type), allocatable, intent(out) :: error
@@ -83,7 +84,7 @@ contains
         call set_input_error(error, message)
     end subroutine find_scene
 
-    !> The paths of all scenes that have a name, sorted by it.
+    !> Paths of all scenes in the searched folders, sorted by name.
     function shipped_scenes() result(paths)
         character(len=path_length), allocatable :: paths(:), folders(:), found(:)
         character(len=path_length) :: swap
@@ -106,7 +107,7 @@ contains
         allocate (paths, source=found(:n))
     end function shipped_scenes
 
-    !> Add the scenes of a folder whose names are not taken.
+    !> Add the scenes of a folder, except those with the name of a scene already found.
     subroutine add_scenes(folder, found, n)
         character(len=*), intent(in) :: folder
         character(len=path_length), intent(inout) :: found(:)
@@ -135,7 +136,7 @@ contains
         end do
     end subroutine add_scenes
 
-    !> The name of a scene file: no folder, no ending.
+    !> Name of a scene file, without folder and extension.
     pure function name_of(path) result(name)
         character(len=*), intent(in) :: path
         character(len=:), allocatable :: name
@@ -146,7 +147,7 @@ contains
         if (last > 0) name = name(:last)
     end function name_of
 
-    !> The folders to look in, in their order.
+    !> Searched folders, in order.
     function scene_folders() result(folders)
         character(len=path_length), allocatable :: folders(:)
         character(len=:), allocatable :: program_
@@ -177,7 +178,7 @@ contains
         end subroutine add
     end function scene_folders
 
-    !> The real path of this program, or how it was called.
+    !> Absolute path of this program, or the path by which it was called if the system does not provide the former.
     function program_path() result(path)
         character(len=:), allocatable :: path
         character(kind=c_char) :: letters(path_length)

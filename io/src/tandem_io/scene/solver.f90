@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Reads the table [solver]: the keys are the options, whose table defines the valid values; here the line of the file is added
-!> to its messages.
+!> Reads the table [solver]. Its keys are the solver options, whose table defines the valid values. Messages show the line of the
+!> file.
 module tandem_io_scene_solver
     use tandem, only: complete_options, conflict_type, default_rtol, default_step, error_type, find_conflict, &
         option_row_type, option_visitor_type, options_type, reader_type, steppers_without_estimate, wp
@@ -14,7 +14,8 @@ module tandem_io_scene_solver
         class(reader_type), pointer :: reader => null()
         !> Number of coordinates.
         integer :: n = 0
-        !> The method of the scene, and which of these it gives: defaults follow from them.
+        !> Stepper of the scene; true if the scene gives a step; true if it gives a tolerance. The defaults of other options depend
+        !> on these.
         character(len=16) :: stepper = ''
         logical :: gives_step = .false., gives_tolerance = .false.
     contains
@@ -23,13 +24,13 @@ module tandem_io_scene_solver
 
 contains
 
-    !> The options of a run, with the defaults of those that are not given. A step on the command line replaces the
-    !> tolerances of the file, and a tolerance its step.
+    !> Read the options of a run; options that are not given have their defaults. A step on the command line overrides tolerances of
+    !> the file, and tolerances on the command line override its step.
     subroutine read_solver(reader, n, options)
         class(reader_type), intent(inout), target :: reader
         !> Number of coordinates.
         integer, intent(in) :: n
-        !> The defaults before, the options after.
+        !> Defaults on entry, options on return.
         type(options_type), intent(inout) :: options
         character(len=*), parameter :: of_control(6) = [character(len=10) :: 'rtol', 'rtol_qd', 'atol', 'atol_qd', 'first_step', &
             'max_step']
@@ -57,7 +58,7 @@ contains
         if (.not. reader%failed()) call complete_options(options, error)
     end subroutine read_solver
 
-    !> The key of an option: lists per coordinate have the key of the number that they replace.
+    !> Key of an option. A list per coordinate has the same key as the number that it replaces.
     pure function key_of(name) result(key)
         character(len=*), intent(in) :: name
         character(len=:), allocatable :: key
@@ -74,7 +75,7 @@ contains
         end select
     end function key_of
 
-    !> Read an option under its key, and refuse an invalid number.
+    !> Read an option, and refuse an invalid value.
     subroutine read_option(self, row, number, whole, word, list, choices)
         class(option_reader_type), intent(inout) :: self
         type(option_row_type), intent(in) :: row

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A source of keys: a scene file, or one `--set table.key=value` of the command line. It is parsed once; its text is stored, so
-!> that an error can show the line.
+!> A source of keys: a file, or one `--set table.key=value` of the command line. A source is parsed once; its text is stored, so
+!> that error messages can show the line.
 module tandem_io_scene_source
     use tandem, only: error_type, mechanism_kinds, mechanism_singles
     use tandem_status, only: status_invalid_option
@@ -18,27 +18,28 @@ module tandem_io_scene_source
 
     public :: parsed_type, source_type, check_limits, check_text, read_text, set_input_error
 
-    !> Largest scene file, in bytes: some thousand bodies, each written out with every default.
+    !> Largest size of a file, in bytes; sufficient for some thousand bodies with all defaults.
     integer, parameter :: largest = 4194304
-    !> Most lines, and bytes and dots of a line: messages show whole lines, and the parser descends one level at each dot. The lexer
-    !> bounds other constructs for which the parser's work grows faster than the text.
+    !> Largest number of lines, and of bytes and dots per line. The limits exist because messages show complete lines, and because
+    !> the parser is recursive in dots. The lexer limits other constructs for which the work of the parser grows faster than the
+    !> text.
     integer, parameter :: most_lines = 100000, most_bytes = 32768, most_dots = 1000
 
-    !> Mark that some editors put before UTF-8.
+    !> Byte order mark, which some editors write before UTF-8.
     character(len=*), parameter :: byte_order_mark = char(239)//char(187)//char(191)
 
     type :: source_type
-        !> How messages call the source, and its text.
+        !> Name of the source in messages, and its text.
         character(len=:), allocatable :: name, text
         !> True for an argument of `--set`.
         logical :: is_setting = .false.
-        !> Kind of the file, in messages.
+        !> Kind of the file in messages.
         character(len=8) :: kind = 'scene'
     contains
         procedure :: load_file, load_text, load_argument, describe
     end type source_type
 
-    !> The parsed text of a source, and the places of its parts.
+    !> Parsed text of a source, and the positions of its parts.
     type :: parsed_type
         type(toml_table), allocatable :: root
         type(toml_context) :: context
@@ -62,10 +63,10 @@ contains
         call parse_text(text, path, self, parsed, error)
     end subroutine load_file
 
-    !> Parse a scene that is at hand.
+    !> Parse a text.
     subroutine load_text(self, name, text, parsed, error)
         class(source_type), intent(inout) :: self
-        !> How messages call it, and the text.
+        !> Name of the text in messages, and the text.
         character(len=*), intent(in) :: name, text
         type(parsed_type), intent(inout) :: parsed
         type(error_type), allocatable, intent(out) :: error
@@ -74,9 +75,8 @@ contains
         if (.not. allocated(error)) call parse_text(text, name, self, parsed, error)
     end subroutine load_text
 
-    !> Take `table.key=value`; of tables that may come several times `table.number.key=value`, or all as `table=[...]`; of
-    !> mechanisms
-    !> `body.name.key=value`. The value is TOML; a bare word that is not TOML is taken as text.
+    !> Parse a setting: `table.key=value`; for arrays of tables `table.number.key=value`, or all tables as `table=[...]`; for
+    !> mechanisms `body.name.key=value`. The value is TOML; a bare word that is not TOML is a text.
     subroutine load_argument(self, argument, parsed, error)
         class(source_type), intent(inout) :: self
         !> Argument of `--set`.
@@ -111,12 +111,12 @@ contains
         call parse_text(argument(:equals)//to_toml(value), '--set', self, parsed, second)
         if (.not. allocated(second)) deallocate (error)
     contains
-        !> True if the setting names the key of a table, or all tables of a name.
+        !> True if the left-hand side of the setting is the key of a table or the name of an array of tables.
         pure logical function is_path()
             is_path = equals > second_dot + 1
             if (.not. is_path) return
             if (dot > 0) then
-                ! The parser will say what is wrong with the rest.
+                ! Invalid text in the rest is reported by the parser.
                 if (any(argument(:dot - 1) == mechanism_kinds) .or. any(argument(:dot - 1) == mechanism_singles)) return
             end if
             if (dot == 0) then
@@ -129,14 +129,15 @@ contains
         end function is_path
     end subroutine load_argument
 
-    !> A message about a place of the source: the file, the line number, the line, a marker under the place, a remark beside it.
+    !> Message about a position in the source. It shows the file, the line number, the line, a marker below the position, and a
+    !> remark beside the marker.
     function describe(self, message, span, remark) result(text)
         class(source_type), intent(in) :: self
-        !> Description of the fault.
+        !> Description of the error.
         character(len=*), intent(in) :: message
-        !> First and last character of the place; 0 for none.
+        !> First and last character of the position; 0 if there is none.
         integer, intent(in) :: span(2)
-        !> A few words for the marker.
+        !> Short remark for the marker.
         character(len=*), intent(in) :: remark
         character(len=:), allocatable :: text
 
@@ -148,7 +149,7 @@ contains
         end if
     end function describe
 
-    !> Position of a list or an inline table whose key is at a position; position of the key if no such value follows.
+    !> Position of the list or inline table that is the value of a key; position of the key if its value is neither.
     pure integer function value_of(self, origin)
         class(parsed_type), intent(in) :: self
         integer, intent(in) :: origin
@@ -168,7 +169,8 @@ contains
         end do
     end function value_of
 
-    !> The last part of what begins at a place: of a list or an inline table the bracket that closes it, if that is on its line.
+    !> Last token of the value that begins at a position. For a list or an inline table, this is the closing bracket if it is on the
+    !> same line.
     pure integer function end_of(self, origin)
         class(parsed_type), intent(in) :: self
         integer, intent(in) :: origin
@@ -187,10 +189,11 @@ contains
         if (depth <= 0) end_of = min(i, self%context%top)
     end function end_of
 
-    !> An error of the input.
+    !> Set an input error.
     subroutine set_input_error(error, message)
         type(error_type), allocatable, intent(out) :: error
-        !> The whole message. Control characters, which a key in quotes may hold, do not reach the terminal.
+        !> Complete message. Control characters, which quoted keys may contain, are replaced because the message is written to a
+        !> terminal.
         character(len=*), intent(in) :: message
         integer :: i
 
@@ -207,9 +210,10 @@ contains
         end do
     end subroutine set_input_error
 
-    !> The whole file as text. A pipe of the shell will do (/dev/stdin, /dev/fd/63), so the size is not used.
+    !> Read a complete file as text. Pipes of the shell (/dev/stdin, /dev/fd/63) are allowed, so that the size is not known in
+    !> advance.
     subroutine read_text(path, kind, text, error)
-        !> The path, and what the file is.
+        !> Path and kind of the file.
         character(len=*), intent(in) :: path, kind
         character(len=:), allocatable, intent(out) :: text
         type(error_type), allocatable, intent(out) :: error
@@ -217,7 +221,7 @@ contains
         character :: letter
         integer :: unit, stat, length
 
-        ! Other pipes may wait for a writer for ever.
+        ! Opening any other pipe may block.
         if (is_pipe(path) .and. index(path, '/dev/') /= 1 .and. index(path, '/proc/') /= 1) then
             call set_input_error(error, 'cannot read the '//kind//' '//path//': it is a pipe; give a file, or have the shell '// &
                 'connect the pipe to /dev/stdin')
@@ -243,19 +247,19 @@ contains
             call set_input_error(error, 'cannot read the '//kind//' '//path//': '//trim(message))
         else
             text = text(:length)
-            ! Some editors begin UTF-8 with a byte order mark, which has no meaning in UTF-8.
+            ! The byte order mark has no meaning in UTF-8.
             if (index(text, byte_order_mark) == 1) text = text(len(byte_order_mark) + 1:)
             call check_text(path, text, error, kind)
         end if
     end subroutine read_text
 
-    !> Refuse invalid texts, so that the parser only reads UTF-8 of bounded length, depth and number of parts.
+    !> Refuse invalid texts before they are parsed. Accepted texts are UTF-8 of bounded length, depth and number of parts.
     subroutine check_text(path, text, error, kind)
-        !> How messages name the text.
+        !> Name of the text in messages.
         character(len=*), intent(in) :: path
         character(len=*), intent(in) :: text
         type(error_type), allocatable, intent(out) :: error
-        !> Kind of the file, in messages; a scene if absent.
+        !> Kind of the file in messages; a scene if absent.
         character(len=*), intent(in), optional :: kind
         character(len=:), allocatable :: problem, what
         integer :: i, code, line, bytes, dots, broken
@@ -289,7 +293,7 @@ contains
                 dots = dots + 1
                 if (dots > most_dots) problem = 'has more than '//to_toml(most_dots)//' dots'
             case (iachar('\'))
-                ! Two cases in which the parser would read beyond the text.
+                ! In these two cases the parser would read beyond the end of the text.
                 if (text(i:min(i + 1, len(text))) == '\x') then
                     problem = 'contains "\x", which is not part of TOML 1.0; write "\u00"'
                 else if (ends_text(text(i + 1:))) then
@@ -304,7 +308,7 @@ contains
         end do
     end subroutine check_text
 
-    !> True if only blanks and ends of lines precede three quotes; a quote without blanks before it belongs to a text.
+    !> True if only white space, at least one character, precedes three quotation marks.
     pure logical function ends_text(text)
         character(len=*), intent(in) :: text
         integer :: first
@@ -314,7 +318,7 @@ contains
         if (ends_text) ends_text = text(first:min(first + 2, len(text))) == '"""'
     end function ends_text
 
-    !> Position of the first byte that is not UTF-8; 0 if there is none.
+    !> Position of the first byte that is not valid UTF-8; 0 if there is none.
     pure integer function first_broken(text)
         character(len=*), intent(in) :: text
         integer :: i, code, more, least, most
@@ -332,7 +336,7 @@ contains
                 most = 191
                 cycle
             end if
-            ! The second byte rules out what a shorter form has, surrogates, and what lies above U+10FFFF.
+            ! The range of the second byte excludes overlong forms, surrogates, and code points above U+10FFFF.
             select case (code)
             case (0:127)
                 cycle
@@ -353,19 +357,20 @@ contains
         if (i <= len(text) .or. more > 0) first_broken = min(i, len(text))
     end function first_broken
 
-    !> Parse a text; its errors show the line.
+    !> Parse a text. Error messages show the line.
     subroutine parse_text(text, name, source, parsed, error)
         character(len=*), intent(in) :: text
-        !> How messages name the text.
+        !> Name of the text in messages.
         character(len=*), intent(in) :: name
         class(source_type), intent(inout) :: source
         type(parsed_type), intent(inout) :: parsed
         type(error_type), allocatable, intent(out) :: error
         type(scene_lexer_type) :: lexer
         type(toml_error), allocatable :: parse_error
-        type(toml_context) :: place
+        type(toml_context) :: excerpt
 
-        ! The report of an error looks for the end of the line, so there must be one; it would show the other half of Windows' ends.
+        ! toml-f searches for the end of the line in its error reports, so there must be one. Carriage returns would appear in the
+        ! reports.
         call new_lexer_from_string(lexer%toml_lexer, with_short_ends(text)//new_line('a'))
         lexer%filename = name
         call parse(lexer, parsed%root, toml_parser_config(color=.false., context_detail=1), parsed%context, parse_error)
@@ -373,26 +378,26 @@ contains
         source%text = lexer%chunk
         if (.not. allocated(parse_error)) return
         if (lexer%refused > 0) then
-            place%filename = name
-            place%source = lexer%chunk
-            call place%push_back(toml_token(first=lexer%refused, last=lexer%refused))
+            excerpt%filename = name
+            excerpt%source = lexer%chunk
+            call excerpt%push_back(toml_token(first=lexer%refused, last=lexer%refused))
             if (allocated(lexer%limit)) then
-                parse_error%message = place%report('the scene is too large', 1, lexer%limit)
-            else if (lexer%is_doubled) then
-                parse_error%message = place%report('duplicate table', 1, 'merge the keys of both')
+                parse_error%message = excerpt%report('the scene is too large', 1, lexer%limit)
+            else if (lexer%is_duplicate) then
+                parse_error%message = excerpt%report('duplicate table', 1, 'merge the keys of both')
             else if (lexer%is_below_value) then
-                parse_error%message = place%report('the name before the dot is a value, not a table', 1, &
+                parse_error%message = excerpt%report('the name before the dot is a value, not a table', 1, &
                     'it cannot contain tables')
             else
-                parse_error%message = place%report('a scene has no nested tables', 1, 'a heading consists of one name')
+                parse_error%message = excerpt%report('a scene has no nested tables', 1, 'a heading consists of one name')
             end if
         end if
         call set_input_error(error, without_level(parse_error%message))
     end subroutine parse_text
 
-    !> Refuse a text written here that exceeds the limits for reading.
+    !> Refuse a generated text that exceeds the limits for reading.
     subroutine check_limits(path, text, error)
-        !> How messages name the text.
+        !> Name of the text in messages, and the text.
         character(len=*), intent(in) :: path, text
         type(error_type), allocatable, intent(out) :: error
         type(scene_lexer_type) :: lexer
@@ -407,7 +412,7 @@ contains
         if (allocated(lexer%limit)) call set_input_error(error, path//' is not a valid scene: '//lexer%limit)
     end subroutine check_limits
 
-    !> The text with a newline for each end of a line as Windows has them.
+    !> Text in which each Windows line end is replaced by a newline.
     pure function with_short_ends(text) result(short)
         character(len=*), intent(in) :: text
         character(len=:), allocatable :: short
@@ -423,7 +428,7 @@ contains
         short = short(:length)
     end function with_short_ends
 
-    !> The report without the word "error: " at its head.
+    !> Report without the prefix "error: ".
     pure function without_level(report) result(text)
         character(len=*), intent(in) :: report
         character(len=:), allocatable :: text

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Values as TOML text that reads back to the same value, and small procedures for messages about keys.
+!> Values as TOML text that reads back to the same value, and procedures for messages about keys.
 module tandem_io_scene_text
     use tandem, only: wp
     use tandem_names, only: nearest_name
@@ -9,7 +9,7 @@ module tandem_io_scene_text
 
     public :: to_toml, listed, nearest_name
 
-    !> A value as TOML: real, integer, truth value, text, and arrays of reals and of texts.
+    !> Convert a value to TOML: real, integer, truth value, text, and arrays of reals and of texts.
     interface to_toml
         module procedure real_to_toml
         module procedure integer_to_toml
@@ -21,9 +21,9 @@ module tandem_io_scene_text
 
 contains
 
-    !> The shortest decimal that reads back to the same double: 0.001, 15.0, 1e-12.
+    !> Shortest decimal representation that reads back to the same number: 0.001, 15.0, 1e-12.
     pure function real_to_toml(value) result(text)
-        !> A finite number.
+        !> Must be finite.
         real(wp), intent(in) :: value
         character(len=:), allocatable :: text
         character(len=40) :: buffer
@@ -82,7 +82,7 @@ contains
         call toml_escape_string(value, text)
     end function string_to_toml
 
-    !> An array of numbers, on several lines if it is long.
+    !> Array of numbers, on several lines if it is long.
     pure function reals_to_toml(values) result(text)
         real(wp), intent(in) :: values(:)
         character(len=:), allocatable :: text
@@ -106,7 +106,7 @@ contains
         text = text//']'
     end function reals_to_toml
 
-    !> An array of quoted texts on one line; without trailing blanks.
+    !> Array of quoted texts on one line, without trailing blanks.
     function strings_to_toml(values) result(text)
         character(len=*), intent(in) :: values(:)
         character(len=:), allocatable :: text
@@ -120,9 +120,9 @@ contains
         text = text//']'
     end function strings_to_toml
 
-    !> Names joined by commas.
+    !> Names separated by commas.
     pure function listed(names) result(text)
-        !> At least none; blanks at their ends are dropped.
+        !> Names with trailing blanks, which are dropped; may be empty.
         character(len=*), intent(in) :: names(:)
         character(len=:), allocatable :: text
         integer :: i

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The articulated vehicle with a bushing instead of its joint: a spring and a damper hold the two chassis together.
+!> The articulated vehicle with a bushing instead of its joint: a spring and a damper connect the two chassis.
 module tandem_io_study_bushing
     use tandem, only: articulated_vehicle_type, label_length, model_type, need_force, need_gamma, need_jacobian, need_mass, &
         need_phi, terms_type, wp
@@ -11,7 +11,7 @@ module tandem_io_study_bushing
     type, extends(model_type) :: bushing_type
         !> Stiffness (N/m) and damping (N s/m) of the bushing.
         real(wp) :: stiffness = 1.0e6_wp, damping = 0.0_wp
-        !> The vehicle with its joint.
+        !> Vehicle with its joint.
         type(articulated_vehicle_type) :: vehicle
         type(terms_type), private :: terms
     contains
@@ -20,7 +20,7 @@ module tandem_io_study_bushing
 
 contains
 
-    !> Associate the procedures; the vehicle is defined before.
+    !> Set the procedures; the vehicle must be defined.
     subroutine define(self)
         class(bushing_type), intent(inout) :: self
 
@@ -37,7 +37,8 @@ contains
         call self%terms%allocate(6, 2, 3)
     end subroutine define
 
-    !> The vehicle's wheels and masses, and the force -k d - c dd on the front end of the gap d = Phi of its joint.
+    !> Evaluate the terms: wheels and masses of the vehicle, and the bushing's force -k d - c dd on the front end of the gap, where
+    !> the gap d is Phi of the joint.
     subroutine evaluate(self, need, t, q, qd, terms, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need

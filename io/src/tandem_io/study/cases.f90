@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The stiff and extreme cases of the study of stability: their descriptions and scenes.
+!> The stiff and extreme cases of the stability study: descriptions and scenes.
 module tandem_io_study_cases
     use tandem, only: articulated_vehicle_type, error_type, model_type, motorcycle_type, rolling_disk_type, set_error, to_text, wp
     use tandem_io_scene, only: scene_type
@@ -13,10 +13,10 @@ module tandem_io_study_cases
 
     public :: case_type, case_name_length, case_names, case_groups, build_case
 
-    !> Longest name of a case or a group.
+    !> Largest length of the name of a case or a group.
     integer, parameter :: case_name_length = 24
 
-    !> A line of the table: name, group, and a number that measures how extreme the case is.
+    !> Row of the table of cases: name, group, and a number that measures how extreme the case is.
     type :: entry_type
         character(len=case_name_length) :: name, group
         real(wp) :: number
@@ -24,7 +24,7 @@ module tandem_io_study_cases
 
     real(wp), parameter :: pi = 4.0_wp*atan(1.0_wp)
 
-    !> The cases. The name before the last underscore selects the scene, see `build_case`.
+    !> The cases. The name up to the last underscore selects the scene, see `build_case`.
     type(entry_type), parameter :: entries(64) = [ &
         entry_type('motorcycle_1', 'stiff', 1.0_wp), &
         entry_type('motorcycle_1e2', 'stiff', 1.0e2_wp), &
@@ -92,41 +92,41 @@ module tandem_io_study_cases
         entry_type('millionvehicle', 'million', 1.0e6_wp)]
 
     integer :: index_of_entry
-    !> Their names and groups, in this order.
+    !> Names and groups of the cases, in the same order.
     character(len=case_name_length), parameter :: case_names(size(entries)) = [(entries(index_of_entry)%name, &
         index_of_entry=1, size(entries))]
     character(len=case_name_length), parameter :: case_groups(size(entries)) = [(entries(index_of_entry)%group, &
         index_of_entry=1, size(entries))]
 
-    !> A case: a scene, and how its result is judged.
+    !> A case: a scene, and the criteria for its results.
     type, extends(scene_type) :: case_type
         character(len=case_name_length) :: group = ''
-        !> True if there are runs with fixed steps; true if there are runs under error control; tolerance of the latter.
+        !> True if there are runs with fixed steps; true if there are runs with error control; their tolerance.
         logical :: with_step = .true., with_rtol = .true.
         real(wp) :: rtol = 1.0e-6_wp
-        !> The model of the reference; not allocated if it is the case's own.
+        !> Model for the reference solution; not allocated if it is the model of the case.
         class(model_type), allocatable :: true_model
-        !> The steppers that make the reference, and their tolerances.
+        !> Steppers for the reference solution, and their tolerances.
         character(len=16) :: judges(2) = [character(len=16) :: 'dop853', 'dopri5']
         real(wp) :: judges_rtol(2) = [1.0e-13_wp, 1.0e-12_wp]
-        !> True if nothing may move.
+        !> True if the exact motion is rest.
         logical :: is_at_rest = .false.
-        !> True if the run is too long for a reference; energy, constraints and memory are then checked.
+        !> True if the run is too long for a reference solution; instead, the energy, the constraints and the memory are checked.
         logical :: is_endless = .false.
-        !> Unit of each coordinate relative to the same case in metres (n); not allocated if they are equal.
+        !> Units of the coordinates relative to the same case in metres (n); not allocated if the case is in metres.
         real(wp), allocatable :: units(:)
-        !> Seconds that a run may take.
+        !> Time limit of a run, seconds.
         real(wp) :: most_seconds = 5.0_wp
     end type case_type
 
 contains
 
-    !> Make the case of a name.
+    !> Build a case by its name.
     subroutine build_case(name, subject, error, in_metres)
         character(len=*), intent(in) :: name
         type(case_type), intent(out) :: subject
         type(error_type), allocatable, intent(out) :: error
-        !> True to build a case of other units in metres.
+        !> True to build a case that uses other units in metres.
         logical, intent(in), optional :: in_metres
         real(wp) :: unit
         integer :: i, stat
@@ -146,13 +146,13 @@ contains
         if (stat /= 0) call set_error(error, status_invalid_model, 'the case "'//name//'" has no start')
     end subroutine build_case
 
-    !> Fill in the description, scene and run of a case.
+    !> Set description, scene and run of a case.
     subroutine fill_case(name, x, unit, subject, stat)
         character(len=*), intent(in) :: name
-        !> How extreme it is, and the unit of length.
+        !> Number that measures how extreme the case is, and unit of length.
         real(wp), intent(in) :: x, unit
         type(case_type), intent(inout) :: subject
-        !> Not 0 if there is no start.
+        !> Nonzero if the start cannot be computed.
         integer, intent(out) :: stat
 
         stat = 0
@@ -170,7 +170,7 @@ contains
         case ('falling')
             subject%description = 'the disk falls flat from a tilt of 0.1, spinning at '//to_toml(x)//' rad/s'
             call build_disk(subject, [x, 0.0_wp, 0.0_wp], 0.1_wp, 1.0_wp, 2.0_wp, 1.0e-2_wp)
-            ! Flat on the plane its motion ends: no run may be complete.
+            ! Flat on the plane the motion of the disk ends, so that no run can be complete.
             subject%is_at_rest = .true.
         case ('spinning')
             subject%description = 'the disk spins about its diameter at 1000 rad/s, tilted by 0.1'
@@ -209,7 +209,7 @@ contains
             subject%description = 'the disk with steps of '//to_toml(x)//' s'
             call build_disk(subject, [-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, 1.0_wp, min(10.0_wp, 3.0e4_wp*x), x)
             subject%with_rtol = .false.
-            ! Thirty thousand steps, also on a busy machine.
+            ! The limit allows thirty thousand steps on a busy machine.
             subject%most_seconds = 60.0_wp
         case ('parallel')
             call build_parallel(subject, x)
@@ -240,7 +240,7 @@ contains
         end select
     end subroutine fill_case
 
-    !> Remark on hidden breakpoints for a case's description; empty if they are declared.
+    !> Remark about undeclared breakpoints for the description of a case; empty if all are declared.
     pure function note_of(name) result(text)
         character(len=*), intent(in) :: name
         character(len=merge(12, 0, index(name, 'hidden') == 1)) :: text
@@ -248,7 +248,7 @@ contains
         text = ', undeclared'
     end function note_of
 
-    !> Keep the breakpoints of a case to the reference.
+    !> Hide the breakpoints of a case from all runs except the reference.
     subroutine hide(subject)
         type(case_type), intent(inout) :: subject
         type(hidden_type) :: hidden
@@ -258,7 +258,7 @@ contains
         allocate (subject%model, source=hidden)
     end subroutine hide
 
-    !> Only fixed steps, and time enough.
+    !> Restrict a case to fixed steps, with a large time limit.
     subroutine make_endless(subject)
         type(case_type), intent(inout) :: subject
 
@@ -267,11 +267,11 @@ contains
         subject%most_seconds = 300.0_wp
     end subroutine make_endless
 
-    !> The rolling disk of a tilt and an angular velocity.
+    !> Build the rolling disk with a given tilt and angular velocity.
     subroutine build_disk(subject, omega, tilt, unit, t_end, step)
         type(case_type), intent(inout) :: subject
         real(wp), intent(in) :: omega(3), tilt, t_end, step
-        !> Units of length in a metre.
+        !> Number of length units per metre.
         real(wp), intent(in) :: unit
         type(rolling_disk_type) :: disk
 
@@ -287,7 +287,7 @@ contains
         subject%options%step = step
     end subroutine build_disk
 
-    !> The scales of a model in other units.
+    !> Convert the scales of a model to other units.
     subroutine set_units(subject, model, units)
         type(case_type), intent(inout) :: subject
         class(model_type), intent(inout) :: model
@@ -298,8 +298,8 @@ contains
         model%coordinate_scale = units
     end subroutine set_units
 
-    !> Nearly flat: precession about a centre that nearly rests, a twentieth slower than that of the steady motion, so that the
-    !> disk nods. Of the steady one: Omega**2 sin(alpha) = m g R / I, angular velocity Omega sin(alpha) towards the contact.
+    !> Build the nearly flat disk. It precesses about a nearly fixed centre, five per cent slower than in steady motion, so that it
+    !> nods. In steady motion Omega**2 sin(alpha) = m g R / I, and the angular velocity is Omega sin(alpha) towards the contact.
     subroutine build_flat(subject, alpha)
         type(case_type), intent(inout) :: subject
         !> Angle between the disk and the plane.
@@ -314,7 +314,7 @@ contains
         call build_disk(subject, [0.0_wp, 0.0_wp, slower*precession*sin(alpha)], pi/2 - alpha, 1.0_wp, t_end, t_end/500)
     end subroutine build_flat
 
-    !> The articulated vehicle.
+    !> Build the articulated vehicle.
     subroutine build_vehicle(subject, speed, amplitude, unit, t_end, step)
         type(case_type), intent(inout) :: subject
         real(wp), intent(in) :: speed, amplitude, unit, t_end, step
@@ -332,7 +332,7 @@ contains
         subject%options%step = step
     end subroutine build_vehicle
 
-    !> The motorcycle. Forces scale as lengths do, so stiffness and damping stay.
+    !> Build the motorcycle. Forces scale with the unit of length, so that stiffness and damping are unchanged.
     subroutine build_motorcycle(subject, unit, t_end, stat)
         type(case_type), intent(inout) :: subject
         real(wp), intent(in) :: unit, t_end
@@ -355,7 +355,7 @@ contains
         subject%options%step = 1.0e-2_wp
     end subroutine build_motorcycle
 
-    !> The motorcycle in the equilibrium of its suspension, whose stiffness and damping are then multiplied by a factor.
+    !> Build the motorcycle in the equilibrium of its suspension. Afterwards stiffness and damping are multiplied by a factor.
     subroutine build_stiff_motorcycle(subject, factor, stat)
         type(case_type), intent(inout) :: subject
         real(wp), intent(in) :: factor
@@ -370,14 +370,15 @@ contains
             motorcycle%damping = factor*motorcycle%damping
         end select
         if (factor > 1.0e3_wp) then
-            ! Millions of explicit steps, which only rounding would limit.
+            ! Explicit steppers would need millions of steps, and rounding would limit their errors.
             subject%judges = [character(len=16) :: 'sdirk54', 'trapezoid']
             subject%judges_rtol = [1.0e-11_wp, 1.0e-9_wp]
         end if
     end subroutine build_stiff_motorcycle
 
-    !> A pendulum (x, y, s) on a spring of length s, k l = ratio m g. Undamped it starts level, where the spring keeps to the slow
-    !> motion; damped by a tenth of the critical damping it starts at 45 degrees with a slack spring, and rings.
+    !> Build a pendulum (x, y, s) on a spring of length s, with k l = ratio m g. Without damping it starts level, and the spring
+    !> follows the slow motion. With a tenth of the critical damping it starts at 45 degrees with an unstretched spring, which
+    !> oscillates.
     subroutine build_spring(subject, ratio, is_damped)
         type(case_type), intent(inout) :: subject
         real(wp), intent(in) :: ratio
@@ -406,14 +407,14 @@ contains
         subject%t_end = 1.0_wp
         subject%options%step = 1.0e-2_wp
         if (ratio > 1.0e7_wp) then
-            ! Thirty thousand radians a second.
+            ! The frequency is thirty thousand radians per second.
             subject%t_end = 0.25_wp
             subject%judges_rtol = [1.0e-11_wp, 1.0e-10_wp]
         end if
     end subroutine build_spring
 
-    !> A pendulum (x, y, stretch) on a spring faster than it by a given factor, half critically damped. It starts at rest from 1 rad
-    !> with the spring in balance, and moves as slowly as a rigid one.
+    !> Build a pendulum (x, y, stretch) on a spring whose frequency is `ratio` times that of the pendulum, with half the critical
+    !> damping. It starts at rest at 1 rad with the spring in equilibrium, and moves as slowly as a rigid pendulum.
     subroutine build_slow(subject, ratio)
         type(case_type), intent(inout) :: subject
         real(wp), intent(in) :: ratio
@@ -439,13 +440,13 @@ contains
         subject%t_end = 2.0_wp
         subject%options%step = 1.0e-2_wp
         if (ratio > 2.0e2_wp) then
-            ! Hundreds of thousands of explicit steps.
+            ! Explicit steppers would need hundreds of thousands of steps.
             subject%judges = [character(len=16) :: 'radau5', 'sdirk54']
             subject%judges_rtol = [1.0e-10_wp, 1.0e-8_wp]
         end if
     end subroutine build_slow
 
-    !> The vehicle with a bushing of half the critical damping.
+    !> Build the vehicle with a bushing that has half the critical damping.
     subroutine build_bushing(subject, stiffness)
         type(case_type), intent(inout) :: subject
         real(wp), intent(in) :: stiffness
@@ -464,10 +465,10 @@ contains
         subject%options%step = 1.0e-2_wp
     end subroutine build_bushing
 
-    !> Two point masses on two rods, from rest at 45 degrees.
+    !> Build two point masses on two rods, starting at rest at 45 degrees.
     subroutine build_masses(subject, ratio)
         type(case_type), intent(inout) :: subject
-        !> Of the lower mass to the upper one.
+        !> Ratio of the lower mass to the upper one.
         real(wp), intent(in) :: ratio
         real(wp), parameter :: g = 9.81_wp
         type(quadratic_type) :: pendulum
@@ -493,7 +494,7 @@ contains
         if (ratio > 1.0e7_wp) subject%t_end = 0.5_wp
     end subroutine build_masses
 
-    !> A mass on a spring, and a light one on a damped spring between.
+    !> Build a mass on a spring, with a damped light mass attached to it by a second spring.
     subroutine build_light(subject, mass)
         type(case_type), intent(inout) :: subject
         real(wp), intent(in) :: mass
@@ -509,15 +510,15 @@ contains
         allocate (subject%model, source=chain)
         subject%t_end = 1.0_wp
         subject%options%step = 1.0e-2_wp
-        ! The light mass turns rounding of a force of 1 N into 1e-4 m/s^2.
+        ! The light mass amplifies rounding of a force of 1 N to an acceleration of 1e-4 m/s^2.
         subject%judges = [character(len=16) :: 'sdirk54', 'dopri5']
         subject%judges_rtol = [1.0e-9_wp, 1.0e-8_wp]
-        ! Without a mass the motion is undefined, and the run must be refused.
+        ! Without mass the motion is not unique, and the run must be refused.
         subject%is_at_rest = .not. mass > 0.0_wp
     end subroutine build_light
 
-    !> A point on a unit sphere and on another that is displaced by eps along z: it swings in the plane z = 0 as on the sphere and a
-    !> plane, which eps = 1 is.
+    !> Build a point on a unit sphere and on a second unit sphere displaced by eps along z. It swings in the plane z = 0, as for a
+    !> sphere and a plane, which is the case eps = 1.
     subroutine build_parallel(subject, eps)
         type(case_type), intent(inout) :: subject
         real(wp), intent(in) :: eps

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Lines of comma-separated values after RFC 4180: quotes around cells that need them, doubled within.
+!> Lines of comma-separated values according to RFC 4180: cells are quoted if necessary, and quotes in them are doubled.
 module tandem_io_study_csv
     implicit none (type, external)
     private
@@ -8,7 +8,7 @@ module tandem_io_study_csv
 
 contains
 
-    !> Cells as a line, blanks at their ends dropped. A cell must not hold a newline.
+    !> Line of cells without trailing blanks. Cells must not contain newlines.
     pure function csv_line(cells) result(line)
         character(len=*), intent(in) :: cells(:)
         character(len=:), allocatable :: line
@@ -30,7 +30,8 @@ contains
         end do
     end function csv_line
 
-    !> The cells of a line. Not `whole` if there are fewer or more cells than requested, or a quote is not closed.
+    !> Split a line into cells. `whole` is false if the number of cells differs from the requested number, or if a quote is not
+    !> closed.
     subroutine split_csv_line(line, cells, whole)
         character(len=*), intent(in) :: line
         character(len=*), intent(out) :: cells(:)
@@ -66,7 +67,7 @@ contains
         end do
         whole = cell == size(cells) .and. .not. quoted
     contains
-        !> Add a letter to the current cell, if it has room.
+        !> Append a letter to the current cell; letters that exceed its length are dropped.
         subroutine append(letter)
             character(len=1), intent(in) :: letter
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Observes a long run: growth of constraint errors from its first tenth to its last, and growth of memory.
+!> Observes a long run: growth of the constraint errors from the first to the last tenth, and growth of memory.
 module tandem_io_study_endurance
     use tandem, only: at_start, at_step, error_type, long, observer_type, simulation_type, wp
     use tandem_io_study_memory, only: resident_pages
@@ -11,10 +11,10 @@ module tandem_io_study_endurance
     type, extends(observer_type) :: endurance_type
         !> Start and end of the run.
         real(wp) :: t_start = 0.0_wp, t_end = 0.0_wp
-        !> Largest constraint errors, on natural scales, position, velocity and acceleration: in the first tenth of the time and in
-        !> the last.
+        !> Largest errors of the position, velocity and acceleration constraints on natural scales, in the first and in the last
+        !> tenth of the time.
         real(wp) :: first(3) = 0.0_wp, last(3) = 0.0_wp
-        !> Pages in memory after the first tenth, and at the end; negative if unknown.
+        !> Resident memory pages after the first tenth and at the end; negative if unknown.
         integer(long) :: pages_first = -1, pages_last = -1
     contains
         procedure :: observe, growth
@@ -22,7 +22,7 @@ module tandem_io_study_endurance
 
 contains
 
-    !> Take note of a step.
+    !> Record the errors of a step.
     subroutine observe(self, simulation, occasion, error)
         class(endurance_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -48,8 +48,8 @@ contains
         if (simulation%state%t >= self%t_end) self%pages_last = resident_pages()
     end subroutine observe
 
-    !> Ratio of the constraint errors in the last tenth to those in the first: the largest of the three ratios, errors below
-    !> `noise` taken as that.
+    !> Largest of the three ratios of the constraint errors in the last and in the first tenth. Errors below `noise` are replaced by
+    !> it.
     pure real(wp) function growth(self, noise)
         class(endurance_type), intent(in) :: self
         real(wp), intent(in) :: noise

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> File operations for studies that Fortran lacks: making a folder, replacing one file by another, reading a whole file.
+!> File operations that Fortran lacks: creating a folder, replacing a file by another one, reading a complete file.
 module tandem_io_study_files
     use tandem, only: error_type, set_error, status_output_failed
     use tandem_io_path, only: is_regular
@@ -10,7 +10,7 @@ module tandem_io_study_files
     public :: make_folder, read_whole, write_whole, replace_file, remove_file
 
     interface
-        !> Make a folder; 0 on success.
+        !> Create a folder; 0 on success.
         function c_mkdir(path, mode) result(stat) bind(c, name='mkdir')
             import :: c_char, c_int
             implicit none (type, external)
@@ -38,7 +38,7 @@ module tandem_io_study_files
 
 contains
 
-    !> Make a folder if it is missing; its parent must exist.
+    !> Create a folder if it does not exist; its parent must exist.
     subroutine make_folder(path, error)
         character(len=*), intent(in) :: path
         type(error_type), allocatable, intent(out) :: error
@@ -58,7 +58,7 @@ contains
             'choose a folder whose parent exists and whose name is not that of a file')
     end subroutine make_folder
 
-    !> The contents of a regular file; not allocated if it is unreadable.
+    !> Read a regular file completely; `text` is not allocated if this fails.
     subroutine read_whole(path, text)
         character(len=*), intent(in) :: path
         character(len=:), allocatable, intent(out) :: text
@@ -74,7 +74,7 @@ contains
         if (stat /= 0) deallocate (text)
     end subroutine read_whole
 
-    !> Write a file as a whole: readers find the old one or the new one, never a part.
+    !> Replace the contents of a file. Readers find either the old or the new contents, never a part.
     subroutine write_whole(path, text, error)
         character(len=*), intent(in) :: path, text
         type(error_type), allocatable, intent(out) :: error
@@ -86,7 +86,7 @@ contains
         if (stat == 0) then
             write (unit, iostat=stat, iomsg=message) text
             close (unit)
-            ! A full disk may show only in what is there.
+            ! A full disk may be noticed only by the size of the file.
             inquire (file=path//'.new', size=size)
             if (stat == 0 .and. size /= len(text)) stat = 1
             if (stat /= 0) then
@@ -102,9 +102,9 @@ contains
         end if
     end subroutine write_whole
 
-    !> Replace a file, which need not exist, by another.
+    !> Replace a file, or create it, by renaming another file.
     subroutine replace_file(path, by, error)
-        !> The name that is taken, and the file that gets it.
+        !> Path of the replaced file, and path of the file that replaces it.
         character(len=*), intent(in) :: path, by
         type(error_type), allocatable, intent(out) :: error
 
@@ -120,7 +120,7 @@ contains
         if (c_unlink(c_text(path)) /= 0) return
     end subroutine remove_file
 
-    !> A text as C has it.
+    !> Convert a text to a C string.
     pure function c_text(text) result(letters)
         character(len=*), intent(in) :: text
         character(kind=c_char) :: letters(len(text) + 1)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A model whose kinks and jumps are hidden: it switches by its argument t and declares no breakpoint, which is wrong but
-!> common.
+!> A model whose kinks and jumps are hidden: its terms depend on t in a piecewise manner, but it declares no breakpoints. This is a
+!> common error of users.
 module tandem_io_study_hidden
     use tandem, only: derivatives_type, model_type, terms_type, wp
     implicit none (type, external)
@@ -9,7 +9,7 @@ module tandem_io_study_hidden
     public :: hidden_type
 
     type, extends(model_type) :: hidden_type
-        !> The model that declares its breakpoints.
+        !> Model that declares its breakpoints.
         class(model_type), allocatable :: inner
     contains
         procedure :: hide
@@ -17,7 +17,7 @@ module tandem_io_study_hidden
 
 contains
 
-    !> Hide the breakpoints of a model that gives its terms and derivatives all at once.
+    !> Hide the breakpoints of a model that evaluates all terms and all derivatives in one procedure each.
     subroutine hide(self, inner)
         class(hidden_type), intent(inout) :: self
         class(model_type), intent(in) :: inner
@@ -35,7 +35,7 @@ contains
         if (associated(inner%potential_energy)) self%potential_energy => potential_energy
     end subroutine hide
 
-    !> The terms of the smooth piece that the time falls into.
+    !> Evaluate the terms of the smooth piece that contains t.
     subroutine evaluate(self, need, t, q, qd, terms, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> The rows of a study on disk: appended when complete, so that a study may be interrupted at any time and resumed later.
+!> The rows of a study on disk. Complete rows are appended, so that a study can be interrupted at any time and resumed later.
 !>
-!> NAME.csv holds the rows; NAME.toml their settings and program. A later study with equal settings and program continues
-!> from the existing rows, otherwise it starts anew. NAME.h5 holds the table with units and meanings, once it is complete.
+!> NAME.csv contains the rows, NAME.toml their settings and program. A later study with the same settings and program continues from
+!> the existing rows; otherwise it starts again. NAME.h5 contains the table with units and descriptions once it is complete.
 module tandem_io_study_journal
     use tandem, only: error_type, long, set_error, status_output_failed, to_text, wp
     use tandem_io_output_hdf5, only: hdf5_type
@@ -20,15 +20,15 @@ module tandem_io_study_journal
     character(len=*), parameter :: newline = new_line('a')
 
     type :: journal_type
-        !> The rows so far.
+        !> Rows computed so far.
         type(table_type) :: table
-        !> Rows that an earlier study has left.
+        !> Number of rows read from an earlier study.
         integer :: resumed = 0
-        !> True if rows of other settings were dropped.
+        !> True if rows with other settings were discarded.
         logical :: started_anew = .false.
-        !> The path of the files, without their endings.
+        !> Path of the files without extension.
         character(len=:), allocatable :: path
-        !> Data on which the rows depend, as TOML: the settings and the program.
+        !> Data on which the rows depend, in TOML: the settings and the program.
         character(len=:), allocatable, private :: settings
         integer, private :: unit = 0
         logical, private :: is_open = .false.
@@ -39,15 +39,15 @@ module tandem_io_study_journal
 
 contains
 
-    !> Open the journal NAME in a folder, which is made if it is missing, and read its rows.
+    !> Open the journal NAME in a folder, which is created if necessary, and read its rows.
     subroutine open(self, folder, name, columns, settings, force, error)
         class(journal_type), intent(inout) :: self
         character(len=*), intent(in) :: folder, name
-        !> The columns of the table.
+        !> Columns of the table.
         type(column_type), intent(in) :: columns(:)
-        !> Settings on which the rows depend besides the program, as TOML.
+        !> Settings on which the rows depend, in TOML; the program is added.
         character(len=*), intent(in) :: settings
-        !> True to start anew in any case, and to overwrite files that do not belong to a study.
+        !> True to discard existing rows, and to overwrite files that do not belong to a study.
         logical, intent(in) :: force
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: found, text
@@ -62,7 +62,7 @@ contains
         call make_folder(folder, error)
         if (allocated(error)) return
         inquire (file=self%path//'.h5', exist=exists)
-        ! A table of an earlier study is made anew from the rows.
+        ! The HDF5 table of an earlier study is written again from the rows.
         if (exists) call check_target(self%path//'.h5', force .or. is_result(self%path//'.h5'), is_new, error)
         if (allocated(error)) return
         inquire (file=self%path//'.csv', exist=exists)
@@ -77,7 +77,7 @@ contains
         end if
         self%resumed = self%table%rows()
         self%started_anew = exists .and. allocated(found) .and. self%resumed == 0
-        ! Old rows are removed before new settings are written: rows never exist beside settings of other rows.
+        ! Old rows are removed before new settings are written, so that rows never exist with wrong settings.
         text = heading(columns)//newline
         do row = 1, self%resumed
             text = text//csv_line(self%table%cells(:, row))//newline
@@ -90,7 +90,7 @@ contains
         if (stat /= 0) call set_error(error, status_output_failed, 'cannot append to '//self%path//'.csv')
     end subroutine open
 
-    !> Remark on existing rows; empty if there is none.
+    !> Remark about existing rows; empty if there are none.
     function beginning(self) result(text)
         class(journal_type), intent(in) :: self
         character(len=:), allocatable :: text
@@ -101,7 +101,7 @@ contains
             '.csv holds rows of other settings or of another build of tandem, or is empty'
     end function beginning
 
-    !> Append a row and bring it to the disk.
+    !> Append a row and flush it to the file.
     subroutine append(self, cells, error)
         class(journal_type), intent(inout) :: self
         character(len=*), intent(in) :: cells(:)
@@ -122,14 +122,14 @@ contains
         self%is_open = .false.
     end subroutine close
 
-    !> Write the table as HDF5: one dataset per column in the group of the study's name, texts as strings.
+    !> Write the table as HDF5: a group with one dataset per column.
     subroutine write_hdf5(self, group, about, names, values, error)
         class(journal_type), intent(inout) :: self
         !> Name of the group, such as `precision`.
         character(len=*), intent(in) :: group
-        !> A remark about the whole.
+        !> Remark about the table.
         character(len=*), intent(in) :: about
-        !> Names and values of further attributes of the group.
+        !> Names and values of additional attributes of the group.
         character(len=*), intent(in) :: names(:)
         real(wp), intent(in) :: values(:)
         type(error_type), allocatable, intent(out) :: error
@@ -180,7 +180,7 @@ contains
         end if
     end subroutine write_hdf5
 
-    !> The first line of the file: the names of the columns.
+    !> First line of the file: the names of the columns.
     pure function heading(columns) result(line)
         type(column_type), intent(in) :: columns(:)
         character(len=:), allocatable :: line
@@ -193,7 +193,7 @@ contains
         line = line(2:)
     end function heading
 
-    !> Read the rows of the file, up to the first incomplete one, which an interruption has cut.
+    !> Read the rows of the file, up to the first incomplete one, which an interruption has left.
     subroutine read_rows(self)
         class(journal_type), intent(inout) :: self
         character(len=:), allocatable :: text

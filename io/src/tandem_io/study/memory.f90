@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> How much memory the program holds.
+!> Memory used by the program.
 module tandem_io_study_memory
     use tandem, only: long
     implicit none (type, external)
@@ -9,7 +9,7 @@ module tandem_io_study_memory
 
 contains
 
-    !> Pages of the program in memory, from /proc/self/statm; -1 if unknown.
+    !> Number of resident pages of the program, from /proc/self/statm; -1 if unknown.
     integer(long) function resident_pages()
         integer(long) :: total
         integer :: unit, stat

@@ -1,13 +1,18 @@
 ! SPDX-License-Identifier: MIT
-!> Root loci: the eigenvalues of a scene's start over a value of it, and the critical values at which eigenvalues cross the
-!> imaginary axis.
+!> Root loci: the eigenvalues of a linearised scene as functions of one of its parameters, and the critical values of the parameter
+!> at which eigenvalues cross the imaginary axis.
 !>
-!> Between two samples, the product of all changes its sign where a real eigenvalue passes zero, or where two of opposite signs meet
-!> there and become a pair on the axis: their square is smooth in the value, and they are not, so the product is followed. A pair
-!> that has passed the axis is matched with the nearest at the other end; if it jumps on the way, the match was wrong. Two pairs on
-!> the axis may meet and leave it to either side (of systems without damping: Krein, 1950); the square of half their difference is
-!> smooth and changes its sign. If the number of growing eigenvalues changes in another way, the interval is halved. Two crossings
-!> in opposite directions between two samples are not seen.
+!> Critical values are found between two samples in three ways:
+!> - Real eigenvalue. The product of all eigenvalues changes its sign if a real eigenvalue passes zero, or if two real eigenvalues
+!>   of opposite signs meet at zero and become a pair on the axis. The product is followed because it depends smoothly on the
+!>   parameter, unlike the eigenvalues.
+!> - Pair. A pair that has passed the axis is matched with the nearest pair of the other sample. If the followed pair jumps, the
+!>   match was wrong.
+!> - Two pairs. In systems without damping, two pairs on the axis may meet and leave it on both sides (Krein, 1950). The square of
+!>   half their difference is smooth and changes its sign.
+!>
+!> If the number of growing eigenvalues changes in another way, the interval is halved. Two crossings in opposite directions between
+!> two samples are not detected.
 module tandem_io_study_modes
     use tandem, only: atom_type, bracket_type, error_type, linearisation_type, of_motion, set_error, simulation_type, wp
     use tandem_io_scene, only: interpret_scene, open_scene, scene_type
@@ -19,46 +24,46 @@ module tandem_io_study_modes
 
     public :: modes_type, locus_point_type, critical_type, at_zero, at_pair, at_meeting, crossing_name
 
-    !> Crossings of the axis: a real eigenvalue at zero, or a pair (Hopf); or two pairs on it that meet (Krein).
+    !> Crossings of the axis: a real eigenvalue at zero, a pair (Hopf), or a collision of two pairs on the axis (Krein).
     integer, parameter :: at_zero = 1, at_pair = 2, at_meeting = 3
     character(len=5), parameter :: crossing_name(3) = [character(len=5) :: 'zero', 'hopf', 'krein']
-    !> How often an interval is halved at most, and how many points a critical value may take.
+    !> Largest number of halvings of an interval; largest number of samples per critical value.
     integer, parameter :: deepest = 8, most_points = 80
     !> Width of the final bracket of a critical value, relative to the value or to the interval.
     real(wp), parameter :: finest = 1.0e-13_wp
-    !> A followed function changes by less than this part of its values over such a bracket, unless it jumps.
+    !> Largest change of a followed function over the final bracket, relative to its values; a larger change is a jump.
     real(wp), parameter :: smooth = 1.0e-4_wp
 
-    !> The eigenvalues at one value.
+    !> Eigenvalues at one value of the parameter.
     type :: locus_point_type
         real(wp) :: value = 0.0_wp
-        !> See `linearisation_type`.
+        !> Kind of the linearisation, see `linearisation_type`.
         integer :: kind = 0
-        !> All eigenvalues, sorted, their causes and errors.
+        !> All eigenvalues in order, their causes and errors.
         complex(wp), allocatable :: values(:)
         integer, allocatable :: cause(:)
         real(wp), allocatable :: error(:)
     end type locus_point_type
 
-    !> A value at which stability changes.
+    !> A parameter value at which stability changes.
     type :: critical_type
         real(wp) :: value = 0.0_wp
-        !> `at_zero`, `at_pair` or `at_meeting`; the eigenvalue there.
+        !> `at_zero`, `at_pair` or `at_meeting`; critical eigenvalue.
         integer :: crossing = 0
         complex(wp) :: eigenvalue = (0.0_wp, 0.0_wp)
-        !> True if the eigenvalue grows beyond the value, otherwise before it.
+        !> True if the eigenvalue grows for larger values of the parameter, false if it grows for smaller ones.
         logical :: grows_beyond = .false.
-        !> Half the width of the remaining bracket, plus the effect of errors of eigenvalues.
+        !> Half the width of the final bracket, plus the effect of the errors of the eigenvalues.
         real(wp) :: uncertainty = 0.0_wp
     end type critical_type
 
     type :: modes_type
-        !> The scene's path, the settings of the command line, and the key that is varied.
+        !> Path of the scene, settings of the command line, and key of the varied parameter.
         character(len=:), allocatable :: path, key, settings(:)
         type(scene_model_type), allocatable :: models(:)
-        !> The keys of the scene, the varied one as the last setting.
+        !> Keys of the scene; the varied key is the last setting.
         type(description_type), private :: keys
-        !> In the order of the values; the critical ones likewise.
+        !> Samples, and critical values, each in ascending order of the parameter.
         type(locus_point_type), allocatable :: points(:)
         type(critical_type), allocatable :: critical(:)
     contains
@@ -68,10 +73,10 @@ module tandem_io_study_modes
 
 contains
 
-    !> Read the scene, and check it.
+    !> Read the scene and check it.
     subroutine open(self, value, error)
         class(modes_type), intent(inout) :: self
-        !> First value of the varied key.
+        !> First value of the parameter.
         real(wp), intent(in) :: value
         type(error_type), allocatable, intent(out) :: error
         type(scene_type), allocatable :: scene
@@ -85,7 +90,7 @@ contains
         if (.not. allocated(error)) call interpret_scene(self%keys, self%models, scene, error)
     end subroutine open
 
-    !> The eigenvalues at a value.
+    !> Compute the eigenvalues at a value of the parameter.
     subroutine sample(self, value, point, error)
         class(modes_type), intent(in) :: self
         real(wp), intent(in) :: value
@@ -112,7 +117,7 @@ contains
         point%error = it%spectrum%error
     end subroutine sample
 
-    !> All critical values between the samples.
+    !> Find all critical values between the samples.
     subroutine find_critical(self, error)
         class(modes_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
@@ -122,7 +127,8 @@ contains
         n = [(count(self%points(i)%cause == of_motion), i=1, size(n))]
         last = 1
         do i = 2, size(n)
-            ! A sample at a critical value itself, at which an eigenvalue counts among the zeros: sample on either side.
+            ! At a critical value, an eigenvalue is classified as zero and not as part of the motion. Skip such a sample; the
+            ! interval between its neighbours contains the critical value.
             if (i < size(n)) then
                 if (n(i) < min(n(i - 1), n(i + 1))) cycle
             end if
@@ -132,7 +138,7 @@ contains
         end do
     end subroutine find_critical
 
-    !> The critical values between two points.
+    !> Find the critical values between two samples.
     recursive subroutine search(self, a, b, depth, error)
         class(modes_type), intent(inout) :: self
         type(locus_point_type), intent(in) :: a, b
@@ -165,7 +171,7 @@ contains
         self%critical = [self%critical, found(:n)]
     end subroutine search
 
-    !> In the order of their values.
+    !> Sort critical values in ascending order.
     pure subroutine sort(found)
         type(critical_type), intent(inout) :: found(:)
         type(critical_type) :: swap
@@ -179,14 +185,14 @@ contains
         end do
     end subroutine sort
 
-    !> How many eigenvalues grow, beyond their errors.
+    !> Number of eigenvalues whose real part is positive by more than its error.
     pure integer function growing(point)
         type(locus_point_type), intent(in) :: point
 
         growing = count(point%cause == of_motion .and. real(point%values, wp) > point%error)
     end function growing
 
-    !> The sign of the product of the eigenvalues of the motion.
+    !> Sign of the product of the eigenvalues of the motion.
     pure integer function product_sign(point)
         type(locus_point_type), intent(in) :: point
 
@@ -194,24 +200,25 @@ contains
             real(point%values, wp) < 0.0_wp), 2)
     end function product_sign
 
-    !> The product of the eigenvalues of the motion over their product at another point; zero if some count among the zeros.
+    !> Product of the eigenvalues of the motion, divided by the product at another sample; zero if an eigenvalue is classified as
+    !> zero.
     pure real(wp) function product_of(point, other) result(value)
         type(locus_point_type), intent(in) :: point, other
         real(wp), parameter :: largest = 300.0_wp
 
         value = 0.0_wp
         if (count(point%cause == of_motion) < count(other%cause == of_motion)) return
-        ! By logarithms: of many eigenvalues the product is out of range.
+        ! The product of many eigenvalues would overflow; its logarithm does not.
         value = sum(log(abs(point%values)), point%cause == of_motion) - sum(log(abs(other%values)), other%cause == of_motion)
         value = product_sign(point)*exp(min(max(value, -largest), largest))
     end function product_of
 
-    !> Find values at which a real eigenvalue passes zero.
+    !> Find the value at which a real eigenvalue passes zero.
     subroutine find_zero(self, a, b, found, n, change, error)
         class(modes_type), intent(in) :: self
         type(locus_point_type), intent(in) :: a, b
         type(critical_type), intent(inout) :: found(:)
-        !> How many were found, and by how much the number of growing eigenvalues changes.
+        !> Number of critical values found, and total change of the number of growing eigenvalues at them.
         integer, intent(inout) :: n, change
         type(error_type), allocatable, intent(out) :: error
         type(bracket_type) :: bracket
@@ -228,8 +235,8 @@ contains
         slope = 0.0_wp
         rounding = max(error_of_product(a, a), error_of_product(b, a))
         do i = 1, most_points
-            call take_slope(bracket, b%value - a%value, slope)
-            if (is_fine(bracket, a, b)) exit
+            call update_slope(bracket, b%value - a%value, slope)
+            if (is_narrow(bracket, a, b)) exit
             x = bracket%next_point()
             call self%sample(x, point, error)
             if (allocated(error)) return
@@ -241,46 +248,47 @@ contains
         n = n + 1
         found(n)%value = (bracket%a + bracket%b)/2
         found(n)%uncertainty = (bracket%b - bracket%a)/2 + rounding/abs(slope)
-        if (.not. is_fine(bracket, a, b)) call self%interpolate(x, bracket, a, found(n), error)
+        if (.not. is_narrow(bracket, a, b)) call self%interpolate(x, bracket, a, found(n), error)
         if (allocated(error)) return
         found(n)%crossing = at_zero
-        ! The number of real ones that grow: to which side it went.
+        ! The change of the number of growing real eigenvalues determines the direction of the crossing.
         n_real = real_growing(b) - real_growing(a)
         found(n)%grows_beyond = n_real > 0
         change = change + sign(1, n_real)
     end subroutine find_zero
 
-    !> The error of a product of eigenvalues over that at another point.
+    !> Error of the product of eigenvalues divided by the product at another sample.
     pure real(wp) function error_of_product(point, other) result(error)
         type(locus_point_type), intent(in) :: point, other
 
         error = abs(product_of(point, other))*sum(point%error/abs(point%values), mask=point%cause == of_motion)
     end function error_of_product
 
-    !> The slope of the followed function, while the bracket is so wide that rounding is negligible.
-    pure subroutine take_slope(bracket, whole, slope)
+    !> Update the slope of the followed function while the bracket is so wide that rounding is negligible.
+    pure subroutine update_slope(bracket, whole, slope)
         type(bracket_type), intent(in) :: bracket
-        !> The width of the bracket at the start.
+        !> Initial width of the bracket.
         real(wp), intent(in) :: whole
         real(wp), intent(inout) :: slope
         real(wp), parameter :: least = 1.0e-5_wp
 
         if (bracket%b - bracket%a < least*whole) return
         slope = (bracket%value_b - bracket%value_a)/(bracket%b - bracket%a)
-    end subroutine take_slope
+    end subroutine update_slope
 
-    !> Near its zero an eigenvalue counts among the zeros. So the value is interpolated between four points beside it, as a cubic
-    !> function of the product; its difference from a quadratic interpolation is the uncertainty.
+    !> Interpolate the critical value. Near zero, an eigenvalue is classified as zero, so that the product cannot be evaluated.
+    !> Therefore the parameter is interpolated between four samples, as a cubic function of the product. The difference from a
+    !> quadratic interpolation is the uncertainty.
     subroutine interpolate(self, x, bracket, other, found, error)
         class(modes_type), intent(in) :: self
-        !> A value at which it does.
+        !> Value of the parameter at which an eigenvalue is classified as zero.
         real(wp), intent(in) :: x
         type(bracket_type), intent(in) :: bracket
-        !> Point whose product divides the others.
+        !> Sample whose product divides the other products.
         type(locus_point_type), intent(in) :: other
         type(critical_type), intent(inout) :: found
         type(error_type), allocatable, intent(out) :: error
-        real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp]
+        real(wp), parameter :: point_at(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp]
         type(locus_point_type) :: point
         real(wp) :: values(4), delta, rounding
         integer :: i
@@ -290,36 +298,36 @@ contains
         found%uncertainty = delta
         rounding = 0.0_wp
         do i = 1, 4
-            call self%sample(x + place(i)*delta, point, error)
+            call self%sample(x + point_at(i)*delta, point, error)
             if (allocated(error)) return
             values(i) = product_of(point, other)
             rounding = max(rounding, error_of_product(point, other))
         end do
-        ! Too close to an end of the interval for samples beyond the zero.
+        ! The samples do not enclose the zero if it is too close to an end of the interval.
         if (any(abs(values) <= 0.0_wp) .or. values(2)*values(3) > 0.0_wp) return
-        found%value = x + delta*lagrange(values, place)
-        ! Errors of the values beside the zero weigh 4/3 together, and those further out a third.
-        found%uncertainty = abs(delta)*(abs(lagrange(values, place) - lagrange(values(:3), place(:3))) + &
-            2*rounding*abs(place(3) - place(2))/abs(values(3) - values(2)))
+        found%value = x + delta*lagrange(values, point_at)
+        ! The interpolation weights of the two inner values add up to 4/3, those of the outer values to 1/3.
+        found%uncertainty = abs(delta)*(abs(lagrange(values, point_at) - lagrange(values(:3), point_at(:3))) + &
+            2*rounding*abs(point_at(3) - point_at(2))/abs(values(3) - values(2)))
     end subroutine interpolate
 
-    !> The polynomial through (values, places) at zero.
-    pure real(wp) function lagrange(values, places) result(place)
-        real(wp), intent(in) :: values(:), places(:)
+    !> Value at zero of the polynomial through the points (values, points).
+    pure real(wp) function lagrange(values, points) result(point_at)
+        real(wp), intent(in) :: values(:), points(:)
         real(wp) :: weight
         integer :: i, k
 
-        place = 0.0_wp
+        point_at = 0.0_wp
         do i = 1, size(values)
-            weight = places(i)
+            weight = points(i)
             do k = 1, size(values)
                 if (k /= i) weight = weight*values(k)/(values(k) - values(i))
             end do
-            place = place + weight
+            point_at = point_at + weight
         end do
     end function lagrange
 
-    !> How many real eigenvalues grow.
+    !> Number of growing real eigenvalues.
     pure integer function real_growing(point)
         type(locus_point_type), intent(in) :: point
 
@@ -327,7 +335,7 @@ contains
             real(point%values, wp) > 0.0_wp)
     end function real_growing
 
-    !> Find values at which pairs pass the imaginary axis.
+    !> Find values at which pairs cross the imaginary axis.
     subroutine find_pairs(self, a, b, found, n, change, error)
         class(modes_type), intent(in) :: self
         type(locus_point_type), intent(in) :: a, b
@@ -352,13 +360,13 @@ contains
         end do
     end subroutine find_pairs
 
-    !> The value at which the real part of a pair vanishes; the pair is followed from both ends.
+    !> Find the value at which the real part of a pair vanishes. The pair is followed from both ends of the interval.
     subroutine refine_pair(self, a, b, value_a, value_b, found, is_crossing, error)
         class(modes_type), intent(in) :: self
         type(locus_point_type), intent(in) :: a, b
         complex(wp), intent(in) :: value_a, value_b
         type(critical_type), intent(inout) :: found
-        !> True for a crossing; two pairs that were matched wrongly jump instead.
+        !> True for a crossing; false if a jump shows that two different pairs were matched.
         logical, intent(out) :: is_crossing
         type(error_type), allocatable, intent(out) :: error
         type(bracket_type) :: bracket
@@ -378,8 +386,8 @@ contains
         bracket%value_a = real(at_a, wp)
         bracket%value_b = real(at_b, wp)
         do i = 1, most_points
-            call take_slope(bracket, b%value - a%value, slope)
-            if (is_fine(bracket, a, b)) exit
+            call update_slope(bracket, b%value - a%value, slope)
+            if (is_narrow(bracket, a, b)) exit
             x = bracket%next_point()
             call self%sample(x, point, error)
             if (allocated(error)) return
@@ -399,8 +407,8 @@ contains
         found%grows_beyond = bracket%value_b > 0.0_wp
     end subroutine refine_pair
 
-    !> Find values at which two pairs on the imaginary axis meet and leave it or return: two pairs that do not grow or decay at one
-    !> end, and at the other one that grows and one that decays as fast, with the same frequency.
+    !> Find the value at which two pairs on the imaginary axis meet and leave it, or return to it. At one end of the interval both
+    !> pairs are neutral; at the other end one pair grows, and the other decays at the same rate and has the same frequency.
     subroutine find_collision(self, a, b, found, n, change, error)
         class(modes_type), intent(in) :: self
         type(locus_point_type), intent(in) :: a, b
@@ -429,19 +437,19 @@ contains
             at_b = at_a
         end if
         slope = 0.0_wp
-        call look_at_two(a, at_a, bracket%value_a, rounding)
-        call look_at_two(b, at_b, bracket%value_b, rounding)
+        call measure_two_pairs(a, at_a, bracket%value_a, rounding)
+        call measure_two_pairs(b, at_b, bracket%value_b, rounding)
         if (.not. bracket%value_a*bracket%value_b < 0.0_wp .or. (bracket%value_b > 0.0_wp .neqv. grows_beyond)) return
         bracket%a = a%value
         bracket%b = b%value
         do i = 1, most_points
-            call take_slope(bracket, b%value - a%value, slope)
-            if (is_fine(bracket, a, b)) exit
+            call update_slope(bracket, b%value - a%value, slope)
+            if (is_narrow(bracket, a, b)) exit
             x = bracket%next_point()
             call self%sample(x, point, error)
             if (allocated(error)) return
             centre = at_a + (x - bracket%a)/(bracket%b - bracket%a)*(at_b - at_a)
-            call look_at_two(point, centre, square, rounding)
+            call measure_two_pairs(point, centre, square, rounding)
             call bracket%narrow(x, square)
             if (bracket%a >= x) at_a = centre
             if (bracket%b <= x) at_b = centre
@@ -455,7 +463,7 @@ contains
         change = change + merge(2, -2, grows_beyond)
     end subroutine find_collision
 
-    !> The growing pair that oscillates and grows fastest, the one with a positive imaginary part; 0 for none.
+    !> Index of the growing pair with the largest growth rate, with positive imaginary part; 0 if there is none.
     pure integer function fastest_pair(point)
         type(locus_point_type), intent(in) :: point
         logical :: grows(size(point%values))
@@ -465,12 +473,12 @@ contains
         if (any(grows)) fastest_pair = maxloc(real(point%values, wp), dim=1, mask=grows)
     end function fastest_pair
 
-    !> The two eigenvalues above the real axis nearest to `centre`, which becomes their middle, and the square of half their
-    !> difference: below zero for two on the imaginary axis, above it for two beside it.
-    pure subroutine look_at_two(point, centre, square, rounding)
+    !> For the two eigenvalues above the real axis nearest to `centre`, compute their mean `centre` and the square of half their
+    !> difference. The square is negative for two eigenvalues on the imaginary axis, and positive for two on either side of it.
+    pure subroutine measure_two_pairs(point, centre, square, rounding)
         type(locus_point_type), intent(in) :: point
         complex(wp), intent(inout) :: centre
-        !> With its error.
+        !> The square and its error.
         real(wp), intent(out) :: square, rounding
         logical :: is_free(size(point%values))
         complex(wp) :: two(2)
@@ -490,17 +498,17 @@ contains
         square = real(((two(1) - two(2))/2)**2, wp)
         rounding = abs(two(1) - two(2))*sum(errors)/2 + sum(errors)**2/4
         centre = (two(1) + two(2))/2
-    end subroutine look_at_two
+    end subroutine measure_two_pairs
 
     !> True if a bracket is as narrow as possible.
-    pure logical function is_fine(bracket, a, b)
+    pure logical function is_narrow(bracket, a, b)
         type(bracket_type), intent(in) :: bracket
         type(locus_point_type), intent(in) :: a, b
 
-        is_fine = abs(bracket%b - bracket%a) <= finest*max(abs(bracket%a), abs(bracket%b), b%value - a%value)
-    end function is_fine
+        is_narrow = abs(bracket%b - bracket%a) <= finest*max(abs(bracket%a), abs(bracket%b), b%value - a%value)
+    end function is_narrow
 
-    !> All eigenvalues as lines `value,re,im,cause`.
+    !> Write all eigenvalues as lines `value,re,im,cause`.
     subroutine write_csv(self, file, error)
         class(modes_type), intent(in) :: self
         character(len=*), intent(in) :: file

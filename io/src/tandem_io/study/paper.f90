@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> The paper's numerical results beside those of tandem: Tables 2 to 4, the charts, the energies and the lane changes.
+!> Comparison of the paper's numerical results with those of tandem: Tables 2 to 4, charts, energies and lane changes.
 !>
-!> Source: E. J. Haug, Mechanics Based Design of Structures and Machines, 2016, doi 10.1080/15397734.2016.1273783, sections 7
-!> to 9. The runs are the paper's: its charts and limits, bases by singular value decomposition, the iterations for u, B and
-!> H with its tolerances.
+!> Source: E. J. Haug, Mechanics Based Design of Structures and Machines, 2016, doi 10.1080/15397734.2016.1273783, sections 7 to 9.
+!> The runs use the methods of the paper: its charts and limits, bases by singular value decomposition, and its iterations for u, B
+!> and H with its tolerances.
 module tandem_io_study_paper
     use tandem, only: at_end, error_type, model_type, need_gamma, need_jacobian, need_nu, need_phi, observer_type, options_type, &
         set_error, simulation_type, to_text, wp
@@ -21,7 +21,7 @@ module tandem_io_study_paper
 
     public :: paper_type, paper_columns
 
-    !> The columns of the table.
+    !> Columns of the table.
     type(column_type), parameter :: paper_columns(9) = [ &
         column_type('place', 'place', text_column, '', 'source in the paper'), &
         column_type('scene', 'scene', text_column, '', 'name of the scene'), &
@@ -33,20 +33,20 @@ module tandem_io_study_paper
         column_type('ours', 'ours', real_column, '', 'what this program finds; energies as a part of that at the start'), &
         column_type('difference', '', text_column, '', 'comment on the difference')]
 
-    !> Statements of the paper about a run. Missing texts are empty.
+    !> Results of a run stated in the paper; texts are empty if they are not stated.
     type :: run_type
         character(len=20) :: scene
         character(len=12) :: stepper
         character(len=8) :: place
         real(wp) :: step, tolerance, intol
-        !> Exponents of ten of the three constraint errors, 0 where nothing is printed.
+        !> Exponents of ten of the three constraint errors; 0 if not stated.
         integer :: exponents(3)
-        !> Charts; significant figures of the energy; flag for the lane change.
+        !> Number of charts; significant figures of the energy; flag for the lane change.
         integer :: charts, figures
         logical :: has_lane
     end type run_type
 
-    !> Sections 7, 8 and 9.
+    !> Runs of sections 7, 8 and 9.
     type(run_type), parameter :: runs(19) = [ &
         run_type('articulated_vehicle', 'sdirk54', 'table 2', 1e-3_wp, 1e-6_wp, 1e-4_wp, [-11, -7, -7], 0, 0, .false.), &
         run_type('articulated_vehicle', 'sdirk54', 'table 2', 1e-3_wp, 1e-9_wp, 1e-4_wp, [-13, -11, -11], 0, 0, .false.), &
@@ -68,13 +68,13 @@ module tandem_io_study_paper
         run_type('motorcycle', 'sdirk54', 'text', 1e-3_wp, 1e-7_wp, 1e-6_wp, 0, 8, 6, .true.), &
         run_type('motorcycle_chopper', 'sdirk54', 'text', 1e-3_wp, 1e-7_wp, 1e-6_wp, 0, 0, 6, .true.)]
 
-    !> The observer that records the paper's quantities: constraint errors in the units of their rows, and the energy.
+    !> Records the quantities of the paper: constraint errors in the units of their rows, and the energy.
     type, extends(observer_type) :: figures_type
-        !> Largest errors of position, velocity and acceleration over all steps, max-norms.
+        !> Max-norms of the position, velocity and acceleration errors over all steps.
         real(wp) :: errors(3) = 0.0_wp
         !> Largest change of the energy, relative to the energy at the start.
         real(wp) :: energy_change = 0.0_wp
-        !> Separate model for evaluations, so that the model of the run is unaffected.
+        !> Separate model for evaluations, which leaves the model of the run unaffected.
         class(model_type), allocatable :: twin
         type(evaluator_type), private :: evaluator
         type(counts_type), private :: counts
@@ -85,10 +85,10 @@ module tandem_io_study_paper
     end type figures_type
 
     type :: paper_type
-        !> The rows.
+        !> Rows computed so far.
         type(journal_type) :: journal
         integer, private :: current = 0
-        !> The keys of the scene of the last run, and its name.
+        !> Keys of the scene of the last run, and name of the scene.
         type(description_type), private :: keys
         character(len=:), allocatable, private :: opened
     contains
@@ -99,12 +99,12 @@ module tandem_io_study_paper
 
 contains
 
-    !> How many runs there are.
+    !> Number of runs.
     pure integer function total()
         total = size(runs)
     end function total
 
-    !> Do the next run whose rows are missing, and append them; `finished` if there is none.
+    !> Carry out the next run with missing rows, and append the rows; `finished` if there is none.
     subroutine next_run(self, finished, what, error)
         class(paper_type), intent(inout) :: self
         logical, intent(out) :: finished
@@ -119,7 +119,7 @@ contains
             k = self%current
             finished = k > size(runs)
             if (finished) return
-            ! The energy is each run's last row where the text speaks of the run, the acceleration where a table does.
+            ! The last row of a run is the energy for runs of the text, and the acceleration for runs of a table.
             if (runs(k)%place == 'text' .and. self%is_there(runs(k), last_of(runs(k)))) cycle
             if (runs(k)%place /= 'text' .and. self%is_there(runs(k), 'acceleration error')) cycle
             exit
@@ -128,7 +128,7 @@ contains
         call do_run(self, runs(k), error)
     end subroutine next_run
 
-    !> The last quantity of a run of the text.
+    !> Last quantity of a run.
     pure function last_of(run) result(name)
         type(run_type), intent(in) :: run
         character(len=:), allocatable :: name
@@ -137,7 +137,7 @@ contains
         if (run%has_lane) name = 'lane change [m]'
     end function last_of
 
-    !> Run and append its rows.
+    !> Carry out a run and append its rows.
     subroutine do_run(self, run, error)
         class(paper_type), intent(inout) :: self
         type(run_type), intent(in) :: run
@@ -198,11 +198,11 @@ contains
             to_toml(abs(simulation%state%q(1))), 'the same, as far as the paper states', error)
     end subroutine do_run
 
-    !> Append a row, unless it is there.
+    !> Append a row, unless it exists.
     subroutine put(self, run, quantity, printed, ours, difference, error)
         class(paper_type), intent(inout) :: self
         type(run_type), intent(in) :: run
-        !> Quantity, its value in the paper, its value here, and a remark on the difference.
+        !> Quantity, its value in the paper, its value computed here, and a remark about the difference.
         character(len=*), intent(in) :: quantity, printed, ours, difference
         type(error_type), allocatable, intent(out) :: error
         character(len=cell_length) :: cells(size(paper_columns))
@@ -241,12 +241,12 @@ contains
         is_there = .false.
     end function is_there
 
-    !> Remark on a constraint error.
+    !> Remark about a constraint error.
     function about_error(run, level, ours, on_scale) result(text)
         type(run_type), intent(in) :: run
-        !> 1 position, 2 velocity, 3 acceleration.
+        !> Level of the constraint: 1 position, 2 velocity, 3 acceleration.
         integer, intent(in) :: level
-        !> The error in the units of its row, and on its natural scale.
+        !> Error in the units of its row, and on its natural scale.
         real(wp), intent(in) :: ours, on_scale
         character(len=:), allocatable :: text
         integer :: decades
@@ -264,7 +264,7 @@ contains
         end if
     end function about_error
 
-    !> Remark on the number of charts.
+    !> Remark about the number of charts.
     function about_charts(ours, printed) result(text)
         integer, intent(in) :: ours, printed
         character(len=:), allocatable :: text
@@ -274,7 +274,7 @@ contains
         if (printed /= 0 .and. ours /= printed) text = 'different: |v| exceeds its limit after other steps'
     end function about_charts
 
-    !> Remark on the energy.
+    !> Remark about the energy.
     function about_energy(run, ours) result(text)
         type(run_type), intent(in) :: run
         real(wp), intent(in) :: ours
@@ -294,7 +294,7 @@ contains
         if (figures < run%figures) text = text//', fewer than printed'
     end function about_energy
 
-    !> Take the errors and the energy of a state.
+    !> Record the errors and the energy of a state.
     subroutine observe(self, simulation, occasion, error)
         class(figures_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> The study of error against run time: every stepper over step sizes and tolerances, from the coarsest that is of use to the one
-!> that the budget ends, each run a row.
+!> The precision study: error against run time for every stepper, over step sizes and tolerances. Each series of runs begins with
+!> the coarsest useful one and ends when the budget is exhausted. Each run is a row.
 !>
-!> A series is a stepper with fixed steps h = H 2**k, H the scene's step, or with tolerances rtol = 10**k. The next run
-!> of a series follows from its rows alone, so that an interrupted study continues where it was.
+!> A series consists of runs of one stepper, either with fixed steps h = H 2**k, where H is the step of the scene, or with
+!> tolerances rtol = 10**k. The next run of a series follows from the existing rows, so that an interrupted study can be continued.
 module tandem_io_study_precision
     use tandem, only: change_stepper, default_step, error_type, long, n_derivatives, new_stepper, options_type, properties_type, &
         statistics_type, stepper_choices, wp
@@ -19,16 +19,17 @@ module tandem_io_study_precision
 
     public :: precision_type, precision_columns, by_step, by_rtol
 
-    !> Parameter that a series varies.
+    !> Parameter varied by a series.
     character(len=4), parameter :: by_step = 'step', by_rtol = 'rtol'
-    !> Loosest and tightest tolerance, powers of ten, and the finest step, a power of two times the scene's.
+    !> Exponents of ten of the largest and the smallest tolerance; exponent of two of the smallest step relative to the step of the
+    !> scene.
     integer, parameter :: loosest = -2, tightest = -14, finest = -24
-    !> Number of consecutive failures that end a series: a run may fail although a finer one succeeds.
+    !> Number of consecutive failures that end a series. A single failure does not, because a finer run may succeed.
     integer, parameter :: most_failures = 4
-    !> Errors are quoted down to this multiple of the agreement of a reference: they are then right to ten per cent.
+    !> Errors are reported down to this multiple of the agreement of a reference; they are then accurate to ten per cent.
     real(wp), parameter :: floor_factor = 10.0_wp
 
-    !> The columns of a table of this study.
+    !> Columns of the table.
     type(column_type), parameter :: precision_columns(26) = [ &
         column_type('scene', '', text_column, '', 'name of the scene'), &
         column_type('stepper', 'stepper', text_column, '', 'name of the stepper'), &
@@ -63,7 +64,7 @@ module tandem_io_study_precision
         column_type('largest_step', '', real_column, 's', 'largest accepted step'), &
         column_type('status', 'status', text_column, '', 'complete, the status of the failure, or over_budget')]
 
-    !> A stepper and what is varied.
+    !> A stepper and its varied parameter.
     type :: series_type
         character(len=16) :: stepper = ''
         character(len=4) :: control = by_step
@@ -72,9 +73,9 @@ module tandem_io_study_precision
     type :: precision_type
         !> Reference for the errors of the runs.
         type(reference_type) :: reference
-        !> The rows.
+        !> Rows computed so far.
         type(journal_type) :: journal
-        !> Seconds that all the runs of a row may take, and least runs that are timed.
+        !> Time limit of all runs of a row, seconds; smallest number of timed runs.
         real(wp) :: budget = 5.0_wp
         integer :: repeats = 3
         type(series_type), allocatable, private :: series(:)
@@ -88,10 +89,10 @@ module tandem_io_study_precision
 
 contains
 
-    !> Begin with a scene, whose reference and journal exist.
+    !> Prepare the study of a scene. The reference and the journal must be set.
     subroutine start(self, scene, steppers)
         class(precision_type), intent(inout) :: self
-        !> It must outlive the study.
+        !> Must outlive the study.
         type(scene_type), intent(inout), target :: scene
         !> Names of the steppers.
         character(len=*), intent(in) :: steppers(:)
@@ -119,7 +120,7 @@ contains
     subroutine next_row(self, finished, error)
         class(precision_type), intent(inout) :: self
         logical, intent(out) :: finished
-        !> The row could not be written.
+        !> Set if the row could not be written.
         type(error_type), allocatable, intent(out) :: error
         integer :: level
         logical :: ended
@@ -134,15 +135,15 @@ contains
         call self%measure(self%series(self%current), level, error)
     end subroutine next_row
 
-    !> Errors in q below this are indistinguishable from those of the reference; 0 if its errors are unknown.
+    !> Smallest error in q that can be distinguished from the error of the reference; 0 if the latter is unknown.
     pure real(wp) function floor_q(self)
         class(precision_type), intent(in) :: self
 
         floor_q = floor_factor*max(0.0_wp, self%reference%agreement_q)
     end function floor_q
 
-    !> The row of the shortest complete run whose error in q is at most `error_q`, by the processor's time, which other work on
-    !> the machine disturbs least; 0 if there is none.
+    !> Index of the fastest complete run whose error in q is at most `error_q`; 0 if there is none. Processor times are compared,
+    !> because other programs affect them least.
     pure integer function cheapest(self, error_q)
         class(precision_type), intent(in) :: self
         real(wp), intent(in) :: error_q
@@ -162,11 +163,11 @@ contains
         end associate
     end function cheapest
 
-    !> Next level of a series, unless it has ended.
+    !> Select the next level of a series, unless the series has ended.
     subroutine plan(self, series, level, ended)
         class(precision_type), intent(inout) :: self
         type(series_type), intent(in) :: series
-        !> Power of two or ten.
+        !> Exponent of two or ten.
         integer, intent(out) :: level
         logical, intent(out) :: ended
         integer, allocatable :: rows(:)
@@ -198,13 +199,13 @@ contains
                 if (ieee_is_finite(before)) growth = min(4.0_wp, max(growth, table%real_at(rows(k), 'wall_seconds')/before))
             end if
             ended = ended .or. growth*(self%repeats + 1)*table%real_at(rows(k), 'wall_seconds') > self%budget
-            ! Rounding: two rows in a row have gained nothing, at errors far below the motion.
+            ! Rounding dominates: two consecutive rows have not reduced the error, which is far below the motion.
             if (k > 2 .and. last < 1.0e-5_wp*self%useful) ended = ended .or. &
                 min(last, table%real_at(rows(k - 1), 'error_q')) > 0.8_wp*table%real_at(rows(k - 2), 'error_q')
         end associate
     end subroutine plan
 
-    !> The rows of a series, in their order.
+    !> Indices of the rows of a series, in order.
     function rows_of(self, series) result(rows)
         class(precision_type), intent(in) :: self
         type(series_type), intent(in) :: series
@@ -220,7 +221,7 @@ contains
         end associate
     end function rows_of
 
-    !> The first level of a series: from the coarsest on, the one before the first whose result is of some use.
+    !> Select the first level of a series: the level before the first one, from the coarsest on, whose result is useful.
     subroutine choose_first(self, series, level)
         class(precision_type), intent(inout) :: self
         type(series_type), intent(in) :: series
@@ -274,7 +275,7 @@ contains
         call self%journal%append(cells, error)
     end subroutine measure
 
-    !> The counts of a row.
+    !> Set the counters of a row.
     subroutine put_statistics(self, cells, s)
         class(precision_type), intent(in) :: self
         character(len=*), intent(inout) :: cells(:)
@@ -297,7 +298,7 @@ contains
         end associate
     end subroutine put_statistics
 
-    !> Observed order of a run relative to the row before it; NaN if either failed, or errors are unknown.
+    !> Observed order of a run relative to the previous row; NaN if one of the runs failed or errors are unknown.
     real(wp) function observed_order(self, row, series, level, outcome)
         class(precision_type), intent(in) :: self
         integer, intent(in) :: row, level
@@ -315,12 +316,12 @@ contains
             else
                 refinement = real(outcome%statistics%steps, wp)/real(table%count_at(row, 'steps'), wp)
             end if
-            ! Nearly equal steps say nothing about an order.
+            ! The steps are too similar to determine an order.
             if (refinement >= 1.1_wp .and. outcome%error_q > 0.0_wp) observed_order = log(before/outcome%error_q)/log(refinement)
         end associate
     end function observed_order
 
-    !> The options of a run.
+    !> Options of a run.
     function options_of(self, series, level) result(options)
         class(precision_type), intent(in) :: self
         type(series_type), intent(in) :: series
@@ -335,7 +336,7 @@ contains
         end if
     end function options_of
 
-    !> The coarsest level of a series.
+    !> Coarsest level of a series.
     integer function coarsest(self, series)
         class(precision_type), intent(in) :: self
         type(series_type), intent(in) :: series
@@ -346,7 +347,7 @@ contains
         coarsest = floor(log((self%t_end - self%scene%t_start)/fewest_steps/step_of(self%scene%options))/log(2.0_wp))
     end function coarsest
 
-    !> The step or the tolerance of a level.
+    !> Step or tolerance of a level.
     real(wp) function value_of(self, series, level)
         class(precision_type), intent(in) :: self
         type(series_type), intent(in) :: series
@@ -359,7 +360,7 @@ contains
         end if
     end function value_of
 
-    !> The level of a step or a tolerance.
+    !> Level of a step or a tolerance.
     integer function level_of(self, series, value)
         class(precision_type), intent(in) :: self
         type(series_type), intent(in) :: series
@@ -372,7 +373,7 @@ contains
         end if
     end function level_of
 
-    !> The fixed step of level 0.
+    !> Fixed step of level 0.
     pure real(wp) function step_of(options)
         type(options_type), intent(in) :: options
 

@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Identification of the program that makes a study's rows: rows of other builds may differ in counts, times and rounding.
+!> Identification of the program that computes the rows of a study, because rows of another build may differ in counts, times and
+!> rounding.
 module tandem_io_study_program
     use tandem, only: long
     use tandem_io_scene_shipped, only: program_path
@@ -13,7 +14,7 @@ module tandem_io_study_program
 
 contains
 
-    !> The version of tandem and the checksum of the program's file, as TOML.
+    !> Version of tandem and checksum of the executable file, in TOML.
     function program_settings() result(text)
         character(len=:), allocatable :: text
         character(len=:), allocatable :: bytes

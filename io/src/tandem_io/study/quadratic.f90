@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> A model whose constraints are quadratic and whose forces are linear: enough for pendulums, springs and points on surfaces.
+!> A model with quadratic constraints and linear forces, for pendulums, springs and points on surfaces.
 !>
 !> Phi_i = q' A_i q / 2 + b_i' q + c_i, M = diag(m), Q_A = f - K q - D qd.
 module tandem_io_study_quadratic
@@ -22,7 +22,7 @@ module tandem_io_study_quadratic
 
 contains
 
-    !> Make everything zero, for a number of coordinates and of constraints.
+    !> Set all terms to zero for a number of coordinates and of constraints.
     subroutine prepare(self, name, n, nh)
         class(quadratic_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -41,7 +41,7 @@ contains
         self%potential_energy => potential_energy
     end subroutine prepare
 
-    !> The terms.
+    !> Evaluate the terms.
     subroutine evaluate(self, need, t, q, qd, terms, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need
@@ -69,7 +69,7 @@ contains
         end select
     end subroutine evaluate
 
-    !> All gradients are those of quadratic forms.
+    !> Evaluate the derivatives, which are gradients of quadratic forms.
     subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need

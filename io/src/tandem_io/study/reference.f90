@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Reference for errors: a motion at some times, from a file or from `tandem_io_study_measure`.
+!> Reference solution for errors: a motion at given times, from a file or from `tandem_io_study_measure`.
 module tandem_io_study_reference
     use tandem, only: error_type, set_error, to_text, wp
     use tandem_io_output_hdf5, only: hdf5_type
@@ -14,26 +14,26 @@ module tandem_io_study_reference
 
     public :: reference_type, read_reference, write_reference
 
-    !> A motion at some times, in ascending order.
+    !> A motion at given times.
     type :: reference_type
-        !> Times (k).
+        !> Times in ascending order (k).
         real(wp), allocatable :: t(:)
         !> Coordinates and velocities (n, k).
         real(wp), allocatable :: q(:, :), qd(:, :)
-        !> Distance in q and in qd of the solutions that were averaged, max-norms over all times; smaller errors are unknown.
-        !> Negative if not given.
+        !> Differences in q and in qd of the solutions that were averaged: max-norms over all times. Smaller errors cannot be
+        !> determined. Negative if unknown.
         real(wp) :: agreement_q = -1.0_wp, agreement_qd = -1.0_wp
-        !> Description of its origin.
+        !> Description of the origin of the motion.
         character(len=:), allocatable :: origin
     end type reference_type
 
 contains
 
-    !> Read a reference: a result file of tandem with q and qd, or a text table as `write_reference` makes it. Kept are times
-    !> after t_start and up to t_end, of a result file at most `most` of them, evenly spread.
+    !> Read a reference: a result file of tandem with q and qd, or a text table as written by `write_reference`. Times after t_start
+    !> and up to t_end are kept; from a result file, at most `most` of them at nearly equal distances.
     subroutine read_reference(path, t_start, t_end, q, qd, most, reference, error)
         character(len=*), intent(in) :: path
-        !> Start and end of the run, and the state at its start (n), which the reference must match if it contains that time.
+        !> Start and end of the run, and its initial state (n), which the reference must match if it contains this time.
         real(wp), intent(in) :: t_start, t_end, q(:), qd(:)
         integer, intent(in) :: most
         type(reference_type), intent(out) :: reference
@@ -69,14 +69,14 @@ contains
                 'give a reference of this scene')
             return
         end do
-        call keep(reference, reference%t > t_start + rounding*span .and. reference%t <= t_end + rounding*span)
-        if (from_hdf5) call keep(reference, spread_evenly(size(reference%t), most))
+        call select_times(reference, reference%t > t_start + rounding*span .and. reference%t <= t_end + rounding*span)
+        if (from_hdf5) call select_times(reference, spread_evenly(size(reference%t), most))
         if (size(reference%t) == 0) call set_error(error, status_invalid_option, 'the reference '//path// &
             ' has no time after the start and up to the end of the scene', 'give a reference of these times')
     end subroutine read_reference
 
     !> Keep some of the times.
-    subroutine keep(reference, which)
+    subroutine select_times(reference, which)
         type(reference_type), intent(inout) :: reference
         !> True for each time to keep (k).
         logical, intent(in) :: which(:)
@@ -87,9 +87,9 @@ contains
         reference%t = reference%t(kept)
         reference%q = reference%q(:, kept)
         reference%qd = reference%qd(:, kept)
-    end subroutine keep
+    end subroutine select_times
 
-    !> Selection of at most `most` of `total` rows, the last one included.
+    !> Select at most `most` of `total` rows at nearly equal distances, including the last one.
     pure function spread_evenly(total, most) result(which)
         integer, intent(in) :: total, most
         logical :: which(total)
@@ -102,7 +102,7 @@ contains
         end do
     end function spread_evenly
 
-    !> From a result file of tandem.
+    !> Read a result file of tandem.
     subroutine read_result(path, reference, error)
         character(len=*), intent(in) :: path
         type(reference_type), intent(inout) :: reference
@@ -123,8 +123,8 @@ contains
         reference%t = t(1, :)
     end subroutine read_result
 
-    !> From a text table: comments, a line with the numbers of rows, coordinates and multipliers, then one row per time: t, q, qd
-    !> and further columns. A comment `agreement: Q QD` gives the accuracy of the values.
+    !> Read a text table: comments, a line with the numbers of rows, coordinates and multipliers, then one row per time with t, q,
+    !> qd and further columns. A comment `agreement: Q QD` gives the accuracy of the values.
     subroutine read_table(path, reference, error)
         character(len=*), intent(in) :: path
         type(reference_type), intent(inout) :: reference
@@ -156,7 +156,7 @@ contains
             end if
             from = last + 2
         end do
-        ! The file cannot hold more numbers than characters, which bounds what is allocated.
+        ! The file cannot contain more numbers than characters, which limits the allocated size.
         is_read = is_read .and. all(sizes >= 1.0_wp) .and. sizes(1)*sizes(2) <= len(text)
         if (is_read) then
             n = nint(sizes(2))
@@ -176,7 +176,7 @@ contains
 
     contains
 
-        !> The end of the line that begins at `from`.
+        !> Find the end of the line that begins at `from`.
         subroutine find_line()
             last = index(text(min(from, len(text) + 1):), achar(10))
             last = merge(from + last - 2, len(text), last > 0)
@@ -185,7 +185,7 @@ contains
 
     !> Write a reference as a text table, with all digits.
     subroutine write_reference(path, name, reference, error)
-        !> The file, and the name of the scene.
+        !> Path of the file, and name of the scene.
         character(len=*), intent(in) :: path, name
         type(reference_type), intent(in) :: reference
         type(error_type), allocatable, intent(out) :: error
@@ -198,13 +198,13 @@ contains
         text = text//'# first line: number of rows, of coordinates n, of multipliers; then a row a time: t, q (n), qd (n)'//newline
         text = text//to_text(size(reference%t))//' '//to_text(size(reference%q, 1))//' 0'//newline
         do i = 1, size(reference%t)
-            text = text//to_toml(reference%t(i))//in_a_row(reference%q(:, i))//in_a_row(reference%qd(:, i))//newline
+            text = text//to_toml(reference%t(i))//row_of(reference%q(:, i))//row_of(reference%qd(:, i))//newline
         end do
         call write_whole(path, text, error)
     end subroutine write_reference
 
-    !> Numbers with a blank before each.
-    pure function in_a_row(values) result(text)
+    !> Numbers, each preceded by a blank.
+    pure function row_of(values) result(text)
         real(wp), intent(in) :: values(:)
         character(len=:), allocatable :: text
         integer :: i
@@ -213,5 +213,5 @@ contains
         do i = 1, size(values)
             text = text//' '//to_toml(values(i))
         end do
-    end function in_a_row
+    end function row_of
 end module tandem_io_study_reference

@@ -1,7 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> The study of stability: every case with every stepper, with fixed steps and under error control, each run a row with its verdict.
+!> The stability study: runs of every case with every stepper, with fixed steps and with error control. Each run is a row with a
+!> verdict.
 !>
-!> Missing rows are computed next, so that an interrupted study continues where it was.
+!> Missing rows are computed in order, so that an interrupted study can be continued.
 module tandem_io_study_stability
     use tandem, only: change_stepper, error_type, long, new_stepper, options_type, properties_type, stepper_choices, to_text, wp
     use tandem_io_study_cases, only: build_case, case_groups, case_name_length, case_names, case_type
@@ -15,7 +16,7 @@ module tandem_io_study_stability
 
     public :: stability_type, stability_columns, select_cases
 
-    !> The columns of its table.
+    !> Columns of the table.
     type(column_type), parameter :: stability_columns(30) = [ &
         column_type('case', 'case', text_column, '', 'name of the case'), &
         column_type('group', '', text_column, '', 'kind of case'), &
@@ -54,7 +55,7 @@ module tandem_io_study_stability
         column_type('remark', '', text_column, '', 'warnings, or how it failed')]
 
     type :: stability_type
-        !> The rows.
+        !> Rows computed so far.
         type(journal_type) :: journal
         !> Names of the requested cases.
         character(len=case_name_length), allocatable :: cases(:)
@@ -69,7 +70,8 @@ module tandem_io_study_stability
 
 contains
 
-    !> The cases given by names of cases or groups, all without a name. Not allocated if a name is unknown; `unknown` returns it.
+    !> Select cases by names of cases or groups; all cases if there are no names. `cases` is not allocated if a name is unknown,
+    !> which is returned in `unknown`.
     subroutine select_cases(names, cases, unknown)
         character(len=*), intent(in) :: names(:)
         character(len=case_name_length), allocatable, intent(out) :: cases(:)
@@ -88,7 +90,7 @@ contains
         cases = pack(case_names, wanted)
     end subroutine select_cases
 
-    !> True if a case has a run of a stepper with a control.
+    !> True if a case has a run with a stepper and a kind of step control.
     logical function has_run(subject, name, control)
         type(case_type), intent(in) :: subject
         character(len=*), intent(in) :: name, control
@@ -102,7 +104,7 @@ contains
         has_run = subject%with_rtol .and. properties%estimate_order > 0
     end function has_run
 
-    !> Do the next missing run, and append its row; `finished` if there is none.
+    !> Compute the next missing row and append it; `finished` if there is none.
     subroutine next_row(self, finished, error)
         class(stability_type), intent(inout) :: self
         logical, intent(out) :: finished
@@ -131,7 +133,7 @@ contains
         end do
     end subroutine next_row
 
-    !> How many rows there will be.
+    !> Total number of rows.
     integer function total(self)
         class(stability_type), intent(in) :: self
         type(case_type) :: subject
@@ -149,7 +151,7 @@ contains
         end do
     end function total
 
-    !> The row of a run, 0 if it is missing.
+    !> Index of the row of a run; 0 if it is missing.
     pure integer function row_of(self, subject, stepper, control)
         class(stability_type), intent(in) :: self
         character(len=*), intent(in) :: subject, stepper, control
@@ -175,7 +177,7 @@ contains
         end do
     end function count_of
 
-    !> Do a run and append its row.
+    !> Carry out a run and append its row.
     subroutine measure(self, stepper, control, error)
         class(stability_type), intent(inout) :: self
         character(len=*), intent(in) :: stepper, control
@@ -235,15 +237,16 @@ contains
         call self%journal%append(cells, error)
     end subroutine measure
 
-    !> A case in other units must give the same run as in metres, except for rounding and its growth: equal steps, equal motion.
+    !> Compare a case with the same case in metres. Except for rounding and its amplification, both runs must have equal steps and
+    !> equal motions.
     subroutine compare_units(self, options, trial, error)
         class(stability_type), intent(inout) :: self
         type(options_type), intent(in) :: options
         type(trial_type), intent(inout) :: trial
         type(error_type), allocatable, intent(out) :: error
         !> Largest difference of the motions: 1e-10, or ten times the effect of rounding on the two references if the motion
-        !> amplifies it. Under error control rounding also changes the steps: the estimate of a first, careful step is 1e-13, of
-        !> which rounding is a hundredth, and the end of a step changes its error by that part.
+        !> amplifies rounding. With error control, rounding also changes the steps: the error estimate of a first, careful step is
+        !> 1e-13, rounding is a hundredth of it, and the end of a step changes the error by this fraction.
         real(wp), parameter :: most = 1.0e-10_wp, times = 10.0_wp, part = 0.02_wp
         type(case_type), target :: twin
         type(trial_type) :: in_metres

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> A table of results: named columns of texts, counts or numbers, one row per run, and its layout on a terminal.
+!> A table of results: named columns of texts, counts or numbers, one row per run; and its layout on a terminal.
 !>
-!> Cells are stored as text in full precision, as in the CSV file, so that values read back equal the written ones.
+!> Cells are stored as text in full precision, as in the CSV file. Hence values read back are equal to the written ones.
 module tandem_io_study_table
     use tandem, only: long, to_text, wp
     use tandem_io_scene_text, only: to_toml
@@ -12,21 +12,21 @@ module tandem_io_study_table
 
     public :: table_type, column_type, cell_length, text_column, count_column, real_column, brief
 
-    !> Longest text of a cell.
+    !> Largest length of a cell.
     integer, parameter :: cell_length = 256
-    !> Contents of a column.
+    !> Kinds of columns.
     integer, parameter :: text_column = 1, count_column = 2, real_column = 3
 
-    !> Numbers of at most so many letters are shown unchanged.
+    !> Largest length of a number that is shown unchanged.
     integer, parameter :: short_enough = 6
 
     !> A column.
     type :: column_type
-        !> Its name in files, and its heading on the terminal; a column without a heading is not shown there.
+        !> Name in files, and heading on the terminal; columns without a heading are not shown.
         character(len=24) :: name, heading
         !> `text_column`, `count_column` or `real_column`.
         integer :: kind
-        !> Its unit, `1` for pure numbers.
+        !> Unit; `1` for dimensionless numbers.
         character(len=8) :: unit
         !> Description of the column.
         character(len=120) :: meaning
@@ -34,7 +34,7 @@ module tandem_io_study_table
 
     type :: table_type
         type(column_type), allocatable :: columns(:)
-        !> The cells (columns, rows); an empty cell represents a missing value.
+        !> Cells (columns, rows); an empty cell is a missing value.
         character(len=cell_length), allocatable :: cells(:, :)
     contains
         procedure :: initialize, rows, index_of, new_row, add
@@ -46,7 +46,7 @@ module tandem_io_study_table
 
 contains
 
-    !> Start an empty table.
+    !> Define an empty table.
     subroutine initialize(self, columns)
         class(table_type), intent(inout) :: self
         type(column_type), intent(in) :: columns(:)
@@ -56,14 +56,14 @@ contains
         allocate (self%cells(size(columns), 0))
     end subroutine initialize
 
-    !> How many rows there are.
+    !> Number of rows.
     pure integer function rows(self)
         class(table_type), intent(in) :: self
 
         rows = size(self%cells, 2)
     end function rows
 
-    !> The index of a column, 0 if there is none of this name.
+    !> Index of a column; 0 if no column has the name.
     pure integer function index_of(self, name)
         class(table_type), intent(in) :: self
         character(len=*), intent(in) :: name
@@ -73,7 +73,7 @@ contains
         end do
     end function index_of
 
-    !> The cells of a row without values.
+    !> Empty cells of a new row.
     pure function new_row(self) result(cells)
         class(table_type), intent(in) :: self
         character(len=cell_length) :: cells(size(self%columns))
@@ -81,10 +81,10 @@ contains
         cells = ''
     end function new_row
 
-    !> Add a row below the others.
+    !> Append a row.
     subroutine add(self, cells)
         class(table_type), intent(inout) :: self
-        !> A cell a column.
+        !> One cell per column.
         character(len=*), intent(in) :: cells(:)
         character(len=cell_length), allocatable :: more(:, :)
 
@@ -94,7 +94,7 @@ contains
         call move_alloc(more, self%cells)
     end subroutine add
 
-    !> Write a text into the cell of a named column.
+    !> Set the text of a cell in a named column.
     subroutine put_text(self, cells, name, value)
         class(table_type), intent(in) :: self
         character(len=*), intent(inout) :: cells(:)
@@ -103,7 +103,7 @@ contains
         cells(self%index_of(name)) = value
     end subroutine put_text
 
-    !> Write a count.
+    !> Set the count of a cell in a named column.
     subroutine put_count(self, cells, name, value)
         class(table_type), intent(in) :: self
         character(len=*), intent(inout) :: cells(:)
@@ -115,7 +115,7 @@ contains
         cells(self%index_of(name)) = buffer
     end subroutine put_count
 
-    !> Write a number, with all its digits; one that is not finite leaves the cell empty.
+    !> Set the number of a cell with all digits; the cell is empty if the number is not finite.
     subroutine put_real(self, cells, name, value)
         class(table_type), intent(in) :: self
         character(len=*), intent(inout) :: cells(:)
@@ -126,7 +126,7 @@ contains
         if (ieee_is_finite(value)) cells(self%index_of(name)) = to_toml(value)
     end subroutine put_real
 
-    !> The text of a cell.
+    !> Text of a cell.
     pure function text_at(self, row, name) result(text)
         class(table_type), intent(in) :: self
         integer, intent(in) :: row
@@ -136,7 +136,7 @@ contains
         text = trim(self%cells(self%index_of(name), row))
     end function text_at
 
-    !> The number of a cell, NaN if it is empty.
+    !> Number in a cell; NaN if it is empty.
     pure real(wp) function real_at(self, row, name)
         class(table_type), intent(in) :: self
         integer, intent(in) :: row
@@ -145,7 +145,7 @@ contains
         real_at = number(self%cells(self%index_of(name), row))
     end function real_at
 
-    !> The count of a cell, 0 if it is empty.
+    !> Count in a cell; 0 if it is empty.
     pure integer(long) function count_at(self, row, name)
         class(table_type), intent(in) :: self
         integer, intent(in) :: row
@@ -155,7 +155,7 @@ contains
         call read_number(self%cells(self%index_of(name), row), count_at, is_read)
     end function count_at
 
-    !> The headings on the terminal.
+    !> Headings for the terminal.
     pure function header(self) result(text)
         class(table_type), intent(in) :: self
         character(len=:), allocatable :: text
@@ -169,7 +169,7 @@ contains
         text = trim(text)
     end function header
 
-    !> A row on the terminal, under the headings.
+    !> Row for the terminal.
     pure function line(self, row) result(text)
         class(table_type), intent(in) :: self
         integer, intent(in) :: row
@@ -184,7 +184,7 @@ contains
         text = trim(text)
     end function line
 
-    !> Width of a column on the terminal: the larger of its heading and its widest cell.
+    !> Width of a column on the terminal: the larger one of the widths of its heading and of its widest cell.
     pure integer function width(self, column)
         class(table_type), intent(in) :: self
         integer, intent(in) :: column
@@ -196,7 +196,7 @@ contains
         end do
     end function width
 
-    !> A cell as the terminal shows it: numbers with two digits, a dash if it is empty.
+    !> Cell for the terminal: numbers with two digits, a dash if the cell is empty.
     pure function shown(cell, kind) result(text)
         character(len=*), intent(in) :: cell
         integer, intent(in) :: kind
@@ -211,7 +211,7 @@ contains
         end if
     end function shown
 
-    !> Texts to the left, numbers to the right.
+    !> Align texts left and numbers right.
     pure function aligned(text, width, kind) result(cell)
         character(len=*), intent(in) :: text
         integer, intent(in) :: width, kind
@@ -221,7 +221,7 @@ contains
         if (kind /= text_column) cell = adjustr(cell)
     end function aligned
 
-    !> A number with two significant digits, without an exponent if that is as short; infinities and NaN as words.
+    !> Number with two significant digits, without an exponent if this is not longer; infinities and NaN as words.
     pure function brief(value) result(text)
         real(wp), intent(in) :: value
         character(len=:), allocatable :: text
@@ -248,7 +248,7 @@ contains
         text = trim(adjustl(buffer))
     end function brief
 
-    !> The number in a cell, NaN if it holds none.
+    !> Number in a cell; NaN if the cell contains no number.
     pure real(wp) function number(cell)
         character(len=*), intent(in) :: cell
         logical :: is_read

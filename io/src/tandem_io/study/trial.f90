@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> A case of the study of stability run with one stepper, as a user would run it, and its verdict.
+!> A run of a case of the stability study with one stepper and the options of a user, and its verdict.
 !>
-!> Errors are the largest over the sample times of |y - y_ref| / (s + |y_ref|), y the coordinates and velocities, s the coordinate
-!> scales: the scale on which runs are warned of.
+!> The error is the largest value over the sample times of |y - y_ref| / (s + |y_ref|), where y are coordinates and velocities and s
+!> the coordinate scales. Warnings of a run use the same scale.
 module tandem_io_study_trial
     use tandem, only: allowed_error, change_stepper, error_type, find_error_warnings, global_error_type, model_type, options_type, &
         set_error, short_run, simulation_type, statistics_type, status_name, to_text, warning_type, wp
@@ -19,54 +19,55 @@ module tandem_io_study_trial
     public :: trial_type, truth_type, run_trial, find_truth
     public :: held, degraded, refused, failed, wrong
 
-    !> Verdicts: error within its limit; larger, with a warning; not begun; not ended; larger, without a warning.
+    !> Verdicts: error within its limit; larger error with a warning; run not started; run not completed; larger error without a
+    !> warning.
     character(len=8), parameter :: held = 'held', degraded = 'degraded', refused = 'refused', failed = 'failed', wrong = 'wrong'
-    !> Times at which a run is compared.
+    !> Number of times at which a run is compared.
     integer, parameter :: samples = 20
-    !> Energy that an endless run may gain or lose, relative to the energy at the start.
+    !> Largest change of the energy in an endless run, relative to the energy at the start.
     real(wp), parameter :: most_energy = 1.0e-3_wp
-    !> Constraint errors below this do not count as growth: the position iteration may leave a hundredth of the tolerance, 1e-14, on
-    !> natural scales that have changed slightly by the time of the measurement.
+    !> Constraint errors below this value do not count as growth. The position iteration may leave a hundredth of the tolerance,
+    !> 1e-14, and the natural scales may have changed slightly since then.
     real(wp), parameter :: noise = 2.0e-14_wp
 
-    !> The motion that is taken to be true.
+    !> The reference motion of a case.
     type :: truth_type
-        !> Times (k), coordinates and velocities there (n, k).
+        !> Times (k), coordinates and velocities at these times (n, k).
         real(wp), allocatable :: t(:), q(:, :), qd(:, :)
-        !> Difference of two solutions, on the scale of the errors; 0 for an exact motion.
+        !> Difference of two solutions on the scale of the errors; 0 for an exact motion.
         real(wp) :: agreement = 0.0_wp
-        !> Origin of the motion.
+        !> Description of the origin of the motion.
         character(len=:), allocatable :: origin
     end type truth_type
 
     !> A run and its verdict.
     type :: trial_type
         character(len=8) :: verdict = ''
-        !> `complete`, or the name of a status; a remark.
+        !> `complete` or the name of a status; remark.
         character(len=24) :: status = 'complete'
         character(len=:), allocatable :: remark
-        !> The error, its limit, and the change of the energy; NaN if unknown.
+        !> Error of the motion, limit of the error, and change of the energy; NaN if unknown.
         real(wp) :: error = 0.0_wp, allowed = 0.0_wp, energy_change = 0.0_wp
-        !> Endless runs: growth of the constraint errors, and of memory in pages; NaN elsewhere.
+        !> Growth of the constraint errors, and of memory in pages; NaN except for endless runs.
         real(wp) :: growth = 0.0_wp, pages = 0.0_wp
-        !> The error reported to the user, NaN if there is none.
+        !> Error reported to the user; NaN if none was reported.
         real(wp) :: reported = 0.0_wp
-        !> Number of warnings to the user.
+        !> Number of warnings given to the user.
         integer :: warnings = 0
         type(statistics_type) :: statistics
-        !> The motion at the sample times (n, k).
+        !> Motion at the sample times (n, k).
         real(wp), allocatable :: q(:, :), qd(:, :)
     end type trial_type
 
 contains
 
-    !> The true motion of a case.
+    !> Compute the reference motion of a case.
     subroutine find_truth(subject, truth, error)
         type(case_type), intent(inout), target :: subject
         type(truth_type), intent(out) :: truth
-        !> The two solutions do not agree well enough to judge by.
+        !> Set if the two solutions do not agree well enough.
         type(error_type), allocatable, intent(out) :: error
-        !> The two solutions must agree to this part of the error allowed for the best runs.
+        !> Largest difference of the two solutions, relative to the error allowed for the most accurate runs.
         real(wp), parameter :: part = 0.1_wp
         type(options_type) :: options
         type(simulation_type) :: simulation
@@ -116,7 +117,7 @@ contains
             ': the two reference solutions differ by '//to_text(truth%agreement))
     end subroutine find_truth
 
-    !> Run a case with the options given, and judge it.
+    !> Run a case with given options and determine the verdict.
     subroutine run_trial(subject, truth, options, trial)
         type(case_type), intent(inout), target :: subject
         type(truth_type), intent(in) :: truth
@@ -127,7 +128,7 @@ contains
         type(global_error_type), target :: global_error
         type(endurance_type), target :: endurance
         type(observer_list_type) :: observers
-        type(warning_type), allocatable :: doubts(:)
+        type(warning_type), allocatable :: warnings(:)
         type(error_type), allocatable :: error, failure
         integer :: i
 
@@ -161,11 +162,11 @@ contains
         if (trial%statistics%cpu_seconds <= short_run) then
             call global_error%estimate(subject%model, options, subject%q, subject%qd, failure)
         end if
-        call find_error_warnings(options, trial%statistics, doubts, global_error, failure)
-        trial%warnings = size(doubts)
-        do i = 1, size(doubts)
+        call find_error_warnings(options, trial%statistics, warnings, global_error, failure)
+        trial%warnings = size(warnings)
+        do i = 1, size(warnings)
             if (i > 1) trial%remark = trial%remark//'; '
-            trial%remark = trial%remark//doubts(i)%text
+            trial%remark = trial%remark//warnings(i)%text
         end do
         if (global_error%is_known) trial%reported = global_error%largest
         trial%energy_change = maxval(abs(sampler%energy - sampler%energy(0)))
@@ -189,16 +190,16 @@ contains
         end if
         if (.not. subject%is_endless) return
         if (trial%growth <= 1.0_wp .and. trial%pages <= 0.0_wp) return
-        ! No warning reports these.
+        ! These criteria are not covered by warnings.
         trial%verdict = wrong
         trial%remark = 'constraint errors grow '//to_text(trial%growth)//' times, memory by '//to_text(nint(trial%pages))//' pages'
     end subroutine run_trial
 
-    !> The largest error over all times.
+    !> Largest error over all times.
     pure real(wp) function distance(subject, truth, q, qd)
         type(case_type), intent(in) :: subject
         type(truth_type), intent(in) :: truth
-        !> The motion at the times of the truth (n, k).
+        !> Motion at the times of the reference (n, k).
         real(wp), intent(in) :: q(:, :), qd(:, :)
         real(wp) :: scale(size(q, 1))
         integer :: k

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The settings that carry the inputs of a case to its scene: `table.key=value` as on the command line. Elements of one list share
-!> one.
+!> Settings that pass the inputs of a case to its scene: `table.key=value` as on the command line. Inputs that are elements of the
+!> same list share a setting.
 module tandem_io_sweep_carriers
     use tandem, only: atom_type, is_text, is_truth, wp
     use tandem_io_scene_text, only: to_toml
@@ -11,10 +11,10 @@ module tandem_io_sweep_carriers
 
 contains
 
-    !> A value as TOML.
+    !> Value in TOML syntax.
     function atom_to_toml(atom, as_integer) result(text)
         type(atom_type), intent(in) :: atom
-        !> True to write a whole number without a point.
+        !> True to write a whole number without a decimal point.
         logical, intent(in) :: as_integer
         character(len=:), allocatable :: text
 
@@ -31,7 +31,7 @@ contains
         end select
     end function atom_to_toml
 
-    !> A setting `path=[...]` of numbers with another value at an element.
+    !> Replace an element in a setting `path=[...]`, a list of numbers.
     pure function with_element(setting, element, value) result(text)
         character(len=*), intent(in) :: setting, value
         integer, intent(in) :: element
@@ -46,7 +46,7 @@ contains
         text = setting(:from)//value//setting(to:)
     end function with_element
 
-    !> Number of elements of a list of numbers; 0 if the text is not such a list.
+    !> Number of elements of a list of numbers; 0 if the text is not a list of numbers.
     pure integer function count_elements_of(text) result(n)
         character(len=*), intent(in) :: text
         integer :: i

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Runs the cases of a sweep, one after the other. The scene is read from its file once. For each case the values of its keys
-!> change, and the model, the start and the options are built anew: so all checks of a scene apply to each case, and no case
-!> depends on earlier ones.
+!> Runs the cases of a sweep one after the other. The file of the scene is read only once. For each case the values of the inputs
+!> are changed, and the model, the start and the options are built again. Hence all checks of a scene apply to each case, and no
+!> case depends on earlier ones.
 module tandem_io_sweep_case
     use tandem, only: error_type, global_error_type, long, simulation_type, wp
     use tandem_io_output_observers, only: observer_list_type
@@ -20,14 +20,14 @@ module tandem_io_sweep_case
     public :: case_runner_type
 
     type :: case_runner_type
-        !> The sweep, the caller's.
+        !> Sweep, owned by the caller.
         type(plan_type), pointer :: plan => null()
         type(scene_model_type), allocatable, private :: models(:)
-        !> Keys of the scene, with the values of the last case.
+        !> Keys of the scene with the values of the last case.
         type(description_type), private :: keys
         type(recorder_type), private :: recorder
         real(wp), allocatable, private :: numbers(:)
-        !> The numbers of the last case; only changed ones are passed to the keys.
+        !> Inputs of the last case; only changed inputs are passed to the keys.
         real(wp), allocatable, private :: last(:)
     contains
         procedure :: prepare, run
@@ -35,10 +35,10 @@ module tandem_io_sweep_case
 
 contains
 
-    !> Take the keys of the scene.
+    !> Copy the keys of the scene.
     subroutine prepare(self, plan, models)
         class(case_runner_type), intent(inout) :: self
-        !> Must outlive the runner.
+        !> The sweep; must outlive the runner.
         type(plan_type), intent(in), target :: plan
         type(scene_model_type), intent(in) :: models(:)
 
@@ -53,7 +53,7 @@ contains
     !> Run a case.
     subroutine run(self, case, record)
         class(case_runner_type), intent(inout) :: self
-        !> Its number, from 1.
+        !> Number of the case, from 1.
         integer(long), intent(in) :: case
         !> Result of the case.
         type(record_type), intent(inout) :: record
@@ -80,7 +80,7 @@ contains
         record%values = ieee_value(1.0_wp, ieee_quiet_nan)
     end subroutine run
 
-    !> Make the scene of a case.
+    !> Build the scene of a case.
     subroutine read_case(self, scene, error)
         type(case_runner_type), intent(inout) :: self
         type(scene_type), intent(inout) :: scene
@@ -94,7 +94,7 @@ contains
                     plan%atom_of(i, self%numbers(i)))
             end do
             self%last = self%numbers
-            ! The file of a trajectory contains the complete scene.
+            ! A trajectory file contains the complete text of the scene.
             call interpret_scene(self%keys, self%models, scene, error, is_brief=plan%folder == '')
             if (plan%max_seconds > 0.0_wp) then
                 if (.not. scene%options%max_seconds > 0.0_wp .or. scene%options%max_seconds > plan%max_seconds) then
@@ -104,12 +104,12 @@ contains
         end associate
     end subroutine read_case
 
-    !> The run.
+    !> Integrate a case.
     subroutine integrate(self, case, scene, remark, error)
         type(case_runner_type), intent(inout), target :: self
         integer(long), intent(in) :: case
         type(scene_type), intent(inout), target :: scene
-        !> Remark on a case that did not fail; empty if there is none.
+        !> Remark on a case that did not fail; not allocated if there is none.
         character(len=:), allocatable, intent(out) :: remark
         type(error_type), allocatable, intent(out) :: error
         type(simulation_type) :: simulation
@@ -148,7 +148,7 @@ contains
         end if
         if (self%recorder%needs_estimate .and. .not. allocated(error)) call estimate(self, scene, global_error, remark)
     contains
-        !> With the whole trajectory.
+        !> Integrate the case and write its complete trajectory.
         subroutine integrate_into_file()
             write (number, '(i0.6)') case
             scene%output%file = self%plan%folder//'/case_'//trim(number)//'.h5'
@@ -158,18 +158,19 @@ contains
             call observers%add(trajectory)
             call simulation%integrate(scene%t_end, error, observers)
             call trajectory%close(simulation, error, output_error)
-            ! On the disk before the case counts as done, so that after a loss of power every finished case has its file.
+            ! The file must be on the disk before the case counts as finished, so that after a power failure every finished case has
+            ! its file.
             if (.not. allocated(output_error)) call sync_file(scene%output%file, output_error)
             if (.not. allocated(output_error)) call sync_folder_of(scene%output%file, output_error)
             if (allocated(output_error) .and. .not. allocated(error)) call move_alloc(output_error, error)
         end subroutine integrate_into_file
     end subroutine integrate
 
-    !> The error of the run, from a second run with a separate model, since a run may change its model. A missing estimate is not a
-    !> failure of the case: its numbers are NaN, and the remark gives the reason.
+    !> Estimate the error of the run by a second run. The second run has a separate model, because a run may change its model. The
+    !> case does not fail if there is no estimate: its values are then NaN, and the remark gives the reason.
     subroutine estimate(self, scene, global_error, remark)
         type(case_runner_type), intent(inout) :: self
-        !> The case, and the error estimator that observed it.
+        !> Scene of the case, and the error estimator that observed the run.
         type(scene_type), intent(in) :: scene
         type(global_error_type), intent(inout) :: global_error
         character(len=:), allocatable, intent(inout) :: remark
@@ -186,7 +187,7 @@ contains
         if (global_error%is_bound) remark = 'the error estimate is only a bound: the tolerances cannot be smaller'
     end subroutine estimate
 
-    !> A message as a cell of a table.
+    !> Convert a message to a single line for a cell of the table.
     pure function on_one_line(message) result(text)
         character(len=*), intent(in) :: message
         character(len=message_length) :: text
@@ -196,7 +197,7 @@ contains
         n = 0
         do i = 1, len(message)
             if (n == len(text)) exit
-            ! Blanks at the beginning of a line only move its marks.
+            ! Leading blanks of a line only position its marks.
             if (message(i:i) == new_line('a') .or. message(i:i) == ' ') then
                 if (n > 0) then
                     if (text(n:n) /= ' ') n = n + 1

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Reads a file of cases: comma-separated values, keys in the first line, then one line per case.
+!> Reads a file of cases: comma-separated values with keys in the first line and one case per further line.
 module tandem_io_sweep_columns
     use tandem, only: atom_type, is_number, is_text, is_truth, long, to_text
     use tandem_io_study_csv, only: split_csv_line
@@ -15,19 +15,19 @@ module tandem_io_sweep_columns
 
 contains
 
-    !> Read all of it.
+    !> Read the complete file.
     subroutine read_columns(path, names, atoms, sum, problem)
         character(len=*), intent(in) :: path
-        !> The keys, and the values (columns, rows).
+        !> Keys, and values (columns, rows).
         character(len=*), allocatable, intent(out) :: names(:)
         type(atom_type), allocatable, intent(out) :: atoms(:, :)
-        !> A checksum of the file.
+        !> Checksum of the file.
         character(len=16), intent(out) :: sum
-        !> Fault of the file, as continuation of `csv`; empty if there is none.
+        !> Problem of the file as a sentence that continues the key `csv`; empty if there is none.
         character(len=:), allocatable, intent(out) :: problem
         character(len=:), allocatable :: text, line
         character(len=256), allocatable :: cells(:)
-        logical :: whole
+        logical :: is_complete
         integer, parameter :: word = storage_size(0_long)/storage_size('a')
         integer :: from, number, rows, i, n
 
@@ -41,18 +41,18 @@ contains
         write (sum, '(z16.16)') checksum(transfer(text//repeat(' ', word), [0_long], len(text)/word + 1))
         from = 1
         line = next_line(text, from)
-        ! Mark that spreadsheets put before UTF-8.
+        ! Spreadsheets write a byte order mark before UTF-8.
         if (index(line, byte_order_mark) == 1) line = line(len(byte_order_mark) + 1:)
         n = 1
         do i = 1, len(line)
             if (line(i:i) == ',') n = n + 1
         end do
         allocate (names(n), cells(n))
-        call split_csv_line(line, cells, whole)
+        call split_csv_line(line, cells, is_complete)
         do i = 1, n
             names(i) = adjustl(cells(i))
         end do
-        if (.not. whole .or. any(names == '')) then
+        if (.not. is_complete .or. any(names == '')) then
             problem = 'names the file '//path//', whose first line is not a list of keys'
             return
         end if
@@ -66,9 +66,9 @@ contains
             number = number + 1
             if (line == '') cycle
             rows = rows + 1
-            call split_csv_line(line, cells, whole)
-            if (.not. whole) problem = 'names the file '//path//', whose line '//to_text(number)//' does not have '//to_text(n)// &
-                ' values'
+            call split_csv_line(line, cells, is_complete)
+            if (.not. is_complete) problem = 'names the file '//path//', whose line '//to_text(number)// &
+                ' does not have '//to_text(n)//' values'
             do i = 1, n
                 if (problem /= '') exit
                 atoms(i, rows) = atom_from(trim(adjustl(cells(i))))
@@ -80,7 +80,7 @@ contains
         end do
     end subroutine read_columns
 
-    !> The next line, without its end; `from` becomes the beginning of the following line.
+    !> Next line without its end; `from` is advanced to the following line.
     function next_line(text, from) result(line)
         character(len=*), intent(in) :: text
         integer, intent(inout) :: from
@@ -95,7 +95,7 @@ contains
         if (line(len(line):) == achar(13)) line = line(:len(line) - 1)
     end function next_line
 
-    !> How many lines hold something.
+    !> Number of lines that are not empty.
     integer function count_lines(text) result(n)
         character(len=*), intent(in) :: text
         integer :: from
@@ -107,7 +107,7 @@ contains
         end do
     end function count_lines
 
-    !> A number, a truth value, or otherwise a text.
+    !> Convert a text to a number, a truth value or a text.
     function atom_from(text) result(atom)
         character(len=*), intent(in) :: text
         type(atom_type) :: atom

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT */
-/* Synchronises files with the disk: data buffered by the system would be lost with the machine's power. */
+/* Synchronises files with the disk, because data buffered by the system are lost in a power failure. */
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
 #include <string.h>
 #include <unistd.h>
 
-/* Sync an open file; 0 on success, and on file systems without this operation. */
+/* Synchronise an open file; 0 on success, and on file systems without this operation. */
 int tandem_disk_sync_open(int file)
 {
     while (fsync(file) != 0) {
@@ -18,7 +18,7 @@ int tandem_disk_sync_open(int file)
     return 0;
 }
 
-/* Sync a file, or a folder with the names in it; 0 on success. A folder that fails to open contains no names written here. */
+/* Synchronise the contents of a file, or the names in a folder; 0 on success. */
 int tandem_disk_sync(const char *path)
 {
     int file = open(path, O_RDONLY | O_CLOEXEC), status;
@@ -30,7 +30,7 @@ int tandem_disk_sync(const char *path)
     return status;
 }
 
-/* Sync the folder of a file; 0 on success. */
+/* Synchronise the folder of a file; 0 on success. */
 int tandem_disk_sync_folder_of(const char *path)
 {
     char folder[PATH_MAX];
@@ -41,7 +41,7 @@ int tandem_disk_sync_folder_of(const char *path)
         return -1;
     memcpy(folder, path, length);
     folder[length] = 0;
-    /* A folder that may be written but not read cannot be opened; its names come to the disk in time. */
+    /* A folder without read permission cannot be opened; the system writes its names to the disk later. */
     if (tandem_disk_sync(length > 0 ? folder : ".") != 0 && errno != EACCES)
         return -1;
     return 0;

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Reads the file of a sweep. Every error shows the line and the values allowed there. Inputs are read in `inputs.f90`, kept
+!> Reads the file of a sweep. Every error message shows the line and the allowed values. Inputs are read in `inputs.f90`, kept
 !> quantities in `keeping.f90`.
 module tandem_io_sweep_file
     use tandem, only: error_type, is_text, not_negative, positive, reader_type, shown_type, to_text, value_type, wp
@@ -20,17 +20,17 @@ module tandem_io_sweep_file
 
     public :: read_sweep, settings_of
 
-    !> Most cases, and columns of the table.
+    !> Largest number of cases, and of columns of the table.
     real(wp), parameter :: most_cases = 1.0e9_wp
     integer, parameter :: most_outputs = 100000
     character(len=4), parameter :: lists_names(2) = [character(len=4) :: 'grid', 'rows']
 
 contains
 
-    !> Read the file of a sweep, and the scene that it names.
+    !> Read the file of a sweep and the scene that it names.
     subroutine read_sweep(path, models, plan, error)
         character(len=*), intent(in) :: path
-        !> The models that the scene may name.
+        !> Models that the scene may name.
         type(scene_model_type), intent(in) :: models(:)
         type(plan_type), intent(inout) :: plan
         type(error_type), allocatable, intent(out) :: error
@@ -40,7 +40,7 @@ contains
         type(scene_type) :: scene
         character(len=key_length), parameter :: arrays(2) = [character(len=key_length) :: 'vary', 'keep']
 
-        ! Read once: a pipe is empty afterwards, and a file may change.
+        ! The text is read only once: a pipe is empty after the first reading, and a file may change.
         call read_text(path, 'sweep', plan%text, error)
         if (allocated(error)) return
         call description%open(path, [character(len=1) ::], [character(len=key_length) :: 'sweep'], arrays, &
@@ -58,7 +58,7 @@ contains
         if (reader%failed()) call description%explain(reader, error)
     end subroutine read_sweep
 
-    !> [sweep]
+    !> Read the table [sweep].
     subroutine read_table(reader, plan)
         type(reader_type), intent(inout) :: reader
         type(plan_type), intent(inout) :: plan
@@ -117,7 +117,7 @@ contains
         call reader%close_table()
     end subroutine read_table
 
-    !> The scene without what is varied.
+    !> Read the scene without the varied inputs.
     subroutine read_base(reader, models, plan, lines, scene)
         type(reader_type), intent(inout) :: reader
         type(scene_model_type), intent(in) :: models(:)
@@ -165,7 +165,7 @@ contains
             call reader%refuse('draws', 'have no effect, since no input is random: vary one by uniform, log_uniform or normal')
         end if
         if (plan%is_for_indices .and. plan%n_drawn < 1) call reader%refuse('indices', 'require random inputs')
-        if (plan%is_for_indices .and. plan%n_places*plan%n_rows > 1) then
+        if (plan%is_for_indices .and. plan%n_points*plan%n_rows > 1) then
             call reader%refuse('indices', 'require all inputs to be random, not listed')
         end if
         if (plan%is_for_indices .and. plan%draws < 8) call reader%refuse('indices', 'require draws of at least 8')
@@ -194,7 +194,7 @@ contains
             to_text(plan%n_outputs())//' numbers per case; the limit is '//to_text(most_outputs))
     end subroutine check_size
 
-    !> Data on which the records of a sweep depend: its file, the scene with every default, the file of cases, and the program.
+    !> Data on which the records of a sweep depend: the file of the sweep, the complete scene, the file of cases, and the program.
     function settings_of(plan) result(settings)
         type(plan_type), intent(in) :: plan
         character(len=:), allocatable :: settings
@@ -203,7 +203,7 @@ contains
             new_line('a')//program_settings()
     end function settings_of
 
-    !> A path from the folder of another file, or from the working folder if that file came through a pipe of the shell.
+    !> Path relative to the folder of a file, or to the working folder if the file is a pipe of the shell.
     pure function beside(file, path) result(joined)
         character(len=*), intent(in) :: file, path
         character(len=:), allocatable :: joined

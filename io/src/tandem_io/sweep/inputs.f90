@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Reads the inputs of a sweep: the tables [[vary]] and the file of cases; and checks that the scene accepts them.
+!> Reads the inputs of a sweep, given by tables [[vary]] and by the file of cases, and checks that the scene accepts them.
 module tandem_io_sweep_inputs
     use tandem, only: atom_type, error_type, positive, reader_type, shown_type, to_text, value_type, wp
     use tandem_io_scene, only: interpret_scene, scene_type
@@ -10,20 +10,20 @@ module tandem_io_sweep_inputs
     use tandem_io_sweep_carriers, only: atom_to_toml, count_elements_of, with_element
     use tandem_io_sweep_columns, only: read_columns
     use tandem_io_sweep_plan, only: input_type, is_choice, is_from_file, is_listed, is_log_normal, is_log_uniform, is_normal, &
-        is_triangular, is_uniform, name_length, no_slash, own_names, plan_type
+        is_triangular, is_uniform, name_length, no_slash, reserved_names, plan_type
     use tandem_number_text, only: read_number
     implicit none (type, external)
     private
 
     public :: read_cases, read_inputs, make_carriers, check_inputs, refuse_input
 
-    !> Most values of a list.
+    !> Largest number of values in a list.
     integer, parameter :: most_values = 1000000
     character(len=6), parameter :: spacing_names(2) = [character(len=6) :: 'linear', 'log']
 
 contains
 
-    !> The file of cases.
+    !> Read the file of cases.
     subroutine read_cases(reader, plan, path)
         type(reader_type), intent(inout) :: reader
         type(plan_type), intent(inout) :: plan
@@ -51,7 +51,7 @@ contains
         call move_alloc(inputs, plan%inputs)
     end subroutine read_cases
 
-    !> The tables [[vary]].
+    !> Read the tables [[vary]].
     subroutine read_inputs(reader, plan)
         type(reader_type), intent(inout) :: reader
         type(plan_type), intent(inout) :: plan
@@ -78,7 +78,7 @@ contains
                 if (problem /= '') call reader%refuse('key', problem)
                 if (len_trim(name) > name_length) call reader%refuse('name', 'must not be longer than '//to_text(name_length))
                 if (index(name, '/') > 0 .or. name == '.') call reader%refuse('name', no_slash)
-                if (any(own_names == name)) call reader%refuse('name', 'must not be "'//trim(name)// &
+                if (any(reserved_names == name)) call reader%refuse('name', 'must not be "'//trim(name)// &
                     '", which is reserved in the table')
                 input%name = name
                 input%unit = unit
@@ -96,7 +96,7 @@ contains
             ' has no inputs; add tables [[vary]], or csv in [sweep]')
     end subroutine read_inputs
 
-    !> From `table.key[i]` to its parts.
+    !> Split `table.key[i]` into path and element.
     subroutine split_key(key, input, problem)
         character(len=*), intent(in) :: key
         type(input_type), intent(inout) :: input
@@ -120,45 +120,45 @@ contains
         if (index(input%path//'.', 'output.') == 1) problem = 'must not be one of [output], which sweeps ignore'
     end subroutine split_key
 
-    !> The values of an input: one of several ways to give them.
+    !> Read the values of an input, which can be specified in several ways.
     subroutine read_values(reader, input)
         type(reader_type), intent(inout) :: reader
         type(input_type), intent(inout) :: input
-        character(len=11), parameter :: ways(8) = [character(len=11) :: 'values', 'from', 'uniform', 'log_uniform', 'normal', &
+        character(len=11), parameter :: specs(8) = [character(len=11) :: 'values', 'from', 'uniform', 'log_uniform', 'normal', &
             'log_normal', 'triangular', 'choice']
         integer, parameter :: kinds(8) = [is_listed, is_listed, is_uniform, is_log_uniform, is_normal, is_log_normal, &
             is_triangular, is_choice]
-        integer :: i, way, n
+        integer :: i, spec, n
 
         n = 0
-        way = 0
-        do i = 1, size(ways)
-            if (reader%source_of(trim(ways(i))) < 0) cycle
+        spec = 0
+        do i = 1, size(specs)
+            if (reader%source_of(trim(specs(i))) < 0) cycle
             n = n + 1
-            way = i
+            spec = i
         end do
-        do i = 1, size(ways)
-            if (i /= way) call reader%propose(trim(ways(i)))
+        do i = 1, size(specs)
+            if (i /= spec) call reader%propose(trim(specs(i)))
         end do
-        if (way /= 2) call leave_out(reader, [character(len=7) :: 'to', 'count', 'spacing'], 'belongs to from, which is missing')
-        if (way < 5 .or. way > 6) call leave_out(reader, ['limits'], 'belongs to normal or log_normal, which is missing')
+        if (spec /= 2) call refuse_keys(reader, [character(len=7) :: 'to', 'count', 'spacing'], 'belongs to from, which is missing')
+        if (spec < 5 .or. spec > 6) call refuse_keys(reader, ['limits'], 'belongs to normal or log_normal, which is missing')
         if (n /= 1) then
             call reader%refuse('key', trim(merge('needs its values:', 'must have one:   ', n == 0))// &
                 ' one of values, from (with to and count), uniform, log_uniform, normal, log_normal, triangular, choice')
             return
         end if
-        input%kind = kinds(way)
-        if (ways(way) == 'from') then
+        input%kind = kinds(spec)
+        if (specs(spec) == 'from') then
             call read_range(reader, input)
         else if (any(input%kind == [is_listed, is_choice])) then
-            call read_list(reader, trim(ways(way)), input)
+            call read_list(reader, trim(specs(spec)), input)
         else
-            call read_distribution(reader, trim(ways(way)), input)
+            call read_distribution(reader, trim(specs(spec)), input)
         end if
     end subroutine read_values
 
-    !> Refuse keys that belong to another one.
-    subroutine leave_out(reader, keys, problem)
+    !> Refuse keys that are valid only together with another key.
+    subroutine refuse_keys(reader, keys, problem)
         type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: keys(:), problem
         integer :: i
@@ -167,9 +167,9 @@ contains
             call reader%propose(trim(keys(i)))
             if (reader%source_of(trim(keys(i))) >= 0) call reader%refuse(trim(keys(i)), problem)
         end do
-    end subroutine leave_out
+    end subroutine refuse_keys
 
-    !> Values one by one.
+    !> Read a list of values.
     subroutine read_list(reader, key, input)
         type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: key
@@ -184,7 +184,7 @@ contains
             'must be all numbers, all strings or all truth values')
     end subroutine read_list
 
-    !> The numbers of a distribution.
+    !> Read the parameters of a distribution.
     subroutine read_distribution(reader, key, input)
         type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: key
@@ -237,12 +237,12 @@ contains
             call reader%refuse('limits', 'must be [lower, upper], the latter larger')
         else if (input%kind == is_log_normal .and. .not. input%low > 0.0_wp) then
             call reader%refuse('limits', 'must be positive, as log_normal values are')
-        else if (.not. input%held() > least) then
+        else if (.not. input%probability_within() > least) then
             call reader%refuse('limits', 'contain less than 1e-12 of the distribution')
         end if
     end subroutine read_limits
 
-    !> Numbers from one to another.
+    !> Read a range of numbers with linear or logarithmic spacing.
     subroutine read_range(reader, input)
         type(reader_type), intent(inout) :: reader
         type(input_type), intent(inout) :: input
@@ -279,7 +279,7 @@ contains
         input%values(count)%number = to
     end subroutine read_range
 
-    !> The settings that carry the inputs, with typical values.
+    !> Define the settings that pass the inputs to the scene, with typical values.
     subroutine make_carriers(reader, lines, plan)
         type(reader_type), intent(inout) :: reader
         !> The complete scene.
@@ -306,7 +306,7 @@ contains
                     call refuse_input(reader, plan, i, 'gives '//input%path//' a second time')
                     return
                 end if
-                ! The scene refuses any other unknown key; an additional parameter would have no effect.
+                ! The scene itself refuses all other unknown keys, but accepts an unknown parameter, which would have no effect.
                 if (known == '' .and. index(input%path, 'parameters.') == 1) then
                     call refuse_input(reader, plan, i, 'is not a parameter of the scene: '//input%path)
                     return
@@ -331,7 +331,7 @@ contains
         call plan%complete()
     end subroutine make_carriers
 
-    !> Set the text of a carrier, which may be longer than all others; a carrier behind the last one is added.
+    !> Set the text of a carrier, which may be longer than the existing ones; if `i` is larger than their number, add a carrier.
     subroutine put_carrier(plan, i, text)
         type(plan_type), intent(inout) :: plan
         integer, intent(in) :: i
@@ -344,7 +344,7 @@ contains
         allocate (plan%carriers, source=carriers)
     end subroutine put_carrier
 
-    !> Check that the scene accepts the inputs: typical values of all, and each text of a list.
+    !> Check that the scene accepts typical values of all inputs, and each text of a list.
     subroutine check_inputs(reader, models, plan)
         type(reader_type), intent(inout) :: reader
         type(scene_model_type), intent(in) :: models(:)
@@ -365,7 +365,7 @@ contains
         if (.not. allocated(error)) call interpret_scene(plan%scene_keys, models, scene, error)
         if (allocated(error)) then
             last = error%message
-            ! Find the faulty input: the first that is refused together with those before it.
+            ! Find the first input that is refused together with the inputs before it.
             do i = 1, size(plan%carriers)
                 call keys%apply(trim(plan%carriers(i)), error)
                 if (.not. allocated(error)) call interpret_scene(keys, models, scene, error)
@@ -390,7 +390,7 @@ contains
         end do
     end subroutine check_inputs
 
-    !> An error about an input, shown with its line.
+    !> Set an error about an input that shows its line.
     subroutine refuse_input(reader, plan, i, problem)
         type(reader_type), intent(inout) :: reader
         type(plan_type), intent(in) :: plan

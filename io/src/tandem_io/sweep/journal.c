@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* A file of words of 64 bits that one process writes: each failure is reported at once, and nothing is buffered that a copy of
-   the process could write a second time. */
+/* A file of 64-bit words that is written by one process. Output is not buffered: failures are reported at once, and a copy of the
+   process cannot write the same data again. */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdint.h>
@@ -8,8 +8,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Open a file to read (0), or to write too (1), made if it is missing. -1 if it cannot be opened, -2 if another process
-   writes it. No lock on file systems without locks. */
+/* Open a file for reading (writes = 0) or for reading and writing (writes = 1); in the second case, create and lock the file.
+   Returns a descriptor; -1 if the file cannot be opened, -2 if another process writes it. File systems without locks are not
+   protected. */
 int tandem_journal_open(const char *path, int writes)
 {
     int file = open(path, (writes ? O_RDWR | O_CREAT : O_RDONLY) | O_CLOEXEC | O_NONBLOCK, 0666);
@@ -28,14 +29,14 @@ int tandem_journal_open(const char *path, int writes)
     return file;
 }
 
-/* Read up to n words at a place in bytes: how many there were. */
-int64_t tandem_journal_read(int file, void *words, int64_t n, int64_t place)
+/* Read up to n words at a position in bytes. Returns the number of words read. */
+int64_t tandem_journal_read(int file, void *words, int64_t n, int64_t position)
 {
     char *to = words;
     size_t have = 0, size = (size_t)n * 8;
 
     while (have < size) {
-        ssize_t got = pread(file, to + have, size - have, (off_t)place + (off_t)have);
+        ssize_t got = pread(file, to + have, size - have, (off_t)position + (off_t)have);
         if (got > 0)
             have += (size_t)got;
         else if (got == 0 || errno != EINTR)
@@ -44,14 +45,14 @@ int64_t tandem_journal_read(int file, void *words, int64_t n, int64_t place)
     return (int64_t)(have / 8);
 }
 
-/* Write n words at a place in bytes; 0 on success. */
-int tandem_journal_write(int file, const void *words, int64_t n, int64_t place)
+/* Write n words at a position in bytes; 0 on success. */
+int tandem_journal_write(int file, const void *words, int64_t n, int64_t position)
 {
     const char *from = words;
     size_t done = 0, size = (size_t)n * 8;
 
     while (done < size) {
-        ssize_t put = pwrite(file, from + done, size - done, (off_t)place + (off_t)done);
+        ssize_t put = pwrite(file, from + done, size - done, (off_t)position + (off_t)done);
         if (put > 0)
             done += (size_t)put;
         else if (put == 0 || errno != EINTR)
@@ -60,7 +61,7 @@ int tandem_journal_write(int file, const void *words, int64_t n, int64_t place)
     return 0;
 }
 
-/* Let the file end at a place, -1 for where it does; how long it is then. */
+/* Truncate or extend the file to `end` bytes, unless this is -1. Returns the length of the file; -1 after a failure. */
 int64_t tandem_journal_size(int file, int64_t end)
 {
     struct stat about;

@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> Reads what is kept of each case: the tables [[keep]].
+!> Reads the kept quantities of a sweep: the tables [[keep]].
 module tandem_io_sweep_keeping
     use tandem, only: is_number, reader_type, to_text, value_type
     use tandem_io_scene, only: scene_type
     use tandem_io_scene_source, only: set_input_error
     use tandem_io_scene_text, only: to_toml
     use tandem_io_sweep_kept, only: kept_type, of_estimate, of_figure, take_names, take_times
-    use tandem_io_sweep_plan, only: no_slash, own_names, plan_type
+    use tandem_io_sweep_plan, only: no_slash, reserved_names, plan_type
     implicit none (type, external)
     private
 
@@ -14,7 +14,7 @@ module tandem_io_sweep_keeping
 
 contains
 
-    !> The tables [[keep]]; without any, all coordinates at the end.
+    !> Read the tables [[keep]]. Without such a table, all coordinates at the end of the run are kept.
     subroutine read_kept(reader, scene, plan)
         type(reader_type), intent(inout) :: reader
         type(scene_type), intent(in) :: scene
@@ -53,7 +53,7 @@ contains
                 if (len_trim(name) > len(kept%name)) call reader%refuse('name', 'must not be longer than '//to_text(len(kept%name)))
                 kept%name = name
                 if (name == '') kept%name = default_name(kept)
-                problem = clash_of(plan, i)
+                problem = name_clash(plan, i)
                 if (problem /= '') call reader%refuse(trim(merge('name    ', 'quantity', name /= '')), problem)
                 call reader%close_table()
             end associate
@@ -65,16 +65,17 @@ contains
             plan%kept(i)%quantity = 'q:'//scene%model%coordinate_label(i)
             call plan%kept(i)%resolve(scene, problem)
             plan%kept(i)%name = default_name(plan%kept(i))
-            problem = clash_of(plan, i)
+            problem = name_clash(plan, i)
             if (problem /= '') call set_input_error(reader%error, plan%path//' keeps all coordinates, one of which '//problem// &
                 '; write [[keep]] for each')
         end do
     end subroutine read_kept
 
-    !> Reason why a name is not allowed: another column of the table or of the comma-separated values has it. Empty if allowed.
-    function clash_of(plan, i) result(problem)
+    !> Reason why the name of quantity i clashes with the name of another column of the table or of the comma-separated values;
+    !> empty if it does not.
+    function name_clash(plan, i) result(problem)
         type(plan_type), intent(in) :: plan
-        !> Those before it have names.
+        !> Index of the quantity; quantities before it must have names.
         integer, intent(in) :: i
         character(len=:), allocatable :: problem
         integer :: j
@@ -84,37 +85,38 @@ contains
             do j = 1, i - 1
                 if (plan%kept(j)%name == kept%name) then
                     problem = 'has the name of another, "'//trim(kept%name)//'"; give it a name'
-                else if (is_of_times(plan%kept(j), kept%name)) then
+                else if (is_name_of_times(plan%kept(j), kept%name)) then
                     problem = 'has the name "'//trim(kept%name)//'", which the times of "'//trim(plan%kept(j)%name)// &
                         '" take; give it a name'
-                else if (is_of_times(kept, plan%kept(j)%name)) then
+                else if (is_name_of_times(kept, plan%kept(j)%name)) then
                     problem = 'has times, which take the name of another, "'//trim(plan%kept(j)%name)//'"; give it a name'
                 end if
             end do
             if (any(plan%inputs%name == kept%name)) problem = 'has the name of an input, "'//trim(kept%name)//'"; give it a name'
             do j = 1, size(plan%inputs)
-                if (is_of_times(kept, plan%inputs(j)%name)) problem = 'has times, which take the name of an input, "'// &
+                if (is_name_of_times(kept, plan%inputs(j)%name)) problem = 'has times, which take the name of an input, "'// &
                     trim(plan%inputs(j)%name)//'"; give it a name'
             end do
-            if (any(own_names == kept%name)) then
+            if (any(reserved_names == kept%name)) then
                 problem = 'has the name "'//trim(kept%name)//'", which is reserved in the table; give it a name'
             end if
             if (plan%is_for_indices .and. kept%name == 'inputs') then
                 problem = 'has the name "inputs", which is reserved in the table of indices; give it a name'
             end if
         end associate
-    end function clash_of
+    end function name_clash
 
-    !> True if the times of a quantity need a name: that of the dataset of the times, or of a column of the values.
-    pure logical function is_of_times(kept, name)
+    !> True if a name is used for the times of a quantity: by the dataset of the times, or by a column of the comma-separated
+    !> values.
+    pure logical function is_name_of_times(kept, name)
         type(kept_type), intent(in) :: kept
         character(len=*), intent(in) :: name
 
-        is_of_times = kept%take == take_times .and. (name == trim(kept%name)//'.times' .or. &
+        is_name_of_times = kept%take == take_times .and. (name == trim(kept%name)//'.times' .or. &
             index(name, trim(kept%name)//'@') == 1)
-    end function is_of_times
+    end function is_name_of_times
 
-    !> The times at which a quantity is kept, if it is.
+    !> Read the times at which a quantity is evaluated, if they are given.
     subroutine read_times(reader, scene, kept)
         type(reader_type), intent(inout) :: reader
         type(scene_type), intent(in) :: scene
@@ -138,7 +140,7 @@ contains
             to_toml(scene%t_start))
     end subroutine read_times
 
-    !> The name of a column: the quantity and the value taken of it.
+    !> Default name of a column: the quantity and the operation.
     pure function default_name(kept) result(name)
         type(kept_type), intent(in) :: kept
         character(len=len(kept%name)) :: name

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Kept result of a case: a quantity of the motion, and the value taken of it.
+!> A kept result of a case: a quantity of the motion, and the operation that reduces it to a number.
 module tandem_io_sweep_kept
     use tandem, only: figure_reader_type, label_length, long, model_type, statistics_type, tell_figures, to_text, wp
     use tandem_io_scene, only: scene_type
@@ -14,10 +14,10 @@ module tandem_io_sweep_kept
     public :: of_q, of_qd, of_qdd, of_lambda, of_kinetic, of_potential, of_energy, of_error, of_step, of_sensor, of_event, of_figure
     public :: of_estimate
 
-    !> Values taken of a quantity, in the order of their names.
+    !> Operations that reduce a quantity to a number, in the order of their names.
     integer, parameter :: take_default = 0, take_end = 1, take_start = 2, take_min = 3, take_max = 4, take_time_of_min = 5, &
         take_time_of_max = 6, take_mean = 7, take_first = 8, take_last = 9, take_count = 10, take_times = 11
-    !> The names.
+    !> Names of the operations.
     character(len=12), parameter :: take_names(11) = [character(len=12) :: 'end', 'start', 'min', 'max', 'time_of_min', &
         'time_of_max', 'mean', 'first', 'last', 'count', 'times']
 
@@ -25,41 +25,41 @@ module tandem_io_sweep_kept
     integer, parameter :: of_q = 1, of_qd = 2, of_qdd = 3, of_lambda = 4, of_kinetic = 5, of_potential = 6, of_energy = 7, &
         of_error = 8, of_step = 9, of_sensor = 10, of_event = 11, of_figure = 12, of_estimate = 13
 
-    !> The quantities without an index.
-    character(len=18), parameter :: words(7) = [character(len=18) :: 'kinetic_energy', 'potential_energy', 'energy', &
+    !> Quantities without an index: names, kinds, indices and units.
+    character(len=18), parameter :: simple_names(7) = [character(len=18) :: 'kinetic_energy', 'potential_energy', 'energy', &
         'position_error', 'velocity_error', 'acceleration_error', 'step']
-    integer, parameter :: word_kind(7) = [of_kinetic, of_potential, of_energy, of_error, of_error, of_error, of_step]
-    integer, parameter :: word_index(7) = [1, 1, 1, 1, 2, 3, 1]
-    character(len=4), parameter :: word_unit(7) = [character(len=4) :: 'J', 'J', 'J', '1', '1', '1', 's']
+    integer, parameter :: simple_kinds(7) = [of_kinetic, of_potential, of_energy, of_error, of_error, of_error, of_step]
+    integer, parameter :: simple_indices(7) = [1, 1, 1, 1, 2, 3, 1]
+    character(len=4), parameter :: simple_units(7) = [character(len=4) :: 'J', 'J', 'J', '1', '1', '1', 's']
 
-    !> Estimates from the second run of a case: the error at the end and the largest one at all times compared, both on the scale
-    !> of each coordinate; the errors of q and of qd at the end, max-norms.
+    !> Errors estimated by a second run of a case: the error at the end and the largest error at all compared times, both relative
+    !> to the scale of each coordinate; the max-norms of the errors of q and of qd at the end.
     character(len=7), parameter :: estimate_names(4) = [character(len=7) :: 'end', 'largest', 'q', 'qd']
 
     !> One entry of `[[keep]]`.
     type :: kept_type
-        !> Its name in the table, its quantity as it was written, and its unit.
+        !> Name in the table, quantity as given in the file, and unit.
         character(len=160) :: name = ''
         character(len=:), allocatable :: quantity
         character(len=label_length) :: unit = ''
-        !> One of the kinds above, and which of them.
+        !> One of the kinds above, and index among quantities of this kind.
         integer :: kind = of_q, index = 1
         integer :: take = take_default
-        !> Times at which the quantity is taken; not allocated without such times.
+        !> Times at which the quantity is evaluated; not allocated if it is reduced to one number.
         real(wp), allocatable :: times(:)
-        !> The figure's name.
+        !> Name of the figure.
         character(len=:), allocatable :: figure
     contains
         procedure :: width, resolve
         procedure, private :: find_indexed, find_sensor
     end type kept_type
 
-    !> Looks for one figure of a run.
+    !> Searches for one figure of a run.
     type, extends(figure_reader_type) :: finder_type
         character(len=:), allocatable :: name
         real(wp) :: number = 0.0_wp
         logical :: is_found = .false.
-        !> All names, for messages.
+        !> Names of all figures, for messages.
         character(len=:), allocatable :: names
     contains
         procedure :: count => take_count_of, value => take_value_of
@@ -67,7 +67,7 @@ module tandem_io_sweep_kept
 
 contains
 
-    !> How many numbers it gives.
+    !> Number of values per case.
     pure integer function width(self)
         class(kept_type), intent(in) :: self
 
@@ -75,11 +75,11 @@ contains
         if (allocated(self%times)) width = size(self%times)
     end function width
 
-    !> Find what the quantity is in a scene.
+    !> Find the quantity in a scene.
     subroutine resolve(self, scene, problem)
         class(kept_type), intent(inout) :: self
         type(scene_type), intent(in) :: scene
-        !> Reason why there is no such quantity; empty if there is.
+        !> Reason why the quantity does not exist; empty if it exists.
         character(len=:), allocatable, intent(out) :: problem
         type(statistics_type) :: statistics
         character(len=:), allocatable :: wanted
@@ -115,15 +115,15 @@ contains
             if (self%index == 0) problem = 'is not an error of a run; valid names: '//listed(estimate_names)
             if (self%index == 1 .or. self%index == 2) self%unit = '1'
         case ('')
-            i = findloc(words == wanted, .true., dim=1)
+            i = findloc(simple_names == wanted, .true., dim=1)
             if (i == 0) then
                 call self%find_indexed(scene%model, of_q, wanted, problem)
-                if (problem /= '') problem = problem//'; or '//listed(words)// &
+                if (problem /= '') problem = problem//'; or '//listed(simple_names)// &
                     ', q:, qd:, qdd:, lambda:, sensor:, event:, figure: or error: followed by a name'
             else
-                self%kind = word_kind(i)
-                self%index = word_index(i)
-                self%unit = word_unit(i)
+                self%kind = simple_kinds(i)
+                self%index = simple_indices(i)
+                self%unit = simple_units(i)
             end if
         case default
             problem = 'must begin with one of q:, qd:, qdd:, lambda:, sensor:, event:, figure:, error:'
@@ -145,7 +145,7 @@ contains
         if (self%take == take_count) self%unit = '1'
     end subroutine resolve
 
-    !> A coordinate or a constraint row by its name or its number.
+    !> Find a coordinate or a constraint row by its name.
     subroutine find_indexed(self, model, kind, wanted, problem)
         class(kept_type), intent(inout) :: self
         class(model_type), intent(in) :: model
@@ -159,7 +159,7 @@ contains
         n = model%n
         if (kind == of_lambda) n = model%n_constraints()
         self%kind = kind
-        ! Its index in the model of another case is mostly valid here too.
+        ! The index found in the model of an earlier case is usually valid here too.
         is_found = self%index >= 1 .and. self%index <= n
         if (is_found) is_found = label_of(self%index) == wanted
         if (.not. is_found) then
@@ -182,7 +182,7 @@ contains
             if (kind /= of_q) self%unit = trim(self%unit)//trim(merge('/s  ', '/s^2', kind == of_qd))
         end if
     contains
-        !> The name of a coordinate or a row.
+        !> Name of a coordinate or a constraint row.
         function label_of(i) result(label)
             integer, intent(in) :: i
             character(len=label_length) :: label
@@ -195,7 +195,7 @@ contains
         end function label_of
     end subroutine find_indexed
 
-    !> A number of a sensor, `NAME/WHAT` or `NAME/WHAT[i]`.
+    !> Find a number of a sensor, `NAME/WHAT` or `NAME/WHAT[i]`.
     subroutine find_sensor(self, model, wanted, problem)
         class(kept_type), intent(inout) :: self
         class(model_type), intent(in) :: model
@@ -238,11 +238,11 @@ contains
             nearest_name(path, model%quantities%path)//'"?'
     end subroutine find_sensor
 
-    !> A figure of a run by its name.
+    !> Find a figure of a run by its name.
     subroutine find_figure(statistics, name, number, problem)
         type(statistics_type), intent(in) :: statistics
         character(len=*), intent(in) :: name
-        !> NaN if there is none.
+        !> NaN if the figure does not exist.
         real(wp), intent(out) :: number
         character(len=:), allocatable, intent(out) :: problem
         type(finder_type) :: finder
@@ -257,7 +257,7 @@ contains
         problem = 'is not a figure of a run; valid names: '//finder%names(3:)
     end subroutine find_figure
 
-    !> A counter.
+    !> Compare a counter with the requested figure.
     subroutine take_count_of(self, name, number)
         class(finder_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -266,7 +266,7 @@ contains
         call self%value(name, real(number, wp))
     end subroutine take_count_of
 
-    !> A number.
+    !> Compare a number with the requested figure.
     subroutine take_value_of(self, name, number)
         class(finder_type), intent(inout) :: self
         character(len=*), intent(in) :: name

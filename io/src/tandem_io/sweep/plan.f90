@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> A sweep as its file describes it: a scene, inputs with their distributions, kept quantities. The values of a case follow from
-!> its number alone.
+!> Description of a sweep: a scene, inputs with their distributions, and kept quantities. The inputs of a case follow from the
+!> number of the case alone.
 !>
-!> Cases are counted from 1. The rows of a file of cases run slowest, then the lists, the first of them slowest, then the draws:
-!> all points of a grid have equal draws, which makes them comparable.
+!> Cases are counted from 1. The order is: rows of the file of cases (outermost), lists (the last list varies fastest), draws
+!> (innermost). The draws are the same at all points of the grid, so that the points can be compared.
 module tandem_io_sweep_plan
     use tandem, only: atom_type, is_number, long, wp
     use tandem_io_scene_description, only: description_type
@@ -16,97 +16,99 @@ module tandem_io_sweep_plan
 
     public :: plan_type, input_type, is_listed, is_from_file, is_uniform, is_log_uniform, is_normal, points_names, name_length
     public :: is_log_normal, is_triangular, is_choice
-    public :: no_slash, own_names, random_points, latin_points, sobol_points
+    public :: no_slash, reserved_names, random_points, latin_points, sobol_points
 
-    !> Length of the names of inputs.
+    !> Largest length of the name of an input.
     integer, parameter :: name_length = 160
-    !> Message about a name that contains a slash.
+    !> Reason for refusing a name with a slash.
     character(len=*), parameter :: no_slash = 'must not contain a slash, since it names a dataset'
-    !> Columns that every table has.
-    character(len=7), parameter :: own_names(4) = [character(len=7) :: 'case', 'status', 'seconds', 'message']
-    !> Sources of the values of an input.
+    !> Names of columns that every table has.
+    character(len=7), parameter :: reserved_names(4) = [character(len=7) :: 'case', 'status', 'seconds', 'message']
+    !> Sources and distributions of the values of an input.
     integer, parameter :: is_listed = 1, is_from_file = 2, is_uniform = 3, is_log_uniform = 4, is_normal = 5, &
         is_log_normal = 6, is_triangular = 7, is_choice = 8
-    !> Names of the methods by which draws fill their space.
+    !> Names of the methods by which draws are distributed.
     character(len=6), parameter :: points_names(3) = [character(len=6) :: 'random', 'latin', 'sobol']
-    !> Indices of these names.
+    !> Indices of `points_names`.
     integer, parameter :: random_points = 1, latin_points = 2, sobol_points = 3
 
-    !> Something that differs from case to case.
+    !> An input of the sweep: a value of the scene that differs between cases.
     type :: input_type
-        !> The key of the scene, `table.key`, and the element of its list, 0 for the whole key.
+        !> Key in the scene, `table.key`; index of an element if the value is a list, 0 for the whole value.
         character(len=:), allocatable :: path
         integer :: element = 0
-        !> Its name in the table, and its unit.
+        !> Name and unit in the table.
         character(len=name_length) :: name = ''
         character(len=32) :: unit = ''
         !> One of the kinds above.
         integer :: kind = is_listed
-        !> The values of a list, of a file's column, or of a choice.
+        !> Values of a list, of a column of the file of cases, or of a choice.
         type(atom_type), allocatable :: values(:)
-        !> Ends of an interval, or mean and standard deviation, of the logarithm for `is_log_normal`; mode of a triangle.
+        !> Bounds of an interval, or mean and standard deviation (of the logarithm for `is_log_normal`); mode of a triangular
+        !> distribution.
         real(wp) :: a = 0.0_wp, b = 1.0_wp, mode = 0.5_wp
         !> True if a normal distribution is truncated; its limits.
         logical :: is_limited = .false.
         real(wp) :: low = 0.0_wp, high = 0.0_wp
-        !> Its number among the drawn inputs, and the number of the setting that passes it to the scene.
+        !> Index among the random inputs; index of the setting that passes the input to the scene.
         integer :: column = 0, setting = 0
-        !> True if the values are texts; their indices in the list then represent them.
+        !> True if the values are texts, which are represented by their indices.
         logical :: holds_texts = .false.
     contains
-        procedure :: is_drawn, drawn, held
-        procedure, private :: normal_place
+        procedure :: is_drawn, value_at, probability_within
+        procedure, private :: truncated_quantile
         procedure :: typical
     end type input_type
 
     type :: plan_type
-        !> Path and text of the sweep's file, and path of the scene.
+        !> Path and text of the file of the sweep, and path of the scene.
         character(len=:), allocatable :: path, text, scene_path
         !> Path of the file of cases; empty if there is none.
         character(len=:), allocatable :: cases_path
-        !> Further settings of the scene, as on the command line.
+        !> Settings of the scene given in the file of the sweep, as on the command line.
         character(len=:), allocatable :: settings(:)
-        !> The settings that carry inputs, at the start with typical values; they follow on `settings`.
+        !> Settings that pass the inputs to the scene, initially with typical values; they are applied after `settings`.
         character(len=:), allocatable :: carriers(:)
-        !> The keys of the scene with these settings, and the number of the settings before the carriers.
+        !> Keys of the scene with all settings applied; number of settings before `carriers`.
         type(description_type) :: scene_keys
         integer :: n_settings = 0
-        !> The scene with every default, for the table.
+        !> Complete scene with all defaults, for the table.
         character(len=:), allocatable :: scene_text
         type(input_type), allocatable :: inputs(:)
         type(kept_type), allocatable :: kept(:)
-        !> Draws at each point of the grid, the method by which they fill their space, and the seed.
+        !> Number of draws per point of the grid, their method, and the seed.
         integer :: draws = 1, points = random_points, seed = 1
-        !> True if Sobol' points are shifted at random; true if lists run side by side.
+        !> True if Sobol' points are shifted at random; true if lists are combined row by row instead of as a grid.
         logical :: is_shifted = .true., is_side_by_side = .false.
-        !> True if draws are arranged for Sobol' indices: blocks of two points A and B, and of A with one coordinate of B each.
+        !> True if draws are arranged for Sobol' indices: each block consists of two points A and B, and of copies of A with one
+        !> coordinate of B each.
         logical :: is_for_indices = .false.
-        !> Most seconds of a case, 0 for no limit.
+        !> Largest time of a case, seconds; 0 for no limit.
         real(wp) :: max_seconds = 0.0_wp
-        !> A folder for whole trajectories; empty if none are kept.
+        !> Folder for complete trajectories; empty if they are not kept.
         character(len=:), allocatable :: folder
-        !> The checksum of the file of cases; blank if there is none.
+        !> Checksum of the file of cases; blank if there is none.
         character(len=16) :: file_sum = ''
-        !> Rows of the file of cases, points of the grid, draws at each of them.
-        integer(long) :: n_rows = 1, n_places = 1, n_draws = 1
+        !> Number of rows of the file of cases, of points of the grid, and of draws per point; number of random inputs.
+        integer(long) :: n_rows = 1, n_points = 1, n_draws = 1
         integer :: n_drawn = 0
         type(sobol_type), private :: sobol
     contains
         procedure :: complete, n_cases, n_outputs, numbers_of, atom_of
-        procedure, private :: place_between
+        procedure, private :: uniform_number
     end type plan_type
 
 contains
 
-    !> True if an input is drawn at random.
+    !> True if an input is random.
     pure logical function is_drawn(self)
         class(input_type), intent(in) :: self
 
         is_drawn = self%kind >= is_uniform
     end function is_drawn
 
-    !> The value at a place between 0 and 1.
-    pure real(wp) function drawn(self, u) result(value)
+    !> Value of a random input for a uniformly distributed number `u` between 0 and 1.
+    pure real(wp) function value_at(self, u) result(value)
         class(input_type), intent(in) :: self
         real(wp), intent(in) :: u
 
@@ -125,15 +127,15 @@ contains
             value = real(min(size(self%values), 1 + int(u*size(self%values))), wp)
             if (.not. self%holds_texts) value = self%values(nint(value))%number
         case default
-            value = self%a + self%b*self%normal_place(u)
+            value = self%a + self%b*self%truncated_quantile(u)
             if (self%kind == is_log_normal) value = exp(value)
-            ! Rounding may cross the limits.
+            ! Rounding may exceed the limits.
             if (self%is_limited) value = max(self%low, min(self%high, value))
         end select
-    end function drawn
+    end function value_at
 
-    !> Quantile of a standard normal distribution, truncated if it has limits.
-    pure real(wp) function normal_place(self, u) result(z)
+    !> Quantile of the standard normal distribution, truncated to the limits if there are any.
+    pure real(wp) function truncated_quantile(self, u) result(z)
         class(input_type), intent(in) :: self
         real(wp), intent(in) :: u
         real(wp) :: p(2)
@@ -145,19 +147,19 @@ contains
         p = probabilities(self)
         z = normal_quantile(p(1) + (p(2) - p(1))*u)
         if (p(2) < p(1)) z = -z
-    end function normal_place
+    end function truncated_quantile
 
-    !> The part of a normal distribution that its limits hold.
-    pure real(wp) function held(self)
+    !> Probability that a normally distributed input lies within its limits.
+    pure real(wp) function probability_within(self)
         class(input_type), intent(in) :: self
         real(wp) :: p(2)
 
         p = [0.0_wp, 1.0_wp]
         if (self%is_limited) p = probabilities(self)
-        held = abs(p(2) - p(1))
-    end function held
+        probability_within = abs(p(2) - p(1))
+    end function probability_within
 
-    !> Probabilities below each limit; if both limits are above the mean, probabilities above them, which keep their digits.
+    !> Probabilities below each limit. If both limits are above the mean, probabilities above each limit, which lose no digits.
     pure function probabilities(self) result(p)
         class(input_type), intent(in) :: self
         real(wp) :: p(2), ends(2)
@@ -169,26 +171,26 @@ contains
         p = 0.5_wp*erfc(-ends/sqrt(2.0_wp))
     end function probabilities
 
-    !> A representative value: the first of a list, the middle of a distribution.
+    !> Representative value: the first of a list, the median of a distribution.
     pure function typical(self) result(atom)
         class(input_type), intent(in) :: self
         type(atom_type) :: atom
 
         if (self%is_drawn() .and. self%kind /= is_choice) then
-            atom%number = self%drawn(0.5_wp)
+            atom%number = self%value_at(0.5_wp)
         else
             atom = self%values(1)
         end if
     end function typical
 
-    !> Count the cases, once the inputs are there.
+    !> Count the cases after all inputs have been read.
     subroutine complete(self)
         class(plan_type), intent(inout) :: self
         integer :: i
 
         self%n_drawn = 0
         self%n_rows = 1
-        self%n_places = 1
+        self%n_points = 1
         do i = 1, size(self%inputs)
             associate (input => self%inputs(i))
                 if (allocated(input%values)) input%holds_texts = any(input%values%kind /= is_number)
@@ -198,9 +200,9 @@ contains
                 else if (input%kind == is_from_file) then
                     self%n_rows = size(input%values)
                 else if (self%is_side_by_side) then
-                    self%n_places = size(input%values)
+                    self%n_points = size(input%values)
                 else
-                    self%n_places = self%n_places*size(input%values)
+                    self%n_points = self%n_points*size(input%values)
                 end if
             end associate
         end do
@@ -210,14 +212,14 @@ contains
             merge(2, 1, self%is_for_indices)*self%n_drawn))
     end subroutine complete
 
-    !> How many cases there are.
+    !> Number of cases.
     pure integer(long) function n_cases(self)
         class(plan_type), intent(in) :: self
 
-        n_cases = self%n_rows*self%n_places*self%n_draws
+        n_cases = self%n_rows*self%n_points*self%n_draws
     end function n_cases
 
-    !> How many numbers each case gives.
+    !> Number of kept numbers per case.
     pure integer function n_outputs(self)
         class(plan_type), intent(in) :: self
         integer :: i
@@ -228,31 +230,31 @@ contains
         end do
     end function n_outputs
 
-    !> The inputs of a case as numbers; for a list of texts, indices in it.
+    !> Inputs of a case as numbers; for texts, the indices of the texts.
     pure subroutine numbers_of(self, case, numbers)
         class(plan_type), intent(in) :: self
-        !> From 1 to `n_cases`.
+        !> Number of the case, from 1 to `n_cases`.
         integer(long), intent(in) :: case
         real(wp), intent(out) :: numbers(:)
-        integer(long) :: draw, place, row
+        integer(long) :: draw, grid_point, row
         integer :: i, chosen
 
         draw = mod(case - 1, self%n_draws)
-        place = mod((case - 1)/self%n_draws, self%n_places)
-        row = (case - 1)/self%n_draws/self%n_places
-        ! The last list runs fastest.
+        grid_point = mod((case - 1)/self%n_draws, self%n_points)
+        row = (case - 1)/self%n_draws/self%n_points
+        ! The last list varies fastest.
         do i = size(self%inputs), 1, -1
             associate (input => self%inputs(i))
                 if (input%is_drawn()) then
-                    numbers(i) = input%drawn(self%place_between(draw, input%column))
+                    numbers(i) = input%value_at(self%uniform_number(draw, input%column))
                     cycle
                 else if (input%kind == is_from_file) then
                     chosen = int(row) + 1
                 else if (self%is_side_by_side) then
-                    chosen = int(place) + 1
+                    chosen = int(grid_point) + 1
                 else
-                    chosen = int(mod(place, size(input%values, kind=long))) + 1
-                    place = place/size(input%values)
+                    chosen = int(mod(grid_point, size(input%values, kind=long))) + 1
+                    grid_point = grid_point/size(input%values)
                 end if
                 if (input%holds_texts) then
                     numbers(i) = real(chosen, wp)
@@ -263,10 +265,10 @@ contains
         end do
     end subroutine numbers_of
 
-    !> The value that a number of `numbers_of` represents.
+    !> Value that a number of `numbers_of` represents.
     pure function atom_of(self, i, number) result(atom)
         class(plan_type), intent(in) :: self
-        !> The input.
+        !> Index of the input.
         integer, intent(in) :: i
         real(wp), intent(in) :: number
         type(atom_type) :: atom
@@ -278,10 +280,10 @@ contains
         end if
     end function atom_of
 
-    !> Position of a draw between 0 and 1 in a column.
-    pure real(wp) function place_between(self, draw, column) result(u)
+    !> Uniformly distributed number between 0 and 1 of a draw in a column.
+    pure real(wp) function uniform_number(self, draw, column) result(u)
         class(plan_type), intent(in) :: self
-        !> From 0 on.
+        !> Number of the draw, from 0.
         integer(long), intent(in) :: draw
         integer, intent(in) :: column
         integer(long) :: point, words(4)
@@ -292,7 +294,7 @@ contains
         if (self%is_for_indices) then
             point = draw/(self%n_drawn + 2)
             part = int(mod(draw, int(self%n_drawn + 2, long)))
-            ! Part 0 is A, part 1 is B, part j + 1 is A with coordinate j of B.
+            ! Part 0 of a block is A, part 1 is B, part j + 1 is A with coordinate j of B.
             if (part == 1 .or. part == column + 1) from = column + self%n_drawn
         end if
         select case (self%points)
@@ -306,5 +308,5 @@ contains
         case default
             u = random_number_at(self%seed, point, from, stream_draw)
         end select
-    end function place_between
+    end function uniform_number
 end module tandem_io_sweep_plan

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Processes that work for this one: each is a copy of it, joined to it by a pair of sockets that carry words of 64 bits. */
+/* Worker processes: copies of this process, connected to it by pairs of sockets that carry 64-bit words. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>
@@ -14,8 +14,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-/* Start a copy of this process. Returns its number here, 0 in the copy, -1 where the system refuses; `end` is each one's end of
-   the pair. `others` are the ends of other copies, which the new one closes: else it would keep them open. */
+/* Start a copy of this process. Returns the process identifier in this process, 0 in the copy, and -1 after a failure. `end` is the
+   socket of the calling process. `others` are the sockets of other copies, which the new copy must close. */
 int tandem_process_start(const int *others, int n_others, int *end)
 {
     int ends[2], parent = (int)getpid();
@@ -40,7 +40,8 @@ int tandem_process_start(const int *others, int n_others, int *end)
     for (int i = 0; i < n_others; i++)
         if (others[i] >= 0)
             close(others[i]);
-    /* Ctrl-C reaches all processes of the terminal; the first one tells the others. Whoever survives it would work for nobody. */
+    /* Ctrl-C is sent to all processes of the terminal, but only the first process must react: it ends the copies. A copy must not
+       outlive the first process. */
     signal(SIGINT, SIG_IGN);
     signal(SIGHUP, SIG_IGN);
     signal(SIGTERM, SIG_DFL);
@@ -51,13 +52,13 @@ int tandem_process_start(const int *others, int n_others, int *end)
     return 0;
 }
 
-/* End this copy at once: nothing that the first process has not yet written is written twice. */
+/* End this copy without flushing buffers, whose contents the first process writes itself. */
 void tandem_process_leave(void)
 {
     _exit(0);
 }
 
-/* Send words, all of them; 0 on success. Waits where there is no room. */
+/* Send n words, and wait while the socket is full; 0 on success. */
 int tandem_process_send(int end, const void *words, int64_t n)
 {
     const char *from = words;
@@ -78,7 +79,7 @@ int tandem_process_send(int end, const void *words, int64_t n)
     return 0;
 }
 
-/* Wait for exactly so many words; 0 on success. */
+/* Receive exactly n words, and wait for them; 0 on success. */
 int tandem_process_receive(int end, void *words, int64_t n)
 {
     char *to = words;
@@ -96,7 +97,8 @@ int tandem_process_receive(int end, void *words, int64_t n)
     return 0;
 }
 
-/* Take what has come, behind the first `have` bytes of `room`: bytes, 0 for none, -1 where the other end is closed. */
+/* Receive available data after the first `have` bytes of the buffer `room`, without waiting. Returns the number of bytes; -1 if the
+   other socket is closed. */
 int64_t tandem_process_take(int end, void *room, int64_t have, int64_t size)
 {
     ssize_t got;
@@ -111,7 +113,7 @@ int64_t tandem_process_take(int end, void *room, int64_t have, int64_t size)
     return got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK) ? 0 : -1;
 }
 
-/* Wait until something has come from one of them, or the time has passed. */
+/* Wait until data are available at one of the sockets, at most for a number of milliseconds. */
 void tandem_process_wait(const int *ends, int n, int milliseconds)
 {
     struct pollfd ready[n > 0 ? n : 1];
@@ -121,7 +123,8 @@ void tandem_process_wait(const int *ends, int n, int milliseconds)
     poll(ready, (nfds_t)n, milliseconds);
 }
 
-/* End a process and close its end; the number of the signal that it died of, 0 where it had left by itself. */
+/* Close the socket of a process, kill the process if requested, and wait for its end. Returns the number of the signal that ended
+   it; 0 if it exited. */
 int tandem_process_end(int process, int end, int kills)
 {
     int status = 0;
@@ -134,7 +137,7 @@ int tandem_process_end(int process, int end, int kills)
     return WIFSIGNALED(status) ? WTERMSIG(status) : 0;
 }
 
-/* How many processors this process may use. */
+/* Number of processors available to this process. */
 int tandem_process_cores(void)
 {
     cpu_set_t set;

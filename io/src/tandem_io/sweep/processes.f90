@@ -1,39 +1,41 @@
 ! SPDX-License-Identifier: MIT
-!> A team of processes on this machine, copies of this one (processes.c). A case that ends its process leaves the others running.
+!> A team of worker processes on this machine, which are copies of this process (processes.c). A case that crashes its process does
+!> not affect the other workers.
 module tandem_io_sweep_processes
     use tandem, only: error_type, long, set_error, status_output_failed
     use tandem_io_sweep_case, only: case_runner_type
     use tandem_io_sweep_record, only: record_type, words_of_record
-    use tandem_io_sweep_team, only: a_loss, a_record, event_type, nothing, team_type
+    use tandem_io_sweep_team, only: event_loss, event_record, event_type, event_none, team_type
     use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_loc, c_ptr
     implicit none (type, external)
     private
 
-    public :: processes_type, cores, nap
+    public :: processes_type, cores, sleep_for
 
-    !> Records that a worker's buffer holds.
+    !> Number of records in the buffer of a worker.
     integer, parameter :: records_kept = 512
 
-    !> One of them.
+    !> A worker process.
     type :: process_type
         integer(c_int) :: number = -1
-        !> Received parts of records: bytes, and words, of which the first `taken` have been processed.
+        !> Received data: the words, the number of bytes received, and the number of words already processed. The last record may be
+        !> incomplete.
         integer(long), allocatable :: words(:)
         integer(c_int64_t) :: bytes = 0
         integer :: taken = 0
     end type process_type
 
     type, extends(team_type) :: processes_type
-        !> Runs the cases, the caller's.
+        !> Object of the caller that runs the cases.
         type(case_runner_type), pointer :: runner => null()
         type(process_type), allocatable, private :: workers(:)
-        !> This process's ends of the pairs, -1 without a worker.
+        !> This process's socket for each worker; -1 if the worker is not running.
         integer(c_int), allocatable, private :: ends(:)
-        !> Whose turn it is to be looked at.
-        integer, private :: turn = 0
+        !> Worker from which the search for events starts.
+        integer, private :: current = 0
     contains
-        procedure :: prepare, size => count_workers, start, give, next, end_worker, dismiss
-        procedure, private :: look_at
+        procedure :: prepare, size => count_workers, start, assign, next, end_worker, dismiss
+        procedure, private :: receive_record
     end type processes_type
 
     interface
@@ -99,22 +101,22 @@ module tandem_io_sweep_processes
 
 contains
 
-    !> How many processors this process may use.
+    !> Number of processors available to this process.
     integer function cores()
         cores = int(c_cores())
     end function cores
 
-    !> Sleep for so many milliseconds.
-    subroutine nap(milliseconds)
+    !> Sleep for a number of milliseconds.
+    subroutine sleep_for(milliseconds)
         integer, intent(in) :: milliseconds
 
         call c_wait([0_c_int], 0_c_int, int(milliseconds, c_int))
-    end subroutine nap
+    end subroutine sleep_for
 
-    !> A team of so many processes, none of them started.
+    !> Define a team; no worker is started.
     subroutine prepare(self, runner, workers)
         class(processes_type), intent(inout) :: self
-        !> Prepared; must outlive the team.
+        !> Must be prepared, and must outlive the team.
         type(case_runner_type), intent(in), target :: runner
         integer, intent(in) :: workers
         integer :: i
@@ -127,21 +129,21 @@ contains
         end do
     end subroutine prepare
 
-    !> How many workers there are.
+    !> Number of workers.
     integer function count_workers(self)
         class(processes_type), intent(in) :: self
 
         count_workers = size(self%workers)
     end function count_workers
 
-    !> Start a worker. In the worker itself this does not return.
+    !> Start a worker. In the worker process this call does not return.
     subroutine start(self, worker, error)
         class(processes_type), intent(inout) :: self
         integer, intent(in) :: worker
         type(error_type), allocatable, intent(out) :: error
         integer(c_int) :: end
 
-        ! One may be there that is thought to be lost.
+        ! A worker reported as lost may still be running.
         call self%end_worker(worker)
         associate (process => self%workers(worker))
             process%bytes = 0
@@ -159,7 +161,7 @@ contains
         end associate
     end subroutine start
 
-    !> Loop of a worker: run cases until no more are requested.
+    !> Main loop of a worker: run cases until the socket is closed.
     subroutine work(runner, end)
         type(case_runner_type), intent(inout) :: runner
         integer(c_int), intent(in) :: end
@@ -179,34 +181,34 @@ contains
         end do
     end subroutine work
 
-    !> Append cases to those of a worker.
-    subroutine give(self, worker, first, last)
+    !> Append a range of cases to the work of a worker.
+    subroutine assign(self, worker, first, last)
         class(processes_type), intent(inout) :: self
         integer, intent(in) :: worker
         integer(long), intent(in) :: first, last
         integer(c_int) :: stat
 
-        ! A dead worker is reported as lost by `next`.
+        ! A failure means that the worker has ended; `next` reports this.
         stat = c_send(self%ends(worker), [int(first, c_int64_t), int(last, c_int64_t)], 2_c_int64_t)
         if (stat /= 0) return
-    end subroutine give
+    end subroutine assign
 
-    !> The next event of a worker.
+    !> Wait for the next event of any worker.
     subroutine next(self, milliseconds, event)
         class(processes_type), intent(inout) :: self
         integer, intent(in) :: milliseconds
         type(event_type), intent(inout) :: event
         integer :: i, pass
 
-        event%kind = nothing
+        event%kind = event_none
         do pass = 1, 2
             do i = 1, size(self%workers)
-                ! The same worker as long as it has events.
-                associate (worker => 1 + modulo(self%turn + i - 2, size(self%workers)))
+                ! Continue with the same worker as long as it has events.
+                associate (worker => 1 + modulo(self%current + i - 2, size(self%workers)))
                     if (self%ends(worker) < 0) cycle
-                    call self%look_at(worker, event)
-                    if (event%kind == nothing) cycle
-                    self%turn = worker
+                    call self%receive_record(worker, event)
+                    if (event%kind == event_none) cycle
+                    self%current = worker
                     return
                 end associate
             end do
@@ -216,8 +218,8 @@ contains
         end do
     end subroutine next
 
-    !> Look for a record that a worker has sent.
-    subroutine look_at(self, worker, event)
+    !> Receive a record of a worker, or detect its end.
+    subroutine receive_record(self, worker, event)
         class(processes_type), intent(inout) :: self
         integer, intent(in) :: worker
         type(event_type), intent(inout) :: event
@@ -231,7 +233,7 @@ contains
                 if (n > 0) then
                     if (n > process%words(process%taken + 1)) then
                         event%n = int(process%words(process%taken + 1))
-                        event%kind = a_record
+                        event%kind = event_record
                         if (.not. allocated(event%words)) allocate (event%words(words_of_record(self%runner%plan%n_outputs())))
                         event%words(:event%n) = process%words(process%taken + 2:process%taken + 1 + event%n)
                         process%taken = process%taken + 1 + event%n
@@ -239,7 +241,7 @@ contains
                     end if
                 end if
                 if (attempt == 2) return
-                ! Unprocessed words of the last look move to the beginning.
+                ! Move unprocessed words to the beginning of the buffer.
                 if (process%taken > 0) then
                     n = int((process%bytes + 7)/8)
                     process%words(:n - process%taken) = process%words(process%taken + 1:n)
@@ -248,7 +250,7 @@ contains
                 end if
                 got = c_take(self%ends(worker), process%words, process%bytes, 8_c_int64_t*size(process%words))
                 if (got < 0) then
-                    event%kind = a_loss
+                    event%kind = event_loss
                     event%n = 1
                     if (.not. allocated(event%words)) allocate (event%words(words_of_record(self%runner%plan%n_outputs())))
                     event%words(1) = c_end(process%number, self%ends(worker), 0_c_int)
@@ -259,9 +261,9 @@ contains
                 if (got == 0) return
             end do
         end associate
-    end subroutine look_at
+    end subroutine receive_record
 
-    !> End a worker that does not return.
+    !> Terminate a worker.
     subroutine end_worker(self, worker)
         class(processes_type), intent(inout) :: self
         integer, intent(in) :: worker
@@ -275,7 +277,7 @@ contains
         end associate
     end subroutine end_worker
 
-    !> Send all workers home.
+    !> Terminate all workers.
     subroutine dismiss(self)
         class(processes_type), intent(inout) :: self
         integer :: i

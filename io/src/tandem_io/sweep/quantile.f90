@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The inverse normal distribution, which converts uniform numbers to normal ones.
+!> Quantiles of the normal distribution, which convert uniformly to normally distributed numbers.
 module tandem_io_sweep_quantile
     use tandem, only: wp
     implicit none (type, external)
@@ -7,8 +7,8 @@ module tandem_io_sweep_quantile
 
     public :: normal_quantile
 
-    ! The rational functions PPND16 of M. J. Wichura, Algorithm AS 241, Applied Statistics 37 (1988) 477-484: relative errors of
-    ! about 1e-16. Coefficients of ascending powers.
+    ! Rational functions PPND16 of M. J. Wichura, Algorithm AS 241, Applied Statistics 37 (1988) 477-484, with relative errors of
+    ! about 1e-16. Coefficients are in order of ascending powers.
     real(wp), parameter :: a(0:7) = [3.3871328727963666080_wp, 1.3314166789178437745e+2_wp, 1.9715909503065514427e+3_wp, &
         1.3731693765509461125e+4_wp, 4.5921953931549871457e+4_wp, 6.7265770927008700853e+4_wp, 3.3430575583588128105e+4_wp, &
         2.5090809287301226727e+3_wp]
@@ -30,9 +30,9 @@ module tandem_io_sweep_quantile
 
 contains
 
-    !> The p-quantile of the standard normal distribution.
+    !> Quantile p of the standard normal distribution.
     pure real(wp) function normal_quantile(p) result(x)
-        !> Between 0 and 1, both excluded.
+        !> Probability between 0 and 1, exclusive.
         real(wp), intent(in) :: p
         real(wp) :: q, r
 

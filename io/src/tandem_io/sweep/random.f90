@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Random numbers without state: each follows from a seed and its index, so that case k does not depend on the process that runs
-!> it, nor on earlier cases.
+!> Random numbers without internal state: each number follows from a seed and an index, so that a case depends neither on the
+!> process that runs it nor on earlier cases.
 !>
 !> The generator is Philox4x32-10: J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, Parallel random numbers: as easy as 1, 2, 3,
-!> SC 2011, doi 10.1145/2063384.2063405. Words of 32 bits are stored in integers of 64 bits; their products are computed from
-!> halves that do not overflow.
+!> SC 2011, doi 10.1145/2063384.2063405. Words of 32 bits are stored in 64-bit integers. Their products are computed from halves,
+!> which do not overflow.
 module tandem_io_sweep_random
     use tandem, only: long, wp
     implicit none (type, external)
@@ -12,16 +12,16 @@ module tandem_io_sweep_random
 
     public :: philox, random_words, random_number_at, permuted, stream_draw, stream_order, stream_stratum, stream_shift
 
-    !> Streams, one for each use of the numbers; equal indices give different numbers in different streams.
+    !> Independent streams, one for each purpose.
     integer, parameter :: stream_draw = 1, stream_order = 2, stream_stratum = 3, stream_shift = 4
 
     integer(long), parameter :: mask = 2_long**32 - 1, half = 2_long**16 - 1
 
 contains
 
-    !> Four words of 32 bits, from a place of four and a key of two.
-    pure function philox(place, key) result(words)
-        integer(long), intent(in) :: place(4), key(2)
+    !> Four random 32-bit words from a counter of four words and a key of two.
+    pure function philox(counter, key) result(words)
+        integer(long), intent(in) :: counter(4), key(2)
         integer(long) :: words(4)
         integer(long), parameter :: multiplier(2) = [int(z'D2511F53', long), int(z'CD9E8D57', long)]
         integer(long), parameter :: weyl(2) = [int(z'9E3779B9', long), int(z'BB67AE85', long)]
@@ -29,7 +29,7 @@ contains
         integer(long) :: keys(2), high(2), low(2)
         integer :: i
 
-        words = place
+        words = counter
         keys = key
         do i = 1, rounds
             call multiply(multiplier(1), words(1), high(1), low(1))
@@ -39,7 +39,7 @@ contains
         end do
     end function philox
 
-    !> The halves of a product of two words of 32 bits.
+    !> Upper and lower half of the product of two 32-bit words.
     pure subroutine multiply(a, b, high, low)
         integer(long), intent(in) :: a, b
         integer(long), intent(out) :: high, low
@@ -52,7 +52,7 @@ contains
         high = ishft(upper, -16) + ishft(lower, -32)
     end subroutine multiply
 
-    !> Four words of 32 bits for a case and a column.
+    !> Four random 32-bit words for a case and a column.
     pure function random_words(seed, case, column, stream) result(words)
         integer, intent(in) :: seed
         integer(long), intent(in) :: case
@@ -63,7 +63,7 @@ contains
             [iand(int(seed, long), mask), 0_long])
     end function random_words
 
-    !> A number between 0 and 1, both excluded: the middle of one of 2^52 equal parts.
+    !> Random number between 0 and 1, exclusive: the midpoint of one of 2^52 intervals of equal length.
     pure real(wp) function random_number_at(seed, case, column, stream) result(number)
         integer, intent(in) :: seed
         integer(long), intent(in) :: case
@@ -74,12 +74,13 @@ contains
         number = (real(ior(ishft(words(1), 20), ishft(words(2), -12)), wp) + 0.5_wp)*2.0_wp**(-52)
     end function random_number_at
 
-    !> Image of `i` under a permutation of 0 ... n - 1: a Feistel network of six rounds on the next power of four, repeated until
-    !> the result is below n, less than four times on average. Nothing is stored, and each image is computed independently.
-    pure integer(long) function permuted(seed, i, n, column) result(place)
+    !> Image of `i` under a random permutation of 0 ... n - 1. A Feistel network of six rounds permutes the numbers below the next
+    !> power of four; it is applied repeatedly until the result is below n, less than four times on average. Each image is computed
+    !> independently and without storage.
+    pure integer(long) function permuted(seed, i, n, column) result(image)
         integer, intent(in) :: seed
         integer(long), intent(in) :: i, n
-        !> Each column has a permutation of its own.
+        !> Index of the permutation.
         integer, intent(in) :: column
         integer, parameter :: rounds = 6
         integer(long) :: left, right, next, words(4)
@@ -89,18 +90,18 @@ contains
         do while (ishft(1_long, 2*bits) < n)
             bits = bits + 1
         end do
-        place = i
+        image = i
         do
-            left = ishft(place, -bits)
-            right = iand(place, ishft(1_long, bits) - 1)
+            left = ishft(image, -bits)
+            right = iand(image, ishft(1_long, bits) - 1)
             do round = 1, rounds
                 words = random_words(seed, ior(right, ishft(int(round, long), 40)), column, stream_order)
                 next = ieor(left, iand(words(1), ishft(1_long, bits) - 1))
                 left = right
                 right = next
             end do
-            place = ior(ishft(left, bits), right)
-            if (place < n) return
+            image = ior(ishft(left, bits), right)
+            if (image < n) return
         end do
     end function permuted
 end module tandem_io_sweep_random

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The observer of a case: evaluates the kept quantities during the run, and no others.
+!> The observer of a case: evaluates the kept quantities during the run.
 module tandem_io_sweep_recorder
     use tandem, only: at_end, at_event, at_start, error_type, global_error_type, observer_type, set_error, simulation_type, &
         to_text, wp
@@ -15,36 +15,37 @@ module tandem_io_sweep_recorder
     public :: recorder_type
 
     type, extends(observer_type) :: recorder_type
-        !> Kept quantities, and their numbers, one after the other; NaN if missing.
+        !> Kept quantities; their values, one after the other, NaN if missing.
         type(kept_type), allocatable :: kept(:)
         real(wp), allocatable :: values(:)
-        !> Of each quantity: index of its first number, count of its passed times, and its value at the last evaluation.
-        integer, allocatable, private :: first(:), passed(:)
+        !> For each quantity: index of its first value, number of its times that have passed, value at the last evaluation, and
+        !> extreme value.
+        integer, allocatable, private :: first(:), n_passed(:)
         real(wp), allocatable, private :: last(:), extreme(:)
         real(wp), private :: t_start = 0.0_wp, t_last = 0.0_wp
-        !> True if quantities are evaluated at steps; true if at times between them.
-        logical, private :: looks_at_steps = .false., looks_between = .false.
-        !> Sensors and multipliers at the current evaluation.
+        !> True if quantities are evaluated at steps; true if they are evaluated at times between steps.
+        logical, private :: evaluates_at_steps = .false., evaluates_between = .false.
+        !> Sensors and multipliers at the current state.
         real(wp), allocatable, private :: sensors(:), lambda(:)
         logical, private :: needs_sensors = .false., needs_lambda = .false.
-        !> True if the error of the run is requested, which takes a second run.
+        !> True if errors of the run are requested, which require a second run.
         logical :: needs_estimate = .false.
     contains
         procedure :: initialize, resolve, observe, take_estimate
-        procedure, private :: begin, take_step, take_between, finish, look, value_now
+        procedure, private :: begin, take_step, take_between, finish, evaluate_shared, value_now
     end type recorder_type
 
 contains
 
-    !> Prepare for any number of cases.
+    !> Prepare the recorder for all cases of a sweep.
     subroutine initialize(self, kept)
         class(recorder_type), intent(inout) :: self
-        !> Resolved.
+        !> Kept quantities; their indices must be resolved.
         type(kept_type), intent(in) :: kept(:)
         integer :: i, n
 
         allocate (self%kept, source=kept)
-        allocate (self%first(size(kept)), self%passed(size(kept)), self%last(size(kept)), self%extreme(size(kept)))
+        allocate (self%first(size(kept)), self%n_passed(size(kept)), self%last(size(kept)), self%extreme(size(kept)))
         n = 0
         do i = 1, size(kept)
             self%first(i) = n + 1
@@ -54,21 +55,21 @@ contains
         self%needs_sensors = any(kept%kind == of_sensor)
         self%needs_lambda = any(kept%kind == of_lambda)
         self%needs_estimate = any(kept%kind == of_estimate)
-        self%looks_at_steps = any(kept%take >= take_min .and. kept%take <= take_mean)
-        self%looks_between = any(kept%take == take_times)
+        self%evaluates_at_steps = any(kept%take >= take_min .and. kept%take <= take_mean)
+        self%evaluates_between = any(kept%take == take_times)
     end subroutine initialize
 
-    !> Find the kept quantities in the scene of a case, whose model may differ in shape from the previous one.
+    !> Find the kept quantities in the scene of a case, whose model may have other coordinates than the previous one.
     subroutine resolve(self, scene, error)
         class(recorder_type), intent(inout) :: self
         type(scene_type), intent(in) :: scene
-        !> The scene does not have it.
+        !> Set if the scene lacks a kept quantity.
         type(error_type), allocatable, intent(out) :: error
         character(len=:), allocatable :: problem
         integer :: i
 
         do i = 1, size(self%kept)
-            ! Quantities of every run.
+            ! These quantities exist in every run.
             if (any(self%kept(i)%kind == [of_figure, of_error, of_estimate])) cycle
             call self%kept(i)%resolve(scene, problem)
             if (problem == '') cycle
@@ -79,7 +80,7 @@ contains
         end do
     end subroutine resolve
 
-    !> Look at the motion.
+    !> Evaluate the kept quantities that are due.
     subroutine observe(self, simulation, occasion, error)
         class(recorder_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -93,45 +94,45 @@ contains
         case (at_end)
             call self%finish(simulation, error)
         case default
-            if (self%looks_between) call self%take_between(simulation, occasion == at_event, error)
-            if (self%looks_at_steps) then
+            if (self%evaluates_between) call self%take_between(simulation, occasion == at_event, error)
+            if (self%evaluates_at_steps) then
                 if (.not. allocated(error)) call self%take_step(simulation, error)
             else if (simulation%model%measures_every_step .and. self%needs_sensors) then
-                ! Turns are counted from step to step.
-                if (.not. allocated(error)) call self%look(simulation, error)
+                ! Angles are continued beyond one revolution from step to step.
+                if (.not. allocated(error)) call self%evaluate_shared(simulation, error)
             end if
         end select
-        if (self%looks_between .and. occasion /= at_end) call expect_looks(self, simulation)
+        if (self%evaluates_between .and. occasion /= at_end) call announce_next_times(self, simulation)
     end subroutine observe
 
-    !> Say which times between steps come next.
-    subroutine expect_looks(self, simulation)
+    !> Announce the next times between steps at which quantities are evaluated.
+    subroutine announce_next_times(self, simulation)
         class(recorder_type), intent(in) :: self
         class(simulation_type), intent(inout) :: simulation
         integer :: i
 
         do i = 1, size(self%kept)
             if (self%kept(i)%take /= take_times) cycle
-            if (self%passed(i) < size(self%kept(i)%times)) call simulation%expect_look(self%kept(i)%times(self%passed(i) + 1))
+            if (self%n_passed(i) < size(self%kept(i)%times)) call simulation%expect_look(self%kept(i)%times(self%n_passed(i) + 1))
         end do
-    end subroutine expect_looks
+    end subroutine announce_next_times
 
-    !> The start.
+    !> Evaluate quantities at the start of the run.
     subroutine begin(self, simulation, error)
         class(recorder_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
         type(error_type), allocatable, intent(out) :: error
         integer :: i, stat
 
-        call fit(self%lambda, simulation%model%n_constraints())
+        call resize(self%lambda, simulation%model%n_constraints())
         i = 0
         if (allocated(simulation%model%quantities)) i = sum(max(1, simulation%model%quantities%width))
-        call fit(self%sensors, i)
+        call resize(self%sensors, i)
         self%values = ieee_value(1.0_wp, ieee_quiet_nan)
-        self%passed = 0
+        self%n_passed = 0
         self%t_start = simulation%state%t
         self%t_last = self%t_start
-        call self%look(simulation, error)
+        call self%evaluate_shared(simulation, error)
         if (allocated(error)) return
         stat = 0
         do i = 1, size(self%kept)
@@ -147,11 +148,11 @@ contains
                 case (take_mean)
                     self%values(self%first(i)) = 0.0_wp
                 case (take_times)
-                    do while (self%passed(i) < size(kept%times))
-                        if (kept%times(self%passed(i) + 1) > self%t_start) exit
-                        self%passed(i) = self%passed(i) + 1
-                        if (.not. kept%times(self%passed(i)) < self%t_start) then
-                            self%values(self%first(i) + self%passed(i) - 1) = self%last(i)
+                    do while (self%n_passed(i) < size(kept%times))
+                        if (kept%times(self%n_passed(i) + 1) > self%t_start) exit
+                        self%n_passed(i) = self%n_passed(i) + 1
+                        if (.not. kept%times(self%n_passed(i)) < self%t_start) then
+                            self%values(self%first(i) + self%n_passed(i) - 1) = self%last(i)
                         end if
                     end do
                 case default
@@ -159,11 +160,11 @@ contains
                 end select
             end associate
         end do
-        call refuse(stat, simulation, error)
+        call report_failure(stat, simulation, error)
     end subroutine begin
 
-    !> Room for so many numbers.
-    pure subroutine fit(numbers, n)
+    !> Allocate an array of a given size.
+    pure subroutine resize(numbers, n)
         real(wp), allocatable, intent(inout) :: numbers(:)
         integer, intent(in) :: n
 
@@ -172,9 +173,9 @@ contains
             deallocate (numbers)
         end if
         allocate (numbers(n))
-    end subroutine fit
+    end subroutine resize
 
-    !> Extremes and means, at the end of a step.
+    !> Update extremes and means at the end of a step.
     subroutine take_step(self, simulation, error)
         class(recorder_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -182,42 +183,42 @@ contains
         real(wp) :: value
         integer :: i, stat
 
-        call self%look(simulation, error)
+        call self%evaluate_shared(simulation, error)
         if (allocated(error)) return
         stat = 0
         associate (t => simulation%state%t)
             do i = 1, size(self%kept)
                 if (self%kept(i)%take < take_min .or. self%kept(i)%take > take_mean) cycle
                 value = self%value_now(simulation, i, stat)
-                associate (place => self%values(self%first(i)))
+                associate (output => self%values(self%first(i)))
                     select case (self%kept(i)%take)
                     case (take_min, take_time_of_min)
                         if (value < self%extreme(i)) then
                             self%extreme(i) = value
-                            place = merge(value, t, self%kept(i)%take == take_min)
+                            output = merge(value, t, self%kept(i)%take == take_min)
                         end if
                     case (take_max, take_time_of_max)
                         if (value > self%extreme(i)) then
                             self%extreme(i) = value
-                            place = merge(value, t, self%kept(i)%take == take_max)
+                            output = merge(value, t, self%kept(i)%take == take_max)
                         end if
                     case default
-                        ! The integral so far, by trapezoids.
-                        place = place + 0.5_wp*(t - self%t_last)*(self%last(i) + value)
+                        ! Integral up to this step by the trapezoidal rule.
+                        output = output + 0.5_wp*(t - self%t_last)*(self%last(i) + value)
                     end select
                 end associate
                 self%last(i) = value
             end do
             self%t_last = t
         end associate
-        call refuse(stat, simulation, error)
+        call report_failure(stat, simulation, error)
     end subroutine take_step
 
-    !> Values at times that the last step has passed, by dense output.
+    !> Evaluate quantities at requested times within the last step, by dense output.
     subroutine take_between(self, simulation, is_before_event, error)
         class(recorder_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
-        !> True to leave the end of the step for later, after the changes of an event.
+        !> True to exclude the end of the step, which is evaluated after the event has changed the state.
         logical, intent(in) :: is_before_event
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: end_of_step, t
@@ -228,24 +229,24 @@ contains
         do i = 1, size(self%kept)
             if (self%kept(i)%take /= take_times) cycle
             associate (times => self%kept(i)%times)
-                do while (self%passed(i) < size(times))
-                    t = times(self%passed(i) + 1)
+                do while (self%n_passed(i) < size(times))
+                    t = times(self%n_passed(i) + 1)
                     if (t > end_of_step .or. (is_before_event .and. .not. t < end_of_step)) exit
                     call simulation%look_at(t, error)
-                    if (.not. allocated(error)) call self%look(simulation, error)
+                    if (.not. allocated(error)) call self%evaluate_shared(simulation, error)
                     if (.not. allocated(error)) then
-                        self%passed(i) = self%passed(i) + 1
-                        self%values(self%first(i) + self%passed(i) - 1) = self%value_now(simulation, i, stat)
+                        self%n_passed(i) = self%n_passed(i) + 1
+                        self%values(self%first(i) + self%n_passed(i) - 1) = self%value_now(simulation, i, stat)
                     end if
                     call simulation%look_back()
                     if (allocated(error)) return
                 end do
             end associate
         end do
-        call refuse(stat, simulation, error)
+        call report_failure(stat, simulation, error)
     end subroutine take_between
 
-    !> The end: what is only taken there.
+    !> Evaluate quantities that are defined at the end of the run.
     subroutine finish(self, simulation, error)
         class(recorder_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -253,28 +254,28 @@ contains
         character(len=:), allocatable :: problem
         integer :: i, stat
 
-        call self%look(simulation, error)
+        call self%evaluate_shared(simulation, error)
         if (allocated(error)) return
         stat = 0
         do i = 1, size(self%kept)
-            associate (kept => self%kept(i), place => self%values(self%first(i)))
+            associate (kept => self%kept(i), output => self%values(self%first(i)))
                 if (kept%kind == of_estimate) then
                     cycle
                 else if (kept%kind == of_figure) then
-                    call find_figure(simulation%statistics(), kept%figure, place, problem)
+                    call find_figure(simulation%statistics(), kept%figure, output, problem)
                 else if (kept%kind == of_event) then
-                    call take_event(simulation, kept, place)
+                    call take_event(simulation, kept, output)
                 else if (kept%take == take_end) then
-                    place = self%value_now(simulation, i, stat)
+                    output = self%value_now(simulation, i, stat)
                 else if (kept%take == take_mean) then
-                    place = place/(simulation%state%t - self%t_start)
+                    output = output/(simulation%state%t - self%t_start)
                 end if
             end associate
         end do
-        call refuse(stat, simulation, error)
+        call report_failure(stat, simulation, error)
     end subroutine finish
 
-    !> Store the estimates of a second run, after the end.
+    !> Store the errors estimated by a second run.
     subroutine take_estimate(self, global_error)
         class(recorder_type), intent(inout) :: self
         type(global_error_type), intent(in) :: global_error
@@ -282,26 +283,26 @@ contains
 
         do i = 1, size(self%kept)
             if (self%kept(i)%kind /= of_estimate) cycle
-            associate (place => self%values(self%first(i)))
+            associate (output => self%values(self%first(i)))
                 select case (self%kept(i)%index)
                 case (1)
-                    place = global_error%relative
+                    output = global_error%relative
                 case (2)
-                    place = global_error%largest
+                    output = global_error%largest
                 case (3)
-                    place = global_error%error_q
+                    output = global_error%error_q
                 case default
-                    place = global_error%error_qd
+                    output = global_error%error_qd
                 end select
             end associate
         end do
     end subroutine take_estimate
 
-    !> When an event came, or how often.
+    !> Time or number of occurrences of an event.
     subroutine take_event(simulation, kept, value)
         class(simulation_type), intent(in) :: simulation
         type(kept_type), intent(in) :: kept
-        !> Unchanged if the event never occurred.
+        !> Unchanged if the event did not occur.
         real(wp), intent(inout) :: value
         integer :: i, n
 
@@ -314,8 +315,8 @@ contains
         if (kept%take == take_count) value = real(n, wp)
     end subroutine take_event
 
-    !> Evaluate the sensors and multipliers, which several quantities share, at the current state.
-    subroutine look(self, simulation, error)
+    !> Evaluate the sensors and multipliers, which several quantities may share, at the current state.
+    subroutine evaluate_shared(self, simulation, error)
         class(recorder_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
         type(error_type), allocatable, intent(out) :: error
@@ -326,15 +327,15 @@ contains
             if (self%needs_sensors) call simulation%model%measure(state%t, state%q, state%qd, state%qdd, self%sensors, stat)
         end associate
         if (self%needs_lambda) call simulation%multipliers(self%lambda)
-        call refuse(stat, simulation, error)
-    end subroutine look
+        call report_failure(stat, simulation, error)
+    end subroutine evaluate_shared
 
-    !> The value of a quantity at the current state.
+    !> Value of a quantity at the current state.
     real(wp) function value_now(self, simulation, i, stat) result(value)
         class(recorder_type), intent(in) :: self
         class(simulation_type), intent(inout) :: simulation
         integer, intent(in) :: i
-        !> Nonzero if the evaluation failed; otherwise unchanged.
+        !> Set to a nonzero value if the evaluation fails.
         integer, intent(inout) :: stat
         real(wp) :: other
         integer :: problem
@@ -371,12 +372,12 @@ contains
     end function value_now
 
     !> Set an error if an evaluation has failed.
-    subroutine refuse(stat, simulation, error)
+    subroutine report_failure(stat, simulation, error)
         integer, intent(in) :: stat
         class(simulation_type), intent(in) :: simulation
         type(error_type), allocatable, intent(out) :: error
 
         if (stat /= 0) call set_error(error, status_callback_failed, 'a kept quantity could not be evaluated at t = '// &
             to_text(simulation%state%t))
-    end subroutine refuse
+    end subroutine report_failure
 end module tandem_io_sweep_recorder

@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> Distributes the cases of a sweep among the workers of a team and writes their records into the journal. A worker that has
-!> finished its cases gets more, in ranges that last about a tenth of a second, longer if the team reports with a delay, and
-!> become smaller towards the end; each worker has a second range waiting, so that none is idle while this process sleeps.
+!> Distributes the cases of a sweep among the workers of a team and writes their records into the journal. A worker receives cases
+!> in ranges that take about a tenth of a second, or longer if the team reports with a delay; towards the end of the sweep the
+!> ranges become shorter. Each worker has a second range in its queue, so that it is never idle while this process sleeps.
 module tandem_io_sweep_schedule
     use tandem, only: error_type, long, set_error, to_text, wp
     use tandem_io_sweep_journal, only: sweep_journal_type
-    use tandem_io_sweep_processes, only: nap
+    use tandem_io_sweep_processes, only: sleep_for
     use tandem_io_sweep_record, only: record_type, status_crashed, status_hung
-    use tandem_io_sweep_team, only: a_loss, a_record, event_type, nothing, team_type
+    use tandem_io_sweep_team, only: event_loss, event_record, event_type, event_none, team_type
     use tandem_status, only: status_interrupted
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
@@ -15,14 +15,14 @@ module tandem_io_sweep_schedule
 
     public :: watcher_type, distribute
 
-    !> Seconds that a range should last at least, and milliseconds that this process waits for the next record.
-    real(wp), parameter :: shortest = 0.1_wp
-    integer, parameter :: patience = 200
-    !> Most milliseconds that it sleeps while cases are short, and number of cases that a worker may do meanwhile.
-    integer, parameter :: longest_sleep = 20, unseen = 100
-    integer(long), parameter :: most = 20000
+    !> Smallest duration of a range, seconds; largest time of waiting for a record, milliseconds.
+    real(wp), parameter :: shortest_range = 0.1_wp
+    integer, parameter :: longest_wait = 200
+    !> If cases are short, this process sleeps for the duration of some cases: largest time in milliseconds, and number of cases.
+    integer, parameter :: longest_sleep = 20, cases_per_sleep = 100
+    integer(long), parameter :: longest_range = 20000
 
-    !> Receives the progress of the sweep, and may end it.
+    !> Receives the progress of the sweep, and can end it.
     type, abstract :: watcher_type
     contains
         procedure(tell_interface), deferred :: tell
@@ -30,18 +30,18 @@ module tandem_io_sweep_schedule
     end type watcher_type
 
     abstract interface
-        !> So many cases are done.
+        !> Receive the progress.
         subroutine tell_interface(self, journal, workers, busy)
             import :: sweep_journal_type, watcher_type, wp
             implicit none (type, external)
             class(watcher_type), intent(inout) :: self
             type(sweep_journal_type), intent(in) :: journal
-            !> Number of workers; the seconds that they have worked in total.
+            !> Number of workers; total time of all cases, seconds.
             integer, intent(in) :: workers
             real(wp), intent(in) :: busy
         end subroutine tell_interface
 
-        !> True to end the sweep now.
+        !> True to end the sweep.
         logical function stops_interface(self)
             import :: watcher_type
             implicit none (type, external)
@@ -49,41 +49,41 @@ module tandem_io_sweep_schedule
         end function stops_interface
     end interface
 
-    !> Work assigned to a worker.
+    !> State of a worker.
     type :: duty_type
-        logical :: is_there = .false.
-        !> Its ranges, the first `n` of two; the first range begins with the next case.
+        logical :: is_running = .false.
+        !> Queue of ranges, of which the first `n` are in use. The first range begins with the case that the worker is running.
         integer(long) :: ranges(2, 2) = 0
         integer :: n = 0
-        !> Time of its last event.
-        integer(long) :: since = 0
+        !> Time of the last event.
+        integer(long) :: last_event = 0
     end type duty_type
 
-    !> The state of the distribution.
+    !> State of the distribution.
     type :: schedule_type
         type(duty_type), allocatable :: duties(:)
-        !> The next unassigned case, and ranges left by lost workers.
+        !> First case that was never assigned; ranges returned by lost workers.
         integer(long) :: next = 1
-        integer(long), allocatable :: left(:, :)
-        !> Cases whose process has ended once.
+        integer(long), allocatable :: returned(:, :)
+        !> Cases during which a worker process has ended once.
         integer(long), allocatable :: suspects(:)
-        !> Seconds and number of the cases that were run.
+        !> Total time and number of finished cases.
         real(wp) :: busy = 0.0_wp
         integer(long) :: cases = 0
-        !> Seconds without an event after which a worker is ended, 0 for never.
-        real(wp) :: limit = 0.0_wp
-        !> Seconds that a range should last.
-        real(wp) :: lasting = shortest
+        !> Time without an event after which a worker is terminated, seconds; 0 for no limit.
+        real(wp) :: event_timeout = 0.0_wp
+        !> Duration of a range, seconds.
+        real(wp) :: range_seconds = shortest_range
     end type schedule_type
 
 contains
 
-    !> Run all cases of a journal that are not done.
+    !> Run all unfinished cases of a journal.
     subroutine distribute(journal, outputs, max_seconds, team, watcher, error)
         type(sweep_journal_type), intent(inout) :: journal
-        !> Numbers of a record.
+        !> Numbers per record.
         integer, intent(in) :: outputs
-        !> Of a case; 0 for no limit.
+        !> Time limit of a case, seconds; 0 for no limit.
         real(wp), intent(in) :: max_seconds
         class(team_type), intent(inout) :: team
         class(watcher_type), intent(inout) :: watcher
@@ -93,22 +93,22 @@ contains
         type(record_type) :: record
         real(wp) :: sleep
 
-        allocate (schedule%duties(team%size()), schedule%left(2, 0), schedule%suspects(0))
+        allocate (schedule%duties(team%size()), schedule%returned(2, 0), schedule%suspects(0))
         allocate (record%values(outputs))
         schedule%next = journal%first
-        ! A case that respects its limit ends in time; others get twice the time.
-        if (max_seconds > 0.0_wp) schedule%limit = 2*max_seconds + 5.0_wp + 2*team%delay()
-        schedule%lasting = max(shortest, 4*team%delay())
+        ! A case that observes its time limit ends in time. The margin avoids the termination of a case about to end.
+        if (max_seconds > 0.0_wp) schedule%event_timeout = 2*max_seconds + 5.0_wp + 2*team%delay()
+        schedule%range_seconds = max(shortest_range, 4*team%delay())
         do
             call give_cases(schedule, journal, team, error)
             if (allocated(error) .or. all(schedule%duties%n == 0)) exit
-            call team%next(patience, event)
-            do while (event%kind /= nothing)
-                call take_event(schedule, journal, event, record, error)
+            call team%next(longest_wait, event)
+            do while (event%kind /= event_none)
+                call process_event(schedule, journal, event, record, error)
                 if (allocated(error)) exit
                 call team%next(0, event)
             end do
-            if (.not. allocated(error)) call end_hung(schedule, journal, team, record, error)
+            if (.not. allocated(error)) call terminate_hung(schedule, journal, team, record, error)
             if (.not. allocated(error)) call journal%flush(error)
             if (allocated(error)) exit
             call watcher%tell(journal, team%size(), schedule%busy)
@@ -118,15 +118,15 @@ contains
                     'the same command continues with the remaining cases')
                 exit
             end if
-            ! Short cases would wake this process at each of them.
+            ! Without this sleep, short cases would wake this process for every record.
             if (schedule%cases == 0) cycle
             sleep = 1.0e3_wp*schedule%busy/real(schedule%cases, wp)
-            if (sleep < longest_sleep) call nap(max(1, min(longest_sleep, int(unseen*sleep))))
+            if (sleep < longest_sleep) call sleep_for(max(1, min(longest_sleep, int(cases_per_sleep*sleep))))
         end do
         call team%dismiss()
     end subroutine distribute
 
-    !> Start workers and give them cases, as long as there are any.
+    !> Assign ranges of cases to workers, which are started if necessary.
     subroutine give_cases(schedule, journal, team, error)
         type(schedule_type), intent(inout) :: schedule
         type(sweep_journal_type), intent(inout) :: journal
@@ -135,22 +135,22 @@ contains
         integer(long) :: range(2)
         integer :: round, i
 
-        ! First one range for each, then the second.
+        ! All workers get a first range before any gets a second one.
         do round = 1, 2
             do i = 1, size(schedule%duties)
                 associate (duty => schedule%duties(i))
                     if (duty%n >= round) cycle
                     call next_range(schedule, journal, range)
                     if (range(1) > range(2)) return
-                    if (.not. duty%is_there) then
-                        ! Records in the journal's buffer must not be written twice.
+                    if (.not. duty%is_running) then
+                        ! The new process inherits the journal's buffer, and must not write the buffered records again.
                         call journal%flush(error)
                         if (.not. allocated(error)) call team%start(i, error)
                         if (allocated(error)) return
-                        duty%is_there = .true.
+                        duty%is_running = .true.
                     end if
-                    call team%give(i, range(1), range(2))
-                    if (duty%n == 0) call system_clock(duty%since)
+                    call team%assign(i, range(1), range(2))
+                    if (duty%n == 0) call system_clock(duty%last_event)
                     duty%n = duty%n + 1
                     duty%ranges(:, duty%n) = range
                 end associate
@@ -158,7 +158,7 @@ contains
         end do
     end subroutine give_cases
 
-    !> Unassigned cases: an empty range if there are none.
+    !> Select a range of unassigned cases; it is empty if there are none.
     subroutine next_range(schedule, journal, range)
         type(schedule_type), intent(inout) :: schedule
         type(sweep_journal_type), intent(in) :: journal
@@ -166,10 +166,10 @@ contains
         integer(long) :: length
         integer :: n
 
-        n = size(schedule%left, 2)
+        n = size(schedule%returned, 2)
         if (n > 0) then
-            range = schedule%left(:, n)
-            schedule%left = schedule%left(:, :n - 1)
+            range = schedule%returned(:, n)
+            schedule%returned = schedule%returned(:, :n - 1)
             return
         end if
         do while (schedule%next <= journal%last)
@@ -178,7 +178,8 @@ contains
         end do
         length = 1
         if (schedule%cases > 0) then
-            length = int(min(real(most, wp), schedule%lasting*real(schedule%cases, wp)/max(schedule%busy, 1.0e-9_wp)), long)
+            length = int(min(real(longest_range, wp), &
+                schedule%range_seconds*real(schedule%cases, wp)/max(schedule%busy, 1.0e-9_wp)), long)
         end if
         length = max(1_long, min(length, (journal%last - schedule%next + 1)/(4*size(schedule%duties))))
         range = [schedule%next, schedule%next - 1]
@@ -189,8 +190,8 @@ contains
         schedule%next = range(2) + 1
     end subroutine next_range
 
-    !> Process an event of a worker.
-    subroutine take_event(schedule, journal, event, record, error)
+    !> Process an event reported by a worker.
+    subroutine process_event(schedule, journal, event, record, error)
         type(schedule_type), intent(inout) :: schedule
         type(sweep_journal_type), intent(inout) :: journal
         type(event_type), intent(in) :: event
@@ -199,32 +200,33 @@ contains
         integer(long) :: case
 
         associate (duty => schedule%duties(event%worker))
-            call system_clock(duty%since)
-            if (event%kind == a_record) then
+            call system_clock(duty%last_event)
+            if (event%kind == event_record) then
                 call record%from_words(event%words(:event%n))
                 schedule%busy = schedule%busy + record%seconds
                 schedule%cases = schedule%cases + 1
                 call journal%append(record, error)
-                ! The last records of a worker that was ended may arrive after its restart.
-                if (duty%n > 0 .and. duty%ranges(1, 1) == record%case) call pass_case(duty)
+                ! Records sent by a worker before it was terminated may arrive after its restart.
+                if (duty%n > 0 .and. duty%ranges(1, 1) == record%case) call advance_case(duty)
                 return
             end if
-            duty%is_there = .false.
+            duty%is_running = .false.
             if (duty%n == 0) return
-            ! The process may have been killed from outside: the case is tried a second time in another one.
+            ! A process may have been killed from outside. Therefore a case is run again before it is reported as crashed.
             case = duty%ranges(1, 1)
             if (any(schedule%suspects == case)) then
-                call refuse_case(record, case, status_crashed, 'the process of this case ended'//trim(signal_words(event%words(1))))
+                call set_failure_record(record, case, status_crashed, 'the process of this case ended'// &
+                    trim(signal_words(event%words(1))))
                 call journal%append(record, error)
-                call pass_case(duty)
+                call advance_case(duty)
             else
                 schedule%suspects = [schedule%suspects, case]
             end if
-            call leave_rest(schedule, duty)
+            call return_cases(schedule, duty)
         end associate
-    end subroutine take_event
+    end subroutine process_event
 
-    !> Name of a signal.
+    !> Description of the signal that ended a process.
     pure function signal_words(signal) result(words)
         integer(long), intent(in) :: signal
         character(len=48) :: words
@@ -240,8 +242,8 @@ contains
         if (i > 0) words = ' by signal '//to_text(int(signal))//', '//names(i)
     end function signal_words
 
-    !> The next case of a worker is done.
-    subroutine pass_case(duty)
+    !> Advance a worker to its next case.
+    subroutine advance_case(duty)
         type(duty_type), intent(inout) :: duty
 
         if (duty%n == 0) return
@@ -249,25 +251,25 @@ contains
         if (duty%ranges(1, 1) <= duty%ranges(2, 1)) return
         duty%ranges(:, 1) = duty%ranges(:, 2)
         duty%n = duty%n - 1
-    end subroutine pass_case
+    end subroutine advance_case
 
-    !> The cases of a worker that is lost go to others.
-    subroutine leave_rest(schedule, duty)
+    !> Return the unfinished cases of a worker for reassignment.
+    subroutine return_cases(schedule, duty)
         type(schedule_type), intent(inout) :: schedule
         type(duty_type), intent(inout) :: duty
-        integer(long), allocatable :: left(:, :)
+        integer(long), allocatable :: returned(:, :)
         integer :: n
 
-        n = size(schedule%left, 2)
-        allocate (left(2, n + duty%n))
-        left(:, :n) = schedule%left
-        left(:, n + 1:) = duty%ranges(:, :duty%n)
-        call move_alloc(left, schedule%left)
+        n = size(schedule%returned, 2)
+        allocate (returned(2, n + duty%n))
+        returned(:, :n) = schedule%returned
+        returned(:, n + 1:) = duty%ranges(:, :duty%n)
+        call move_alloc(returned, schedule%returned)
         duty%n = 0
-    end subroutine leave_rest
+    end subroutine return_cases
 
-    !> End workers whose case does not return.
-    subroutine end_hung(schedule, journal, team, record, error)
+    !> Terminate workers whose case does not return.
+    subroutine terminate_hung(schedule, journal, team, record, error)
         type(schedule_type), intent(inout) :: schedule
         type(sweep_journal_type), intent(inout) :: journal
         class(team_type), intent(inout) :: team
@@ -276,25 +278,26 @@ contains
         integer(long) :: now, rate
         integer :: i
 
-        if (.not. schedule%limit > 0.0_wp) return
+        if (.not. schedule%event_timeout > 0.0_wp) return
         call system_clock(now, rate)
         do i = 1, size(schedule%duties)
             associate (duty => schedule%duties(i))
-                if (duty%n == 0 .or. real(now - duty%since, wp) < schedule%limit*real(rate, wp)) cycle
+                if (duty%n == 0 .or. real(now - duty%last_event, wp) < schedule%event_timeout*real(rate, wp)) cycle
                 call team%end_worker(i)
-                duty%is_there = .false.
-                call refuse_case(record, duty%ranges(1, 1), status_hung, 'the case did not return long after max_seconds, '// &
-                    'as if a procedure of the model never returned; its process was terminated')
+                duty%is_running = .false.
+                call set_failure_record(record, duty%ranges(1, 1), status_hung, &
+                    'the case did not return long after max_seconds, as if a procedure of the model never '// &
+                    'returned; its process was terminated')
                 call journal%append(record, error)
                 if (allocated(error)) return
-                call pass_case(duty)
-                call leave_rest(schedule, duty)
+                call advance_case(duty)
+                call return_cases(schedule, duty)
             end associate
         end do
-    end subroutine end_hung
+    end subroutine terminate_hung
 
-    !> The record of a case that has none of its own.
-    subroutine refuse_case(record, case, status, message)
+    !> Define the record of a case whose process has not returned one.
+    subroutine set_failure_record(record, case, status, message)
         type(record_type), intent(inout) :: record
         integer(long), intent(in) :: case
         integer, intent(in) :: status
@@ -305,5 +308,5 @@ contains
         record%seconds = 0.0_wp
         record%values = ieee_value(1.0_wp, ieee_quiet_nan)
         record%message = message
-    end subroutine refuse_case
+    end subroutine set_failure_record
 end module tandem_io_sweep_schedule

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Sobol' points: I. M. Sobol', USSR Comput. Math. Math. Phys. 7 (1967) 86-112, in the order of Gray's code (Antonov, Saleev 1979),
-!> by which point k follows from k alone.
+!> Sobol' points: I. M. Sobol', USSR Comput. Math. Math. Phys. 7 (1967) 86-112, in Gray code order (Antonov, Saleev 1979), in which
+!> point k follows from k alone.
 module tandem_io_sweep_sobol
     use tandem, only: long
     implicit none (type, external)
@@ -8,14 +8,14 @@ module tandem_io_sweep_sobol
 
     public :: sobol_type, most_columns
 
-    !> How many columns the table below has.
+    !> Number of columns of the table.
     integer, parameter :: most_columns = 40
-    !> Bits of a coordinate, and longest list of initial numbers.
+    !> Bits of a coordinate, and largest number of initial direction numbers.
     integer, parameter :: bits = 32, longest = 8
 
-    !> A primitive polynomial in the bits of a number, the highest power first, and the initial numbers m, for each column:
-    !> S. Joe, F. Y. Kuo, Constructing Sobol sequences with better two-dimensional projections, SIAM J. Sci. Comput. 30 (2008)
-    !> 2635-2654, table new-joe-kuo-6. The first column is van der Corput's.
+    !> For each column: a primitive polynomial, as the bits of a number with the highest power first, and the initial direction
+    !> numbers m: S. Joe, F. Y. Kuo, Constructing Sobol sequences with better two-dimensional projections, SIAM J. Sci. Comput. 30
+    !> (2008) 2635-2654, table new-joe-kuo-6. The first column is the van der Corput sequence.
     integer, parameter :: table(longest + 1, most_columns) = reshape([ &
         1, 1, 0, 0, 0, 0, 0, 0, 0, &
         3, 1, 0, 0, 0, 0, 0, 0, 0, &
@@ -59,7 +59,7 @@ module tandem_io_sweep_sobol
         301, 1, 3, 1, 11, 11, 11, 77, 249], &
         [longest + 1, most_columns])
 
-    !> The directions of some columns.
+    !> Direction numbers of some columns.
     type :: sobol_type
         integer(long), allocatable, private :: directions(:, :)
     contains
@@ -68,10 +68,10 @@ module tandem_io_sweep_sobol
 
 contains
 
-    !> Compute the directions of the first columns.
+    !> Compute the direction numbers of the first columns.
     pure subroutine prepare(self, columns)
         class(sobol_type), intent(inout) :: self
-        !> At most `most_columns`.
+        !> Number of columns, at most `most_columns`.
         integer, intent(in) :: columns
         integer(long) :: m(bits)
         integer :: column, degree, i, j
@@ -83,7 +83,7 @@ contains
             m = 1
             m(:degree) = table(2:degree + 1, column)
             do i = degree + 1, merge(bits, 0, degree > 0)
-                ! m_i = 2 a_1 m_(i-1) + ... + 2^s m_(i-s) + m_(i-s), sums without carry.
+                ! m_i = 2 a_1 m_(i-1) + ... + 2^s m_(i-s) + m_(i-s), where sums are without carry.
                 m(i) = m(i - degree)
                 do j = 1, degree
                     if (btest(table(1, column), degree - j)) m(i) = ieor(m(i), ishft(m(i - j), j))
@@ -95,10 +95,10 @@ contains
         end do
     end subroutine prepare
 
-    !> Coordinate of a point, a number of 32 bits: 2^32 represents 1.
+    !> Coordinate of a point, times 2^32.
     pure integer(long) function point(self, k, column) result(bits_of_point)
         class(sobol_type), intent(in) :: self
-        !> The point, from 0 to 2^32 - 1.
+        !> Index of the point, from 0 to 2^32 - 1.
         integer(long), intent(in) :: k
         integer, intent(in) :: column
         integer(long) :: gray

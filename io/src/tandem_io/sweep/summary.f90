@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Summary of a table of cases: means, extremes and histograms of columns, and Sobol' indices. Columns are read one at a
-!> time, so that the memory holds one of them.
+!> Summary of a table of cases: means, extremes and histograms of columns, and Sobol' indices. Columns are read one at a time, so
+!> that only one of them is in memory.
 module tandem_io_sweep_summary
     use tandem, only: error_type, long, set_error, status_output_failed, wp
     use tandem_io_output_hdf5, only: hdf5_type
@@ -11,24 +11,25 @@ module tandem_io_sweep_summary
 
     public :: column_summary_type, index_type, read_column, summarise, sensitivities, bins
 
-    !> Classes of a histogram.
+    !> Number of bins of a histogram.
     integer, parameter :: bins = 40
-    !> Samples of the bootstrap, by which the confidence of indices is judged.
+    !> Number of bootstrap samples for the confidence intervals of indices.
     integer, parameter :: resamples = 200
 
-    !> A column as a whole; failed cases have no part in it.
+    !> Summary of a column, without failed cases.
     type :: column_summary_type
-        !> How many cases have a value.
+        !> Number of cases with a value.
         integer(long) :: n = 0
-        !> NaN without values; the standard deviation also for one value.
+        !> Statistics of the values; NaN if there are none. The standard deviation is NaN for a single value too.
         real(wp) :: mean = 0.0_wp, deviation = 0.0_wp, least = 0.0_wp, most = 0.0_wp
-        !> The cases of the extremes.
+        !> Cases with the smallest and the largest value.
         integer(long) :: case_of_least = 0, case_of_most = 0
-        !> Cases in equal parts between the extremes.
+        !> Number of cases in bins of equal width between the extremes.
         integer(long) :: histogram(bins) = 0
     end type column_summary_type
 
-    !> The Sobol' indices of an output for one input, with half the width of the interval that holds 95 % of the bootstrap.
+    !> First-order and total Sobol' index of an output for one input, with half the width of the interval that contains 95 % of the
+    !> bootstrap samples.
     type :: index_type
         real(wp) :: first = 0.0_wp, total = 0.0_wp, first_error = 0.0_wp, total_error = 0.0_wp
     end type index_type
@@ -48,7 +49,7 @@ contains
         call file%close()
     end subroutine read_column
 
-    !> Sum up a column.
+    !> Compute the summary of a column.
     pure subroutine summarise(values, summary)
         real(wp), intent(in) :: values(:)
         type(column_summary_type), intent(out) :: summary
@@ -73,7 +74,7 @@ contains
                 summary%most = values(i)
                 summary%case_of_most = i
             end if
-            ! B. P. Welford, Technometrics 4 (1962) 419-420: no difference of large sums.
+            ! B. P. Welford, Technometrics 4 (1962) 419-420: avoids the difference of large sums.
             associate (change => values(i) - summary%mean)
                 summary%mean = summary%mean + change/real(summary%n, wp)
                 square = square + change*(values(i) - summary%mean)
@@ -96,14 +97,14 @@ contains
         end do
     end subroutine summarise
 
-    !> Sobol' indices from blocks of n + 2 cases: A, B, and A with one coordinate of B each. First order: A. Saltelli et al.,
-    !> Comput. Phys. Commun. 181 (2010) 259-270, table 2 (b); total: M. J. W. Jansen, Comput. Phys. Commun. 117 (1999) 35-43.
-    !> Blocks with a case that failed are left out.
+    !> Compute Sobol' indices from blocks of n + 2 cases: A, B, and copies of A with one coordinate of B each. First order: A.
+    !> Saltelli et al., Comput. Phys. Commun. 181 (2010) 259-270, table 2 (b); total: M. J. W. Jansen, Comput. Phys. Commun. 117
+    !> (1999) 35-43. Blocks with a failed case are ignored.
     pure subroutine sensitivities(values, n, seed, blocks, indices)
         real(wp), intent(in) :: values(:)
-        !> Number of drawn inputs, and the seed of the bootstrap.
+        !> Number of random inputs, and seed of the bootstrap.
         integer, intent(in) :: n, seed
-        !> How many blocks were whole; without two, or without variance, the indices are NaN.
+        !> Number of complete blocks. With fewer than two, or without variance, the indices are NaN.
         integer, intent(out) :: blocks
         type(index_type), intent(out) :: indices(:)
         real(wp), allocatable :: whole(:, :), sample(:, :)
@@ -142,7 +143,8 @@ contains
         end do
     end subroutine sensitivities
 
-    !> The estimators over some blocks. The mean is subtracted first, which leaves them unchanged but reduces their noise.
+    !> Evaluate the estimators for a selection of blocks. Subtracting the mean does not change their expectation but reduces their
+    !> variance.
     pure subroutine estimate(whole, chosen, first, total)
         real(wp), intent(in) :: whole(:, :)
         integer, intent(in) :: chosen(:)
@@ -170,10 +172,10 @@ contains
         total = total/(2*size(chosen)*variance)
     end subroutine estimate
 
-    !> Half the width of the interval between the 2.5 and the 97.5 per cent of a sample.
+    !> Half the distance between the 2.5 % and the 97.5 % quantile of a sample.
     pure real(wp) function half_width(samples, row)
         real(wp), intent(in) :: samples(:, :)
-        !> Which of them.
+        !> Row of the sample in `samples`.
         integer, intent(in) :: row
         real(wp) :: sorted(size(samples, 2)), value
         integer :: i, j

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The table of a sweep: an HDF5 file with a dataset for each input and output, one row per case, and a copy as comma-separated
-!> values. Both are made from the journal block by block when all cases are done, and replace older files at once.
+!> The table of a sweep: an HDF5 file with one dataset per input and output and one row per case, and a copy as comma-separated
+!> values. Both files are made from the journal in blocks of rows when all cases are finished; then they replace older files.
 module tandem_io_sweep_table
     use hdf5, only: hid_t
     use tandem, only: error_type, is_text, is_truth, long, set_error, status_output_failed, to_text, wp
@@ -22,12 +22,12 @@ module tandem_io_sweep_table
 
     public :: write_table, csv_path, input_path, output_path, indices_path
 
-    !> Rows of a block, and most failures with a message in the table; statuses are complete.
+    !> Rows per block, and largest number of failures whose message is in the table; the statuses are complete.
     integer, parameter :: block = 4096, most_messages = 100000
     character(len=*), parameter :: about_status = '0 done; else a code of doc/statuses.md, -101 the process of the case ended, '// &
         '-102 the case did not return'
 
-    !> The datasets while they are filled.
+    !> Datasets of the table while they are written.
     type :: columns_type
         integer(hid_t), allocatable :: inputs(:), outputs(:)
         integer(hid_t) :: case = -1_hid_t, status = -1_hid_t, seconds = -1_hid_t
@@ -35,7 +35,7 @@ module tandem_io_sweep_table
 
 contains
 
-    !> Path of a table's comma-separated values.
+    !> Path of the comma-separated values of a table.
     pure function csv_path(path) result(csv)
         character(len=*), intent(in) :: path
         character(len=:), allocatable :: csv
@@ -47,7 +47,7 @@ contains
         if (csv == path) csv = path//'.csv'
     end function csv_path
 
-    !> The dataset of an input.
+    !> Path of the dataset of an input.
     pure function input_path(input) result(path)
         type(input_type), intent(in) :: input
         character(len=:), allocatable :: path
@@ -55,7 +55,7 @@ contains
         path = '/inputs/'//trim(input%name)
     end function input_path
 
-    !> The dataset of something that is kept.
+    !> Path of the dataset of a kept quantity.
     pure function output_path(kept) result(path)
         type(kept_type), intent(in) :: kept
         character(len=:), allocatable :: path
@@ -65,7 +65,7 @@ contains
 
     !> Write both files. All cases must be in the journal.
     subroutine write_table(path, plan, journal, error)
-        !> That of the HDF5 file.
+        !> Path of the HDF5 file.
         character(len=*), intent(in) :: path
         type(plan_type), intent(in) :: plan
         type(sweep_journal_type), intent(inout) :: journal
@@ -77,19 +77,19 @@ contains
 
         csv = csv_path(path)
         call file%create(path//'.new')
-        call describe(file, plan, journal)
+        call write_description(file, plan, journal)
         call add_columns(file, plan, columns)
         open (newunit=unit, file=csv//'.new', status='replace', action='write', iostat=unit_stat)
         stat = unit_stat
         if (stat == 0) write (unit, '(a)', iostat=stat) heading(plan)
-        if (stat == 0) call fill(file, plan, journal, columns, unit, stat, error)
+        if (stat == 0) call write_rows(file, plan, journal, columns, unit, stat, error)
         if (.not. allocated(error)) call write_failures(file, journal, error)
         if (plan%is_for_indices .and. .not. allocated(error)) call write_indices(file, plan)
         call file%close()
         if (stat == 0) flush (unit, iostat=stat)
         if (unit_stat == 0) close (unit, iostat=unit_stat)
         if (stat == 0) stat = unit_stat
-        ! Both files are on the disk before either is renamed, and their names before the caller removes the journal.
+        ! Both files must be on the disk before either is renamed, and their new names before the caller removes the journal.
         if (.not. (allocated(error) .or. allocated(file%problem)) .and. stat == 0) then
             call sync_file(csv//'.new', error)
             if (.not. allocated(error)) call sync_file(path//'.new', error)
@@ -109,7 +109,7 @@ contains
     end subroutine write_table
 
     !> Write the attributes, texts and groups of the table.
-    subroutine describe(file, plan, journal)
+    subroutine write_description(file, plan, journal)
         type(hdf5_type), intent(inout) :: file
         type(plan_type), intent(in) :: plan
         type(sweep_journal_type), intent(in) :: journal
@@ -122,15 +122,15 @@ contains
         call file%attach('/', 'seed', int(plan%seed, long))
         call file%attach('/', 'draws', int(plan%draws, long))
         call file%attach('/', 'design', trim(merge('indices', 'plain  ', plan%is_for_indices)))
-        ! As datasets: attributes cannot be as long as scenes.
+        ! The texts are datasets because attributes are limited to 64 kB.
         call file%put('/sweep', [plan%text])
         call file%put('/scene', [plan%scene_text])
         call file%add_group('/inputs')
         call file%add_group('/outputs')
         call file%add_group('/failures')
-    end subroutine describe
+    end subroutine write_description
 
-    !> The datasets, without values.
+    !> Create the datasets, without values.
     subroutine add_columns(file, plan, columns)
         type(hdf5_type), intent(inout) :: file
         type(plan_type), intent(in) :: plan
@@ -148,7 +148,7 @@ contains
                 call file%add_column(path, 0, rows, input%holds_texts, columns%inputs(i))
                 call file%attach(path, 'unit', trim(input%unit))
                 call file%attach(path, 'key', key_of(input))
-                call file%attach(path, 'values', way_of(input))
+                call file%attach(path, 'values', source_of_values(input))
                 if (input%holds_texts) call file%attach(path, 'labels', labels_of(input))
             end associate
         end do
@@ -169,7 +169,7 @@ contains
         call file%attach('/seconds', 'meaning', 'wall time of the case')
     end subroutine add_columns
 
-    !> The key of an input, with its element.
+    !> Key of an input, with the index of its element.
     pure function key_of(input) result(key)
         type(input_type), intent(in) :: input
         character(len=:), allocatable :: key
@@ -178,30 +178,30 @@ contains
         if (input%element > 0) key = key//'['//to_text(input%element)//']'
     end function key_of
 
-    !> How the values of an input were chosen.
-    pure function way_of(input) result(way)
+    !> Source or distribution of the values of an input.
+    pure function source_of_values(input) result(source)
         type(input_type), intent(in) :: input
-        character(len=:), allocatable :: way
+        character(len=:), allocatable :: source
 
         select case (input%kind)
         case (is_uniform)
-            way = 'uniform'
+            source = 'uniform'
         case (is_log_uniform)
-            way = 'log_uniform'
+            source = 'log_uniform'
         case (is_normal)
-            way = 'normal'
+            source = 'normal'
         case (is_log_normal)
-            way = 'log_normal'
+            source = 'log_normal'
         case (is_triangular)
-            way = 'triangular'
+            source = 'triangular'
         case (is_choice)
-            way = 'choice'
+            source = 'choice'
         case default
-            way = 'listed'
+            source = 'listed'
         end select
-    end function way_of
+    end function source_of_values
 
-    !> The texts that the numbers of an input represent, from 1.
+    !> Texts represented by the numbers 1, 2, ... of an input.
     function labels_of(input) result(labels)
         type(input_type), intent(in) :: input
         character(len=:), allocatable :: labels(:)
@@ -219,7 +219,7 @@ contains
         end do
     end function labels_of
 
-    !> A value of a list as text.
+    !> Value of a list as text.
     subroutine get_label(input, i, label)
         type(input_type), intent(in) :: input
         integer, intent(in) :: i
@@ -235,13 +235,13 @@ contains
         end select
     end subroutine get_label
 
-    !> The rows, block by block.
-    subroutine fill(file, plan, journal, columns, unit, stat, error)
+    !> Write all rows, block by block.
+    subroutine write_rows(file, plan, journal, columns, unit, stat, error)
         type(hdf5_type), intent(inout) :: file
         type(plan_type), intent(in) :: plan
         type(sweep_journal_type), intent(inout) :: journal
         type(columns_type), intent(inout) :: columns
-        !> Unit of the comma-separated values, and status of the writing.
+        !> Fortran unit of the comma-separated values; status of the last write.
         integer, intent(in) :: unit
         integer, intent(out) :: stat
         type(error_type), allocatable, intent(out) :: error
@@ -264,19 +264,19 @@ contains
                 if (stat == 0) write (unit, '(a)', iostat=stat) row_of(plan, inputs(:, i), record)
             end do
             do i = 1, size(plan%inputs)
-                call file%fill_column(columns%inputs(i), input_path(plan%inputs(i)), 0, before, some(inputs, i, 1, rows))
+                call file%fill_column(columns%inputs(i), input_path(plan%inputs(i)), 0, before, components_of(inputs, i, 1, rows))
             end do
             n = 1
             do i = 1, size(plan%kept)
                 associate (width => plan%kept(i)%width())
                     call file%fill_column(columns%outputs(i), output_path(plan%kept(i)), &
-                        merge(width, 0, plan%kept(i)%take == take_times), before, some(outputs, n, width, rows))
+                        merge(width, 0, plan%kept(i)%take == take_times), before, components_of(outputs, n, width, rows))
                     n = n + width
                 end associate
             end do
-            call file%fill_column(columns%case, '/case', 0, before, some(others, 1, 1, rows))
-            call file%fill_column(columns%status, '/status', 0, before, some(others, 2, 1, rows))
-            call file%fill_column(columns%seconds, '/seconds', 0, before, some(others, 3, 1, rows))
+            call file%fill_column(columns%case, '/case', 0, before, components_of(others, 1, 1, rows))
+            call file%fill_column(columns%status, '/status', 0, before, components_of(others, 2, 1, rows))
+            call file%fill_column(columns%seconds, '/seconds', 0, before, components_of(others, 3, 1, rows))
             if (allocated(file%problem) .or. stat /= 0) return
         end do
         do i = 1, size(columns%inputs)
@@ -288,18 +288,18 @@ contains
         call file%close_dataset(columns%case)
         call file%close_dataset(columns%status)
         call file%close_dataset(columns%seconds)
-    end subroutine fill
+    end subroutine write_rows
 
-    !> Some rows of a block.
-    pure function some(values, first, width, columns) result(part)
+    !> Some components of the rows of a block.
+    pure function components_of(values, first, width, columns) result(part)
         real(wp), intent(in) :: values(:, :)
         integer, intent(in) :: first, width, columns
         real(wp) :: part(width, columns)
 
         part = values(first:first + width - 1, :columns)
-    end function some
+    end function components_of
 
-    !> The messages of the failures.
+    !> Write the messages of failed cases.
     subroutine write_failures(file, journal, error)
         type(hdf5_type), intent(inout) :: file
         type(sweep_journal_type), intent(inout) :: journal
@@ -329,7 +329,7 @@ contains
         call file%put('/failures/message', messages)
     end subroutine write_failures
 
-    !> The dataset of the indices of an output.
+    !> Path of the dataset of Sobol' indices of an output.
     pure function indices_path(kept) result(path)
         type(kept_type), intent(in) :: kept
         character(len=:), allocatable :: path
@@ -337,7 +337,7 @@ contains
         path = '/indices/'//trim(kept%name)
     end function indices_path
 
-    !> Sobol' indices of every output that is one number.
+    !> Write the Sobol' indices of every output that is a single number.
     subroutine write_indices(file, plan)
         type(hdf5_type), intent(inout) :: file
         type(plan_type), intent(in) :: plan
@@ -367,7 +367,7 @@ contains
         end do
     end subroutine write_indices
 
-    !> The first line of the comma-separated values.
+    !> Header line of the comma-separated values.
     pure function heading(plan) result(line)
         type(plan_type), intent(in) :: plan
         character(len=:), allocatable :: line
@@ -391,7 +391,7 @@ contains
         line = line//',status,seconds,message'
     end function heading
 
-    !> A row of them.
+    !> Row of the comma-separated values.
     function row_of(plan, inputs, record) result(line)
         type(plan_type), intent(in) :: plan
         real(wp), intent(in) :: inputs(:)
@@ -416,7 +416,7 @@ contains
         line = line//','//trim(name_of_status(record%status))//','//trim(digits_of(record%seconds))//','//csv_line([record%message])
     end function row_of
 
-    !> A number that reads back exactly, with 15 digits if they suffice; blank if not finite.
+    !> Number with 15 digits, or with as many as needed to reproduce it exactly; blank if it is not finite.
     function digits_of(value) result(text)
         real(wp), intent(in) :: value
         character(len=25) :: text

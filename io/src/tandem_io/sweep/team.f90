@@ -1,23 +1,23 @@
 ! SPDX-License-Identifier: MIT
-!> The team that runs the cases of a sweep: workers that take ranges of cases and return their records in order. Extensions of
-!> this type implement them as processes of this machine or as ranks of MPI.
+!> The team that runs the cases of a sweep: workers that run ranges of cases and return their records in order. Extensions of the
+!> type implement workers as processes of this machine or as MPI ranks.
 module tandem_io_sweep_team
     use tandem, only: error_type, long, wp
     implicit none (type, external)
     private
 
-    public :: team_type, event_type, nothing, a_record, a_loss
+    public :: team_type, event_type, event_none, event_record, event_loss
 
-    !> Kinds of events of a worker.
-    integer, parameter :: nothing = 0, a_record = 1, a_loss = 2
+    !> Kinds of events reported by workers.
+    integer, parameter :: event_none = 0, event_record = 1, event_loss = 2
 
-    !> An event of a worker.
+    !> An event reported by a worker.
     type :: event_type
-        !> One of the above.
-        integer :: kind = nothing
-        !> Who.
+        !> One of the kinds above.
+        integer :: kind = event_none
+        !> Number of the worker.
         integer :: worker = 0
-        !> The record; of a loss, the first word is the signal that ended the worker.
+        !> Words of the record. After a loss, the first word is the signal that ended the worker.
         integer(long), allocatable :: words(:)
         integer :: n = 0
     end type event_type
@@ -26,7 +26,7 @@ module tandem_io_sweep_team
     contains
         procedure(size_interface), deferred :: size
         procedure(start_interface), deferred :: start
-        procedure(give_interface), deferred :: give
+        procedure(assign_interface), deferred :: assign
         procedure(next_interface), deferred :: next
         procedure(end_interface), deferred :: end_worker
         procedure(dismiss_interface), deferred :: dismiss
@@ -34,14 +34,14 @@ module tandem_io_sweep_team
     end type team_type
 
     abstract interface
-        !> How many workers there are.
+        !> Number of workers.
         integer function size_interface(self)
             import :: team_type
             implicit none (type, external)
             class(team_type), intent(in) :: self
         end function size_interface
 
-        !> Start a worker, which is not there yet or was lost.
+        !> Start a worker that is not running.
         subroutine start_interface(self, worker, error)
             import :: team_type, error_type
             implicit none (type, external)
@@ -50,16 +50,16 @@ module tandem_io_sweep_team
             type(error_type), allocatable, intent(out) :: error
         end subroutine start_interface
 
-        !> Append cases to those of a worker.
-        subroutine give_interface(self, worker, first, last)
+        !> Append a range of cases to the work of a worker.
+        subroutine assign_interface(self, worker, first, last)
             import :: long, team_type
             implicit none (type, external)
             class(team_type), intent(inout) :: self
             integer, intent(in) :: worker
             integer(long), intent(in) :: first, last
-        end subroutine give_interface
+        end subroutine assign_interface
 
-        !> The next event of a worker; wait for it so many milliseconds at most.
+        !> Wait for the next event of any worker, at most `milliseconds`.
         subroutine next_interface(self, milliseconds, event)
             import :: event_type, team_type
             implicit none (type, external)
@@ -68,7 +68,7 @@ module tandem_io_sweep_team
             type(event_type), intent(inout) :: event
         end subroutine next_interface
 
-        !> End a worker that does not return. Its earlier records may be lost.
+        !> Terminate a worker whose case does not return. Records that it has sent may be lost.
         subroutine end_interface(self, worker)
             import :: team_type
             implicit none (type, external)
@@ -76,7 +76,7 @@ module tandem_io_sweep_team
             integer, intent(in) :: worker
         end subroutine end_interface
 
-        !> Dismiss all workers.
+        !> Terminate all workers.
         subroutine dismiss_interface(self)
             import :: team_type
             implicit none (type, external)
@@ -86,7 +86,7 @@ module tandem_io_sweep_team
 
 contains
 
-    !> Seconds that may pass until an event of a worker is received; 0 unless overridden.
+    !> Largest time until an event of a worker is received, seconds; 0 unless overridden.
     pure real(wp) function delay(self)
         class(team_type), intent(in) :: self
 

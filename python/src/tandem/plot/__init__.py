@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Pictures of motions: of results of the program, of their files, and of solutions of `tandem.solve`; one or several, which are
-compared. Each function gives a figure of matplotlib; `save` writes it as PNG, SVG or PDF.
+"""Plots of motions: results of the program, result files, and solutions of `tandem.solve`. Several of them are compared in one figure.
+Each function returns a figure of matplotlib; `save` writes it as PNG, SVG or PDF.
 
     tandem.plot.overview("rolling_disk.h5")
     tandem.plot.coordinates(["a.h5", "b.h5"], ["rod.x", "d(rod.x)", "tip position y"])
 
-of the tables of sweeps: `scatter`, `histogram`, `surface`, `bands`; and of studies of precision: `precision`.
+Plots of the tables of sweeps are `scatter`, `histogram`, `surface` and `bands`; the plot of precision studies is `precision`.
 """
 
 from .data import names_of

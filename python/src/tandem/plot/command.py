@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Draws what is in result files; several files are compared.
+"""Plots result files; several files are compared.
 
     tandem plot run.h5                                        an overview, run.png
     tandem plot run.h5 --output run.pdf --kind tracks --plane xz
     tandem plot a.h5 b.h5 --kind coordinates --names "rod.x,d(rod.x),tip position y"
     tandem plot table.h5 --kind histogram --names rz_min      the table of a sweep
-    tandem plot study/precision_rolling_disk.h5               error against run time; of several studies, a panel each
+    tandem plot study/precision_rolling_disk.h5               error against run time; several studies have one panel each
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 
 
 def add_arguments(parser) -> None:
-    kinds = "overview, tracks, coordinates, sensors, reactions, errors, energies, phase; of a table scatter, histogram, surface, bands; of studies precision"
+    kinds = "overview, tracks, coordinates, sensors, reactions, errors, energies, phase; for tables scatter, histogram, surface, bands; for studies precision"
     parser.add_argument("files", nargs="+", metavar="FILE")
     parser.add_argument("--output", metavar="PATH", help="file of the plot: .png, .svg or .pdf (default: name of the first file with .png)")
     parser.add_argument("--kind", default="overview", metavar="KIND", help=kinds)
@@ -37,7 +37,7 @@ def run(given) -> int:
         return draw_studies(given, studies)
     of_table = is_table(given.files[0])
     if of_table and len(given.files) > 1:
-        raise ValueError("a picture is of one table")
+        raise ValueError("only one table can be plotted")
     kinds = TABLE_KINDS if of_table else KINDS
     if given.kind not in kinds:
         raise ValueError(f"there is no kind {given.kind!r} of pictures{' of tables' if of_table else ''}; there are {', '.join(kinds)}")
@@ -57,7 +57,7 @@ def run(given) -> int:
 
 
 def draw_studies(given, studies: list[str]) -> int:
-    """The picture of studies of precision."""
+    """Plot precision studies."""
     from .studies import precision
     from .style import save
 

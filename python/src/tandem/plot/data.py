@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Data of pictures: results of the program, files of them, and solutions of `tandem.solve`."""
+"""Data for plots: results of the program, result files, and solutions of `tandem.solve`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EULER = re.compile(r"(^|\.)e[0-3]$")
 
 
 def motion_of(given: Any) -> Result:
-    """A result: itself, read from its file, or a solution as one."""
+    """Convert a result, a result file or a solution to a result."""
     if isinstance(given, Result):
         return given
     if isinstance(given, (str, Path)):
@@ -26,11 +26,11 @@ def motion_of(given: Any) -> Result:
                   for name in ("time", "q", "qd") if given.events}
         return Result(given.t, given.names, given.units, given.q, given.qd, given.qdd, events=events, report=given.statistics,
                       status=given.status, message=given.message, scene=scene)
-    raise TypeError(f"a picture is of a result, its file, or a solution, not of {type(given).__name__}")
+    raise TypeError(f"a plot needs a result, its file, or a solution, not {type(given).__name__}")
 
 
 def motions_of(given: Any) -> list[Result]:
-    """Results, each with rows to draw."""
+    """Convert to a list of results, all of which have rows."""
     results = [motion_of(one) for one in (given if isinstance(given, (list, tuple)) else [given])]
     for result in results:
         if result.time.size == 0:
@@ -40,13 +40,13 @@ def motions_of(given: Any) -> list[Result]:
 
 
 def listed(names: Any) -> list[str]:
-    """Names as a list; one alone is a text."""
+    """Convert a name or several names to a list."""
     return [names] if isinstance(names, str) else list(names or [])
 
 
-def places(result: Result) -> dict[str, tuple[np.ndarray, str]]:
-    """Points with tracks: {name: (places (nt, 2 or 3), unit)}; of sensors, otherwise of bodies, otherwise the first coordinates."""
-    found = {name: (all_["position"].values, all_["position"].unit) for name, all_ in result.sensors.items() if "position" in all_}
+def positions(result: Result) -> dict[str, tuple[np.ndarray, str]]:
+    """Tracks of points, {name: (positions (nt, 2 or 3), unit)}: points of sensors, otherwise bodies, otherwise the first two coordinates."""
+    found = {name: (group["position"].values, group["position"].unit) for name, group in result.sensors.items() if "position" in group}
     if found:
         return found
     for pattern, order in ((r"^(?P<body>.+)\.(?P<axis>[xyz])$", "xyz"), (r"^(?P<body>r)(?P<axis>[xyz])$", "xyz"),
@@ -68,8 +68,8 @@ def places(result: Result) -> dict[str, tuple[np.ndarray, str]]:
 
 
 def scalars(result: Result) -> dict[str, Series]:
-    """Sensors that show one number: {"name what": series}."""
-    return {f"{name} {what}": one for name, all_ in result.sensors.items() for what, one in all_.items() if one.values.ndim == 1}
+    """Series of sensors with a single number: {"name what": series}."""
+    return {f"{name} {what}": one for name, group in result.sensors.items() for what, one in group.items() if one.values.ndim == 1}
 
 
 def series_named(result: Result, name: str) -> tuple[np.ndarray, str]:
@@ -83,9 +83,9 @@ def series_named(result: Result, name: str) -> tuple[np.ndarray, str]:
     if name in result.diagnostics:
         return result.diagnostics[name].values, result.diagnostics[name].unit
     words = name.split()
-    for all_ in (result.sensors, *result.groups.values()):
-        if len(words) in (2, 3) and words[0] in all_ and words[1] in all_[words[0]]:
-            one = all_[words[0]][words[1]]
+    for group in (result.sensors, *result.groups.values()):
+        if len(words) in (2, 3) and words[0] in group and words[1] in group[words[0]]:
+            one = group[words[0]][words[1]]
             if one.values.ndim == 1:
                 return one.values, one.unit
             columns = list(one.names or "xyz"[:one.values.shape[1]])
@@ -99,9 +99,9 @@ def series_named(result: Result, name: str) -> tuple[np.ndarray, str]:
 def names_of(result: Result) -> list[str]:
     """All names accepted by `series_named`, with the components of vectors."""
     names = [*result.names, *(f"d({name})" for name in result.names if result.qd is not None), *result.diagnostics]
-    for all_ in (result.sensors, *result.groups.values()):
-        for name, whats in all_.items():
-            for what, one in whats.items():
+    for group in (result.sensors, *result.groups.values()):
+        for name, quantities in group.items():
+            for what, one in quantities.items():
                 names.append(f"{name} {what}")
                 if one.values.ndim > 1:
                     names += [f"{name} {what} {axis}" for axis in one.names or "xyz"[:one.values.shape[1]]]
@@ -113,7 +113,7 @@ def rate_unit(unit: str) -> str:
 
 
 def chosen(result: Result, most: int = 4) -> list[str]:
-    """Default series: sensors that show a number, otherwise the coordinates that move most, without Euler parameters."""
+    """Default series: sensors with a single number, otherwise the coordinates with the largest motion, except Euler parameters."""
     if sensors := list(scalars(result)):
         return sensors[:most]
     names = [name for name in result.names if not EULER.search(name)] or result.names

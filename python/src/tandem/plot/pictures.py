@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The pictures of motions. Each takes one or several results (`Result`, a file, or a `Solution`), gives a figure of matplotlib, and
-draws into `axes` where they are given."""
+"""Plots of motions. Each function takes one or several results (`Result`, a file, or a `Solution`) and returns a figure of matplotlib.
+If `axes` are given, it plots into them and returns None."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from ..motion import with_rows_between
-from .data import chosen, listed, motions_of, places, rate_unit, series_named
+from .data import chosen, listed, motions_of, positions, rate_unit, series_named
 from .style import BLUE, COLOURS, GREEN, GREY, MOST_ENTRIES, ORANGE, RED, STYLES, in_style, label, legend, new_figure, shown
 
 AXES = "xyz"
 
 
 def drawn_of(given: Any) -> list:
-    """Results as lines show them: with more rows where they are far apart."""
+    """Results with additional interpolated rows where rows are far apart, so that lines appear smooth."""
     return [with_rows_between(result) for result in motions_of(given)]
 
 
@@ -29,7 +29,7 @@ def style_of(i: int, k: int) -> dict:
 
 
 def names_of_files(results: Sequence) -> list[str]:
-    """A name for each, with its solver where the scenes are the same one."""
+    """Name of each result. If names are equal, stepper and tolerance are added."""
     names = [result.name for result in results]
     if len(set(names)) == len(names):
         return names
@@ -51,7 +51,7 @@ def missing(axes, what: str) -> None:
 
 
 def plane_of(points: Sequence[np.ndarray], plane: str | None) -> tuple[int, int]:
-    """The two axes of a track: the named ones, otherwise the two with the largest motion, in their order."""
+    """Axes of a track: those in `plane`, otherwise the two axes with the largest motion."""
     if plane:
         if len(plane) != 2 or any(axis not in AXES for axis in plane):
             raise ValueError(f"plane is {plane!r}: two of x, y and z, such as xy")
@@ -63,23 +63,23 @@ def plane_of(points: Sequence[np.ndarray], plane: str | None) -> tuple[int, int]
 
 
 def farthest(known: dict, most: int) -> list[str]:
-    """Default tracks: a number of those that extend farthest, in their order."""
+    """Default tracks: those with the largest extent, at most `most`."""
     sizes = {name: float(np.ptp(values, axis=0).max()) for name, (values, _) in known.items()}
     largest = max(sizes.values(), default=0.0) or 1.0
-    # Those of a robot that falls are equally long but for its posture.
+    # Rounding prevents a selection by insignificant differences, as between the bodies of a falling robot.
     best = sorted(sizes, key=lambda name: -round(sizes[name]/largest, 1))[:most]
     return [name for name in known if name in best]
 
 
 @in_style
 def tracks(given: Any, names: Sequence[str] | None = None, *, plane: str | None = None, axes=None):
-    """Tracks of points: of sensors, otherwise of bodies; `plane` such as "xz"."""
+    """Tracks of points of sensors, otherwise of bodies, in a plane such as "xz"."""
     results = drawn_of(given)
-    known = [places(result) for result in results]
+    known = [positions(result) for result in results]
     wanted = listed(names) if names else farthest(known[0], MOST_ENTRIES - 1)
     for name in wanted:
         if name not in known[0]:
-            raise KeyError(f"there is no track of {name!r}; there are {', '.join(known[0])}")
+            raise KeyError(f"there is no track of {name!r}; valid names: {', '.join(known[0])}")
     figure = None
     if axes is None:
         figure, all_axes = new_figure(size=(6, 4.4))
@@ -90,7 +90,7 @@ def tracks(given: Any, names: Sequence[str] | None = None, *, plane: str | None 
     drawn = [points[name][0] for points in known for name in wanted if name in points]
     a, b = plane_of(drawn, plane)
     if max(a, b) >= min(points.shape[1] for points in drawn):
-        raise ValueError(f"these tracks are in the plane x, y: there is no {AXES[max(a, b)]}")
+        raise ValueError(f"these tracks are in the plane x, y, without {AXES[max(a, b)]}")
     titles = names_of_files(results)
     for k, points in enumerate(known):
         for i, name in enumerate(wanted):
@@ -104,7 +104,7 @@ def tracks(given: Any, names: Sequence[str] | None = None, *, plane: str | None 
     if max(width, height) < 8 * min(width, height):
         axes.set_aspect("equal", adjustable="datalim")
     elif min(width, height) < 1e-9 * max(width, height):
-        # A straight line is not drawn as if its rounding errors were a motion.
+        # The limits of a straight line are set such that its rounding errors are not visible.
         setter, middle = (axes.set_ylim, low[1]) if height < width else (axes.set_xlim, low[0])
         setter(middle - 0.1 * max(width, height), middle + 0.1 * max(width, height))
     unit = known[0][wanted[0]][1]
@@ -127,7 +127,7 @@ def axis_name(result, wanted: list[str], axis: int) -> str:
 
 @in_style
 def coordinates(given: Any, names: Sequence[str] | None = None, *, axes=None):
-    """Series against time: coordinates, `d(coordinate)`, diagnostics, `sensor what [axis]`. One panel for each unit."""
+    """Series against time: coordinates, `d(coordinate)`, diagnostics, `sensor what [axis]`, with one panel per unit."""
     results = drawn_of(given)
     wanted = listed(names) if names else chosen(results[0])
     by_unit: dict[str, list[str]] = {}
@@ -138,7 +138,7 @@ def coordinates(given: Any, names: Sequence[str] | None = None, *, axes=None):
         figure, all_axes = new_figure(len(by_unit) or 1, 1, size=(7, 0.6 + 2.5 * max(1, len(by_unit))), sharex=True)
         panels = list(all_axes[:, 0])
     else:
-        # One panel has room for one unit: that of most series.
+        # A single panel shows only series with the most frequent unit.
         panels = [axes]
         unit = max(by_unit, key=lambda each: len(by_unit[each]))
         by_unit = {unit: by_unit[unit]}
@@ -157,13 +157,13 @@ def coordinates(given: Any, names: Sequence[str] | None = None, *, axes=None):
 
 
 def entries_of(names: Sequence[str], files: Sequence[str]) -> list[tuple[Line2D, str]]:
-    """Which line style is which file, and which colour which series."""
+    """Entries of a legend: line styles of files and colours of series."""
     return [(Line2D([], [], color=GREY, linestyle=STYLES[k % len(STYLES)]), file) for k, file in enumerate(files)] \
         + [(Line2D([], [], color=COLOURS[i % len(COLOURS)]), name) for i, name in enumerate(names)]
 
 
 def flat(axes) -> None:
-    """Draw a series that is constant within rounding as a line, instead of its rounding errors as a motion."""
+    """Set the limits of a series that is constant within rounding, so that its rounding errors are not visible."""
     values = np.concatenate([line.get_ydata() for line in axes.lines]) if axes.lines else np.zeros(1)
     values = values[np.isfinite(values)]
     if values.size and np.ptp(values) < 1e-9 * max(1e-9, np.abs(values).max()):
@@ -178,20 +178,20 @@ def span_of(results: Sequence) -> tuple[float, float]:
 
 @in_style
 def sensors(given: Any, names: Sequence[str] | None = None):
-    """All that the sensors show, a panel for each quantity."""
+    """All series of sensors, with one panel per quantity."""
     results = drawn_of(given)
     groups: dict[tuple[str, str], list[str]] = {}
     wanted = listed(names) if names else list(results[0].sensors)
     for name in wanted:
         if name not in results[0].sensors:
-            raise KeyError(f"there is no sensor {name!r}; there are {', '.join(results[0].sensors) or 'none'}")
+            raise KeyError(f"there is no sensor {name!r}; valid names: {', '.join(results[0].sensors) or 'none'}")
         for what, one in results[0].sensors[name].items():
             if one.values.ndim == 1:
                 groups.setdefault((what, one.unit), []).append(f"{name} {what}")
             else:
                 groups[(f"{name} {what}", one.unit)] = [f"{name} {what} {axis}" for axis in one.names or AXES[:one.values.shape[1]]]
     if not groups:
-        raise ValueError("the file has no sensors: [sensor.NAME] in the scene asks for some")
+        raise ValueError("the file has no sensors; add [sensor.NAME] to the scene")
     rows = (len(groups) + 1) // 2
     figure, all_axes = new_figure(rows, min(2, len(groups)), size=(9.5 if len(groups) > 1 else 6, 0.4 + 2.3 * rows), sharex=True)
     titles = names_of_files(results)
@@ -212,16 +212,16 @@ def sensors(given: Any, names: Sequence[str] | None = None):
 
 @in_style
 def reactions(given: Any, names: Sequence[str] | None = None):
-    """Forces and torques of joints and wheels, a panel for each, where the file has them."""
+    """Forces and torques of joints and wheels that the file contains, with one panel per quantity."""
     results = drawn_of(given)
     found: dict[tuple[str, str], list[str]] = {}
-    for all_ in results[0].groups.values():
-        for name, whats in all_.items():
-            for what, one in whats.items():
+    for elements in results[0].groups.values():
+        for name, quantities in elements.items():
+            for what, one in quantities.items():
                 if one.unit in ("N", "N m") and (not names or name in listed(names)):
                     found.setdefault((f"{what} of joints and bodies", one.unit), []).append(f"{name} {what}")
-    for name, whats in results[0].sensors.items():
-        for what, one in whats.items():
+    for name, quantities in results[0].sensors.items():
+        for what, one in quantities.items():
             if one.unit in ("N", "N m") and (not names or name in listed(names)):
                 found.setdefault((what, one.unit), []).append(f"{name} {what}")
     if not found:
@@ -269,30 +269,30 @@ def errors(given: Any, *, axes=None):
 
 
 def energy_series(result, whole: bool = False) -> dict[str, np.ndarray]:
-    """Kinetic and potential energy: of the diagnostics, of a sensor, of the balance, or, unless those of the whole are wanted, the sums
-    over the bodies of the file; the first that has both."""
+    """Kinetic and potential energy from the first source that contains both: the diagnostics, a sensor, the balance, or, unless `whole`
+    is true, the sum over the bodies in the file."""
     parts = ("kinetic", "potential")
     known = [{name: result.diagnostics[f"{name}_energy"].values for name in parts if f"{name}_energy" in result.diagnostics}]
-    for whats in (*result.sensors.values(), *result.groups.get("balance", {}).values()):
-        known.append({name: whats[name].values for name in parts if name in whats})
+    for quantities in (*result.sensors.values(), *result.groups.get("balance", {}).values()):
+        known.append({name: quantities[name].values for name in parts if name in quantities})
     for bodies in () if whole else (result.groups.get("bodies", {}), result.sensors):
-        held = [whats for whats in bodies.values() if "kinetic_energy" in whats]
-        known.append({f"{name} of {len(held)} bod{'ies' if len(held) > 1 else 'y'}": sum(whats[f"{name}_energy"].values for whats in held)
-                      for name in parts if held and all(f"{name}_energy" in whats for whats in held)})
+        held = [quantities for quantities in bodies.values() if "kinetic_energy" in quantities]
+        known.append({f"{name} of {len(held)} bod{'ies' if len(held) > 1 else 'y'}": sum(quantities[f"{name}_energy"].values for quantities in held)
+                      for name in parts if held and all(f"{name}_energy" in quantities for quantities in held)})
     return max(known, key=len)
 
 
 def work_series(result) -> np.ndarray | None:
-    """Work of motions and forces since the start, if the file holds a balance."""
-    for whats in (*result.groups.get("balance", {}).values(), *result.sensors.values()):
-        if "work_of_motions" in whats and "work_of_forces" in whats:
-            return whats["work_of_motions"].values + whats["work_of_forces"].values
+    """Work of motions and forces since the start, if the file contains a balance."""
+    for quantities in (*result.groups.get("balance", {}).values(), *result.sensors.values()):
+        if "work_of_motions" in quantities and "work_of_forces" in quantities:
+            return quantities["work_of_motions"].values + quantities["work_of_forces"].values
     return None
 
 
 @in_style
 def energies(given: Any, *, axes=None):
-    """Energies against time; into one panel, the change of their sum."""
+    """Energies against time; if `axes` are given, only the change of their sum."""
     results = motions_of(given)
     known = [energy_series(result, whole=axes is not None) for result in results]
     if axes is not None:
@@ -337,7 +337,7 @@ def energies(given: Any, *, axes=None):
 
 @in_style
 def phase(given: Any, names: Sequence[str] | None = None):
-    """Velocity over coordinate, a panel for each coordinate."""
+    """Phase portraits: velocity against coordinate, with one panel per coordinate."""
     results = drawn_of(given)
     wanted = listed(names) if names else [name for name in chosen(results[0]) if name in results[0].names] or results[0].names[:4]
     if results[0].qd is None:
@@ -361,7 +361,7 @@ def phase(given: Any, names: Sequence[str] | None = None):
 
 
 def ends_of_steps(result) -> np.ndarray:
-    """The rows at which steps have ended, and the first one; all if the file does not mark them."""
+    """Indices of the first row and of rows at the end of steps; of all rows if the file does not contain the steps."""
     if "step" not in result.diagnostics:
         return np.arange(len(result.time))
     ends = result.diagnostics["step"].values > 0
@@ -393,8 +393,8 @@ def charts(result, axes) -> None:
 
 @in_style
 def overview(given: Any, names: Sequence[str] | None = None, *, plane: str | None = None, title: str | None = None):
-    """Overview of a result on one page: tracks, some series, constraint errors, energy, steps and charts. For several results the
-    first two panels, compared."""
+    """Overview of a result on one page: tracks, some series, constraint errors, energy, steps and charts. For several results, tracks and
+    series are compared."""
     results = motions_of(given)
     result = results[0]
     several = len(results) > 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Error against run time and against evaluations, from studies of precision (`tandem study precision`)."""
+"""Plots of precision studies (`tandem study precision`): error against run time and against evaluations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.ticker import NullFormatter
 from ..study import Study, read_study
 from .style import GREY, STEPPERS, in_style, new_figure, shown
 
-# The coordinates of a scene have several units; the largest error is one of them in its own.
+# The coordinates of a scene have different units; the largest error is in the unit of its coordinate.
 ERROR = "largest error of a coordinate [m, rad or 1]"
 NEEDED = ("scene", "stepper", "control", "value", "error_q", "cpu_seconds", "right_hand_sides", "status")
 
@@ -26,7 +26,7 @@ def setting(study: Study, row: int) -> str:
 
 
 def drawable(study: Study, abscissa: str = "cpu_seconds") -> np.ndarray:
-    """The rows that a logarithmic picture has room for."""
+    """True for rows that a logarithmic plot can show."""
     error, x = study.columns["error_q"], study.columns[abscissa]
     return np.isfinite(error) & (error > 0) & (x > 0)
 
@@ -42,7 +42,7 @@ def draw_series(axes, study: Study, abscissa: str) -> None:
 
 
 def tidy_ticks(axes) -> None:
-    """Labels at powers of ten alone where the picture has one inside."""
+    """Label only powers of ten if there is one within the limits of the abscissa."""
     low, high = axes.get_xlim()
     if np.floor(np.log10(high)) > np.log10(low):
         axes.xaxis.set_minor_formatter(NullFormatter())
@@ -53,13 +53,13 @@ def draw_floor(axes, study: Study) -> None:
     low, high = axes.get_ylim()
     if floor > low:
         axes.axhspan(low, floor, color="#dddddd", zorder=0, linewidth=0)
-        axes.text(0.01, floor, " errors not known so exactly", transform=axes.get_yaxis_transform(), ha="left", va="top",
+        axes.text(0.01, floor, " below the accuracy of the reference", transform=axes.get_yaxis_transform(), ha="left", va="top",
                   fontsize=7.5, color="#555555")
         axes.set_ylim(low, high)
 
 
 def draw_fastest(axes, study: Study, step: int = 2) -> None:
-    """Ring and name the fastest run at errors that are `step` decades apart: the lower left envelope."""
+    """Mark and label the fastest runs for errors at intervals of `step` decades."""
     floor = max(study.attributes.get("floor_q", 0), 1e-14)
     named = set()
     for exponent in range(-1, -14, -step):
@@ -87,7 +87,7 @@ def legend_entries(studies: list[Study]) -> list[Line2D]:
 
 
 def make_room(axes) -> None:
-    """Room at the left for the names."""
+    """Extend the abscissa to the left, to make room for labels."""
     low, high = axes.get_xlim()
     axes.set_xlim(low * (low / high) ** 0.33, high)
 
@@ -106,12 +106,12 @@ def title_of(study: Study) -> str:
 
 @in_style
 def precision(given: Any, *, title: str | None = None):
-    """Error against run time of every stepper of a study, and against evaluations; of several studies, a panel each."""
+    """Error against run time and against evaluations for every stepper of a study; for several studies, one panel each."""
     paths = given if isinstance(given, (list, tuple)) else [given]
     studies = [one if isinstance(one, Study) else read_study(one) for one in paths]
     for path, study in zip(paths, studies, strict=True):
         if any(name not in study.columns for name in NEEDED):
-            raise ValueError(f"{path} is not a study of precision: tandem study precision SCENE makes one")
+            raise ValueError(f"{path} is not a precision study; create one by tandem study precision SCENE")
         if not drawable(study).any():
             raise ValueError(f"{path} has no run with an error and a run time")
     if len(studies) == 1:

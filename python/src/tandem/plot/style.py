@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Style of all pictures: colours that colour-blind eyes can distinguish (Okabe, Ito 2008), sizes, axes, labels with units."""
+"""Style of all plots: colours that colour-blind people can distinguish (Okabe, Ito 2008), sizes, axes, labels with units."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ try:
     from matplotlib.lines import Line2D
     from matplotlib.transforms import ScaledTranslation
 except ModuleNotFoundError as error:
-    raise ModuleNotFoundError("pictures need matplotlib: pip install matplotlib") from error
+    raise ModuleNotFoundError("plots require matplotlib: pip install matplotlib") from error
 
 BLUE, ORANGE, GREEN, RED, SKY, PINK, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#777777"
 COLOURS = [BLUE, ORANGE, GREEN, PINK, SKY, RED, "#000000"]
-#: A colour and a marker of each stepper.
+#: Colour and marker of each stepper.
 STEPPERS = {"rk4": (ORANGE, "s"), "dopri5": (SKY, "o"), "dop853": (BLUE, "D"), "trapezoid": (PINK, "v"), "sdirk54": (GREEN, "^"),
             "radau5": (RED, "P"), "radau": ("black", "p"), "auto": (GREY, "X")}
-#: Several files in one picture: a line style each.
+#: Line styles of several files in one plot.
 STYLES = ["-", "--", ":", "-."]
 DPI = 110
-#: Most entries of a legend, and the size of their letters.
+#: Largest number of entries of a legend, and their font size.
 MOST_ENTRIES, LEGEND_SIZE = 6, 8
-#: A line of a legend in inches.
+#: Height of a line of a legend in inches.
 LEGEND_LINE = 1.35*LEGEND_SIZE/72
 
 SETTINGS = {
@@ -35,7 +35,7 @@ SETTINGS = {
 
 
 class Picture(Figure):
-    """A figure that shows itself in a notebook, also without pyplot, and grows with its legends."""
+    """A figure that is displayed in notebooks without pyplot, and that grows with its legends."""
 
     #: Height of the legends above each row of axes, in inches.
     above: dict[int, float]
@@ -45,7 +45,7 @@ class Picture(Figure):
         self.above = {}
 
     def make_room(self, row: int, height: float) -> None:
-        """Room for a legend above a row of axes, which does not take it from these; one line has room as it is."""
+        """Increase the height of the figure for a legend above a row of axes; a legend of one line needs no increase."""
         before = self.above.get(row, LEGEND_LINE)
         if height > before:
             self.set_figheight(self.get_figheight() + height - before)
@@ -58,7 +58,7 @@ class Picture(Figure):
 
 
 def new_figure(rows: int = 1, columns: int = 1, size: tuple[float, float] | None = None, **options):
-    """A figure with its axes as an array (rows, columns), without the global state of pyplot."""
+    """Create a figure and an array of axes (rows, columns), without the global state of pyplot."""
     with matplotlib.rc_context(SETTINGS):
         figure = Picture(figsize=size or (4.2 * columns + 0.8, 3.2 * rows), layout="constrained", dpi=DPI)
         axes = figure.subplots(rows, columns, squeeze=False, **options)
@@ -66,7 +66,7 @@ def new_figure(rows: int = 1, columns: int = 1, size: tuple[float, float] | None
 
 
 def in_style(draw):
-    """A function whose text and lines look as all pictures do."""
+    """Decorator that applies the common style to a plot function."""
     import functools
 
     @functools.wraps(draw)
@@ -78,7 +78,7 @@ def in_style(draw):
 
 
 def shown(text: str) -> str:
-    """A text of the user's as it is: a dollar begins no formula, and what begins with _ is a label too."""
+    """Escape a text for display by matplotlib, in which dollars mark formulas and labels that begin with _ are hidden."""
     text = text.replace("$", r"\$")
     return f"\u200b{text}" if text.startswith("_") else text
 
@@ -88,14 +88,14 @@ def label(name: str, unit: str) -> str:
 
 
 def width_of(text: str, size: float = LEGEND_SIZE) -> float:
-    """The width of a text in inches."""
+    """Width of a text in inches."""
     from matplotlib.textpath import TextPath
 
     return TextPath((0, 0), text.replace("\u200b", "").replace("$", r"\$") or " ", size=size).get_extents().xmax/72
 
 
 def shortened(text: str, width: float) -> str:
-    """A text that is no wider than so many inches: of a long one the beginning and the end, which distinguish most names."""
+    """Shorten a text to a width in inches. The beginning and the end are kept, which distinguish most names."""
     if width_of(text) <= width:
         return text
     kept = len(text) - 1
@@ -105,8 +105,8 @@ def shortened(text: str, width: float) -> str:
 
 
 def legend(axes, entries, more: int = 0) -> None:
-    """A legend above the axes, below their title, once these have their limits: lines with their labels, (handle, text), of which at
-    most six are shown and the rest is counted, with `more` that have no line."""
+    """Add a legend between the axes and their title; the limits of the axes must be set. Entries are (handle, text). At most six of them
+    are shown; the number of the others, including `more` lines without entry, is stated."""
     entries = list(entries)
     more += max(0, len(entries) - MOST_ENTRIES)
     entries = entries[:MOST_ENTRIES]
@@ -114,7 +114,7 @@ def legend(axes, entries, more: int = 0) -> None:
         return
     figure, place = axes.get_figure(), axes.get_subplotspec()
     columns = place.get_gridspec().ncols if place else 1
-    # Room beside the axes: the numbers and the label of the ordinate.
+    # The numbers and the label of the ordinate take the remaining width.
     room = figure.get_figwidth()/columns - 0.85
     line, gap = 0.26, 0.12
     texts = [shortened(text, room - line) for _, text in entries] + ([f"and {more} more"] if more else [])
@@ -124,9 +124,9 @@ def legend(axes, entries, more: int = 0) -> None:
     while per_row > 1 and sum(max(widths[column::per_row]) + gap for column in range(per_row)) - gap > room:
         per_row -= 1
     rows = -(-len(texts)//per_row)
-    # Legends are filled by columns; these are filled by rows.
+    # matplotlib fills legends by columns; the entries are reordered such that they appear by rows.
     order = [i for column in range(per_row) for i in range(column, len(texts), per_row)]
-    # The factor or the sum that all numbers of the ordinate have in common stands there too.
+    # A common factor or offset of the ordinate is also shown above the axes.
     formatter = axes.yaxis.get_major_formatter()
     formatter.set_locs(axes.get_yticks())
     lift = LEGEND_LINE if formatter.get_offset() else 0.0
@@ -139,7 +139,7 @@ def legend(axes, entries, more: int = 0) -> None:
 
 
 def save(figure, path: str | Path) -> None:
-    """Write a figure as PNG, SVG or PDF, the same bytes for the same data: no date, no name of a program."""
+    """Write a figure as PNG, SVG or PDF. The file contains no date and no program name, so that equal figures give equal files."""
     ending = Path(path).suffix.lower()
     if ending not in (".png", ".svg", ".pdf"):
         raise ValueError(f"{path}: a picture ends in .png, .svg or .pdf")

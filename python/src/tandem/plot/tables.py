@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The pictures of tables that sweeps make (`tandem sweep`): what came of many cases."""
+"""Plots of the tables of sweeps (`tandem sweep`)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .style import BLUE, COLOURS, GREY, RED, in_style, label, legend, new_figure
 
 
 def chosen(table: Table, columns: dict[str, Column], names: Sequence[str] | None, most: int) -> list[str]:
-    """The columns that are wanted of some; without a wish, the first that are single numbers."""
+    """The named columns among `columns`; without names, the first columns with single numbers."""
     if names:
         names = listed(names)
         for name in names:
@@ -29,7 +29,7 @@ def missing(axes, what: str) -> None:
 
 @in_style
 def histogram(given, names: Sequence[str] | None = None, *, title: str | None = None):
-    """How often what was kept has which values."""
+    """Histograms of kept values."""
     table = read_table(given)
     wanted = chosen(table, table.outputs, names, 4)
     figure, axes = new_figure(1, max(1, len(wanted)))
@@ -47,7 +47,7 @@ def histogram(given, names: Sequence[str] | None = None, *, title: str | None = 
 
 @in_style
 def scatter(given, names: Sequence[str] | None = None, *, title: str | None = None):
-    """Kept values over varied inputs; inputs of cases that failed are red marks at the lower edge."""
+    """Kept values against varied inputs; red marks at the lower edge show the inputs of failed cases."""
     table = read_table(given)
     rows, columns = chosen(table, table.outputs, names, 4), chosen(table, table.inputs, names, 4)
     rows, columns = rows or chosen(table, table.outputs, None, 4), columns or chosen(table, table.inputs, None, 4)
@@ -75,7 +75,7 @@ def scatter(given, names: Sequence[str] | None = None, *, title: str | None = No
 
 @in_style
 def surface(given, names: Sequence[str] | None = None, *, title: str | None = None):
-    """A kept value as colour over two inputs: `names` are the inputs and an output."""
+    """A kept value as a function of two inputs, shown as colour: `names` are the two inputs and the output."""
     table = read_table(given)
     inputs, outputs = chosen(table, table.inputs, names, 2), chosen(table, table.outputs, names, 1)
     if len(inputs) != 2 or len(outputs) != 1:
@@ -99,13 +99,13 @@ def surface(given, names: Sequence[str] | None = None, *, title: str | None = No
 
 @in_style
 def bands(given, names: Sequence[str] | None = None, *, title: str | None = None):
-    """Values kept at several times: the median over time, and the bands that hold half and nine tenths of the cases."""
+    """Values kept at several times: the median against time, and bands that contain 50 % and 90 % of the cases."""
     table = read_table(given)
     wanted = [name for name in listed(names) or table.outputs if table.column(name).times is not None][:4]
     figure, axes = new_figure(1, max(1, len(wanted)))
     for i, (one, name) in enumerate(zip(axes[0], wanted, strict=False)):
         column, colour = table.outputs[name], COLOURS[i % len(COLOURS)]
-        # A time that no case reaches has no bands.
+        # There are no bands at times that no case has reached.
         reached = np.isfinite(column.values).any(axis=0)
         values = column.values[:, reached]
         here = np.isfinite(values).all(axis=1)
@@ -132,5 +132,5 @@ def overview(given, names: Sequence[str] | None = None, *, title: str | None = N
     return draw(table, names, title=title)
 
 
-#: Names and functions of the pictures of tables.
+#: Plots of tables by name.
 TABLE_KINDS = {"overview": overview, "scatter": scatter, "histogram": histogram, "surface": surface, "bands": bands}

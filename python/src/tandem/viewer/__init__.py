@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Animations for browsers, and glTF files."""
+"""Animations of motions and modes for browsers, and glTF files."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from .modes import Modes, draw_modes, is_modes, read_modes
 
 
 class Page:
-    """An animation in memory; displayed in a notebook."""
+    """An HTML animation in memory, which notebooks display."""
 
     def __init__(self, text: str, path: Path | None = None):
         self.text, self.path = text, path
 
     def save(self, path: str | Path) -> Page:
-        """Write it to a file."""
+        """Write the animation to a file."""
         self.path = Path(path)
         self.path.write_text(self.text, encoding="utf-8")
         return self
@@ -36,12 +36,12 @@ class Page:
 
 def view(given: Any, path: str | Path | None = None, *, glb: str | Path | None = None, per_second: float = 60.0,
          names: list[str] | None = None, look: Callable | None = None, meshes: dict[str, Any] | None = None) -> Page:
-    """An animation of a motion: a result, its file, or a solution; or the modes in a file of `tandem linearise`; written to `path`,
-    and the motion as glTF to `glb`.
+    """Animate a motion (a result, its file, or a solution), or the modes in a file of `tandem linearise`. The animation is written to
+    `path`, and as glTF to `glb`, if these are given.
 
-    `names` are series that can be plotted beside it. `look(result, times, values)` makes a `Drawing` of a model of your own, from a
-    dictionary of the coordinates at the times of the frames. `meshes` are files of bodies, STL or OBJ,
-    {"rod": "rod.stl"}, in metres, or with a scale, {"rod": ("rod.stl", 0.001)}.
+    `per_second` is the number of frames per second. `names` are series that can be plotted beside the motion.
+    `look(result, times, values)` returns a `Drawing` of a user-defined model; `values` is a dictionary of the coordinates at the times
+    of the frames. `meshes` are STL or OBJ files of bodies, {"rod": "rod.stl"} in metres, or {"rod": ("rod.stl", 0.001)} with a scale.
     """
     from .gltf import write_glb
     from .html import page
@@ -58,7 +58,7 @@ def view(given: Any, path: str | Path | None = None, *, glb: str | Path | None =
 
 
 def drawing_of(given: Any, *, per_second: float = 60.0, names: list[str] | None = None, look: Callable | None = None) -> Drawing:
-    """The drawing of an object that can be viewed."""
+    """Create the drawing of a result, its file, a solution, or modes."""
     if isinstance(given, (str, Path)) and is_modes(given):
         given = read_modes(given)
     if isinstance(given, Modes):

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Writes an animation of a result file for any browser, without a network; and a .glb, glTF 2.0 with animated nodes,
-for Blender and other viewers.
+"""Writes an animation of a result file as an HTML page, which needs no network, and as glTF 2.0 with animated nodes (.glb) for
+Blender and other viewers.
 
     tandem view run.h5                              run.html and run.glb
-    tandem view run.h5 --output motion.html         only the page; a name that ends in .glb: only that
-    tandem view run.h5 --output motion.vtkhdf       the motion for ParaView, every place of every corner: --frames 10 makes it smaller
+    tandem view run.h5 --output motion.html         only the page (with .glb: only the glTF file)
+    tandem view run.h5 --output motion.vtkhdf       the motion for ParaView; --frames 10 for a smaller file
     tandem view modes.h5                            the mode shapes of a linearised system (tandem linearise)
-    tandem view run.h5 --names "tip position y"     what can be plotted beside the motion
+    tandem view run.h5 --names "tip position y"     series that can be plotted beside the motion
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def run(given) -> int:
 
 
 def mesh_of(word: str) -> tuple[str, object]:
-    """BODY=FILE or BODY=FILE:SCALE as a body with its mesh."""
+    """Split BODY=FILE or BODY=FILE:SCALE into the body and its mesh."""
     body, equals, file = word.partition("=")
     if not (body and equals and file):
         raise ValueError(f"--mesh {word}: BODY=FILE, or BODY=FILE:SCALE")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""From a result to its drawing."""
+"""Creates the drawing of a result."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from .mechanisms import draw_mechanism
 from ..motion import frame_times, interpolated, resampled
 from .shipped import DRAW, draw_by_names
 
-#: Approximate largest count of numbers in a page; with more, there are fewer frames per second.
+#: Approximate limit for the count of numbers in a page; the number of frames is reduced to meet it.
 MOST_NUMBERS = 6_000_000
 
 
 def draw(result, *, per_second: float = 60.0, names: list[str] | None = None, look: Callable | None = None) -> Drawing:
-    """The drawing of a result (`tandem.Result`, or a solution as one), `per_second` frames a second of the motion, `names` as curves
-    beside it. `look(result, times, values)` makes the drawing of a model of your own."""
+    """Create the drawing of a `tandem.Result`, with `per_second` frames per second, and with the series `names` as curves.
+    `look(result, times, values)` returns the drawing of a user-defined model."""
     if result.time.size == 0:
         raise ValueError("there is no motion to show: the result has no rows")
     if not (np.isfinite(result.q).all() and np.isfinite(result.time).all()):
-        raise ValueError("there is no motion to show: some rows are no numbers")
+        raise ValueError("there is no motion to show: some rows are not finite")
     numbers = 7*max(1, len(result.names)//7 if result.model != "mechanism" else sum(name.endswith(".x") for name in result.names))
     times = frame_times(result.time[0], result.time[-1], per_second, most=max(600, MOST_NUMBERS//numbers))
-    drawing, unknown = looks(result, times, resampled(result, times), look)
+    drawing, unknown = draw_model(result, times, resampled(result, times), look)
     drawing.about = ", ".join(part for part in (about(result), unknown) if part)
     drawing.curves = curves(result, times, names)
     return drawing
 
 
-def looks(result, times: np.ndarray, values: dict[str, np.ndarray], look: Callable | None = None) -> tuple[Drawing, str]:
-    """The bodies and their parts at the given times, from the coordinates; and notes on ignored contents."""
+def draw_model(result, times: np.ndarray, values: dict[str, np.ndarray], look: Callable | None = None) -> tuple[Drawing, str]:
+    """Create the bodies and their parts at the given times from the coordinates. Returns the drawing, and a note on ignored contents."""
     if look is not None:
         return look(result, times, values), ""
     if result.model in DRAW:
@@ -43,12 +43,12 @@ def looks(result, times: np.ndarray, values: dict[str, np.ndarray], look: Callab
         try:
             return draw_mechanism(result, times, values), ""
         except (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-            # Parts of a scene unknown to this package are reported; bodies are then drawn without them.
-            unknown = f"drawn without the scene's shapes and joints, which were not understood ({type(error).__name__}: {error})"
+            # The scene may contain elements unknown to this package. Then only its bodies are shown, and the note reports this.
+            unknown = f"shown without the shapes and joints of the scene, which are unknown ({type(error).__name__}: {error})"
     drawing = draw_by_names(result, times, values)
     if drawing is None:
-        raise ValueError(f"nothing is known of the looks of the model {result.model or 'of this file'}: no coordinate is called x "
-                         "and y, or NAME.x and NAME.y; in Python, tandem.view(result, look=...) takes a drawing of your own")
+        raise ValueError(f"the model {result.model or 'of this file'} cannot be shown: it has no coordinates named x and y, or NAME.x "
+                         "and NAME.y; in Python, use tandem.view(result, look=...) with a user-defined drawing")
     return drawing, unknown
 
 
@@ -60,7 +60,7 @@ def about(result) -> str:
 
 
 def curves(result, times: np.ndarray, names: list[str] | None) -> list[Curve]:
-    """Series that can be plotted beside the motion: the named ones, otherwise sensors and the coordinates that move most."""
+    """Series that can be plotted beside the motion: those in `names`, otherwise sensors and the coordinates with the largest motion."""
     wanted = listed(names) or [*list(scalars(result))[:12], *vectors(result)[:12], *[name for name in chosen_coordinates(result)]]
     found = []
     for name in dict.fromkeys(wanted):
@@ -71,7 +71,7 @@ def curves(result, times: np.ndarray, names: list[str] | None) -> list[Curve]:
 
 
 def vectors(result) -> list[str]:
-    """Components of sensors that show vectors."""
+    """Names of the components of sensors with vector values."""
     return [f"{name} {what} {axis}" for name, all_ in result.sensors.items() for what, one in all_.items() if one.values.ndim == 2
             for axis in one.names or "xyz"[:one.values.shape[1]]]
 
@@ -82,7 +82,7 @@ def chosen_coordinates(result) -> list[str]:
 
 
 def at_frames(result, name: str, values: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """A series at the frames; a coordinate by its velocities too."""
+    """Interpolate a series to the frames; velocities and accelerations are used for coordinates."""
     if name in result.names and result.qd is not None:
         j = result.names.index(name)
         qdd = None if result.qdd is None else result.qdd[:, j:j + 1]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Numbers of a scene, which may be expressions of parameters (doc/expressions.md), and repeated elements, written out.
+"""Evaluation of expressions in a scene (doc/expressions.md), and expansion of repeated elements.
 
-Only for pictures: the program has read and checked the scene before, so that it contains no mistakes."""
+The results are used for animations only. The scene is not checked here, because the program has read and checked it before."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FUNCTIONS = {name: getattr(math, name) for name in "sin cos tan asin acos atan s
 
 
 def evaluate(text: str, known: Mapping[str, float]) -> float:
-    """The value of an expression; `ValueError` where it has none or is none."""
+    """Value of an expression. Raises `ValueError` if the text is not an expression or cannot be evaluated."""
     def value(node) -> float:
         if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
             return float(node.value)
@@ -45,7 +45,7 @@ def evaluate(text: str, known: Mapping[str, float]) -> float:
             return OPERATORS[type(node.op)](value(node.operand))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
             return float(FUNCTIONS[node.func.id](*map(value, node.args)))
-        raise ValueError("no expression")
+        raise ValueError("not an expression")
 
     try:
         return value(ast.parse(text.strip().replace("^", "**"), mode="eval").body)
@@ -54,7 +54,7 @@ def evaluate(text: str, known: Mapping[str, float]) -> float:
 
 
 class Numbers:
-    """The parameters of a scene."""
+    """The parameters of a scene, with which its numbers are evaluated."""
 
     def __init__(self, parameters: Mapping[str, Any]):
         self.known: dict[str, float] = {}
@@ -77,11 +77,11 @@ class Numbers:
         return [self.number(one) for one in (given if isinstance(given, (list, tuple)) else [given])]
 
     def at(self, given: Any, t: float) -> float:
-        """A function of time, an expression or a number."""
+        """Value at time t of a function of time, which is an expression or a number."""
         return evaluate(given, {**self.known, "t": t}) if isinstance(given, str) else float(given)
 
     def filled(self, given: Any, known: Mapping[str, float]) -> Any:
-        """A value with numbers in the place of what stands in braces, in names and texts; and with the index in expressions."""
+        """Replace expressions in braces, in names and texts, by their values, and the index of the repetition in other expressions."""
         if isinstance(given, str):
             text = re.sub(r"\{([^}]*)\}", lambda found: str(round(evaluate(found[1], known))), given)
             for name in known.keys() - self.known.keys():
@@ -98,12 +98,12 @@ class Numbers:
         return re.sub(r"\{([^}]*)\}", lambda found: str(round(evaluate(found[1], known))), name)
 
 
-# Keys whose texts are names and no expressions: the index of a repetition is not replaced in them.
+# Keys whose texts are names: the index of a repetition is replaced only within braces.
 NAMES = {"type", "bodies", "between", "on", "joint", "joints", "point", "drive", "distance"}
 
 
 def written_out(scene: Mapping[str, Any], numbers: Numbers) -> dict[str, Any]:
-    """The elements of a scene by kind, those of repetitions among them."""
+    """Elements of a scene by kind, including the elements of repetitions."""
     found = {kind: copy.deepcopy(dict(scene.get(kind, {}))) for kind in ("body", "joint", "constraint", "wheel", "force", "sensor")}
     for repeat in scene.get("repeat", {}).values():
         count, first = round(numbers.number(repeat.get("count", 0))), round(numbers.number(repeat.get("first", 1)))
@@ -126,10 +126,10 @@ def written_out(scene: Mapping[str, Any], numbers: Numbers) -> dict[str, Any]:
 def fill_names(value: Any, known: Mapping[str, float]) -> Any:
     if isinstance(value, str):
         text = Numbers.filled_name(value, known)
-        # Places of points in a text, body:[x, y], are expressions.
-        head, colon, place = text.partition(":")
+        # The coordinates of a point `body:[x, y]` are expressions.
+        head, colon, position = text.partition(":")
         if colon:
-            entries = [f"{evaluate(one, known):.17g}" for one in place.strip(" []").split(",")]
+            entries = [f"{evaluate(one, known):.17g}" for one in position.strip(" []").split(",")]
             return f"{head}:[{', '.join(entries)}]"
         return text
     return [fill_names(one, known) for one in value] if isinstance(value, list) else value

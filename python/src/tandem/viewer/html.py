@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A drawing as an animation in a single file, without a network."""
+"""Writes a drawing as an animation in a single HTML file, which needs no network."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .drawing import Drawing, radius_of
 from .packing import packed, squeezed, steps_of
 
 HERE = Path(__file__).parent
-#: The speeds that the page offers.
+#: Speeds offered by the page.
 SPEEDS = (0.02, 0.1, 0.25, 0.5, 1, 2, 5, 20)
 
 
@@ -28,17 +28,17 @@ def rounded(values, digits: int = 7) -> list[float]:
     return [float(f"{value:.{digits}g}") for value in np.asarray(values, dtype=float).reshape(-1)]
 
 
-def filled(places: np.ndarray) -> np.ndarray:
-    """Positions, with missing ones replaced by the last known one."""
-    good = np.isfinite(places).all(axis=1)
+def filled(positions: np.ndarray) -> np.ndarray:
+    """Positions in which each missing one is replaced by the last known position."""
+    good = np.isfinite(positions).all(axis=1)
     if good.all() or not good.any():
-        return np.nan_to_num(places)
-    last = np.maximum.accumulate(np.where(good, np.arange(len(places)), -1))
-    return places[np.where(last < 0, np.flatnonzero(good)[0], last)]
+        return np.nan_to_num(positions)
+    last = np.maximum.accumulate(np.where(good, np.arange(len(positions)), -1))
+    return positions[np.where(last < 0, np.flatnonzero(good)[0], last)]
 
 
 def channels_of(drawing: Drawing, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """All series as channels (nc, nf) in the order in which the page reads them, and their steps."""
+    """All series as channels (nc, nf), in the order in which the page reads them, and the rounding steps of the channels."""
     rows, steps = [], []
 
     def add(values: np.ndarray, smallest: float) -> None:
@@ -47,14 +47,14 @@ def channels_of(drawing: Drawing, least: float) -> tuple[np.ndarray, np.ndarray]
 
     for bodies in [bodies for _, bodies in drawing.takes] or [drawing.bodies]:
         for body in bodies:
-            add(body.place, least)
-            add(body.turn, 2.0**-23)
+            add(body.position, least)
+            add(body.rotation, 2.0**-23)
     for track in drawing.tracks:
-        add(filled(track.places), least)
+        add(filled(track.positions), least)
     for arrow in drawing.arrows:
-        add(filled(arrow.places), least)
+        add(filled(arrow.positions), least)
         vectors = np.nan_to_num(arrow.vectors)
-        # The legend shows three digits: of the typical value if there are very large ones at times.
+        # The legend shows three digits. The median ensures this for typical values if a few values are very large.
         sizes = np.linalg.norm(vectors, axis=1)
         middle = np.median(sizes[sizes > 1e-9*sizes.max()]) if sizes.max(initial=0) > 0 else 0.0
         add(vectors, max(1e-300, min(1e-4*sizes.max(initial=0), 1e-3*middle)))
@@ -67,10 +67,10 @@ def channels_of(drawing: Drawing, least: float) -> tuple[np.ndarray, np.ndarray]
 def frame_of(drawing: Drawing) -> dict:
     """Initial view: size of the scene at one time, centre, direction of the camera, followed body."""
     low, high = drawing.bounds()
-    moving = [body for body in drawing.bodies if np.ptp(body.place, axis=0).max() > 0 or len(drawing.bodies) == 1]
+    moving = [body for body in drawing.bodies if np.ptp(body.position, axis=0).max() > 0 or len(drawing.bodies) == 1]
     reach = [max([float(np.linalg.norm(piece.at)) + radius_of(piece) for piece in body.pieces] or [0.0]) for body in drawing.bodies]
-    places = np.stack([body.place for body in drawing.bodies], axis=1) if drawing.bodies else np.zeros((1, 1, 3))
-    at_once = max(float(np.max(np.ptp(places, axis=1))) + 2*max(reach, default=0.0), drawing.extent)
+    positions = np.stack([body.position for body in drawing.bodies], axis=1) if drawing.bodies else np.zeros((1, 1, 3))
+    at_once = max(float(np.max(np.ptp(positions, axis=1))) + 2*max(reach, default=0.0), drawing.extent)
     whole = float(np.max(high - low)) or 1.0
     travels = whole > 2.5*at_once
     size = at_once if travels else whole
@@ -84,8 +84,8 @@ def frame_of(drawing: Drawing) -> dict:
         aside = first - up*(first @ up)
         aside /= np.linalg.norm(aside)
         forward = np.cross(up, aside)
-        # From the side of what travels, a little from behind.
-        heading = places[-1].mean(axis=0) - places[0].mean(axis=0)
+        # View travelling bodies from the side, slightly from behind.
+        heading = positions[-1].mean(axis=0) - positions[0].mean(axis=0)
         if travels and abs(heading @ aside) > abs(heading @ forward):
             eye = 0.75*up - 1.25*forward - 0.55*aside*np.sign(heading @ aside)
         elif travels:
@@ -101,27 +101,27 @@ def frame_of(drawing: Drawing) -> dict:
 
 
 def page(drawing: Drawing) -> str:
-    """The page as a text."""
+    """Text of the page."""
     look = frame_of(drawing)
     channels, steps = channels_of(drawing, 1e-7*look["size"])
-    # The page multiplies by what is written: so it is rounded by these numbers too.
+    # The page uses the steps as written, so that channels must be rounded with the same values.
     steps = np.array(rounded(steps))
-    scales = {turns: drawing.scale(turns, look["size"]) for turns in (False, True)}
+    scales = {is_torque: drawing.scale(is_torque, look["size"]) for is_torque in (False, True)}
     nf = len(drawing.times)
     content = {
         **look, "name": drawing.name,
         "times": {"first": float(drawing.times[0]), "step": float((drawing.times[-1] - drawing.times[0])/max(1, nf - 1)) or 1.0, "count": nf},
-        "bodies": [{"name": body.name, "still": bool(np.ptp(body.place, axis=0).max() == 0 and len(drawing.bodies) > 1),
-                    "pieces": [[piece.shape, rounded(piece.size, 5), piece.colour, rounded(piece.at), rounded(piece.turn)]
+        "bodies": [{"name": body.name, "still": bool(np.ptp(body.position, axis=0).max() == 0 and len(drawing.bodies) > 1),
+                    "pieces": [[piece.shape, rounded(piece.size, 5), piece.colour, rounded(piece.at), rounded(piece.rotation)]
                                for piece in body.pieces]} for body in drawing.bodies],
         "meshes": {name: squeezed(triangles.astype("<f4").tobytes()) for name, triangles in drawing.meshes.items()},
         "takes": [name for name, _ in drawing.takes],
-        "springs": [{"bodies": spring.bodies, "places": [rounded(place) for place in spring.places], "radius": spring.radius}
+        "springs": [{"bodies": spring.bodies, "positions": [rounded(position) for position in spring.positions], "radius": spring.radius}
                     for spring in drawing.springs],
         "tracks": [{"name": track.name, "colour": track.colour, "marker": look["size"]*(0.008 if track.is_contact else 0.012)}
                    for track in drawing.tracks],
-        "arrows": [{"name": arrow.name, "colour": arrow.colour, "unit": arrow.unit, "on": arrow.on, "turns": arrow.turns,
-                    "scale": scales[arrow.turns]} for arrow in drawing.arrows],
+        "arrows": [{"name": arrow.name, "colour": arrow.colour, "unit": arrow.unit, "on": arrow.on, "isTorque": arrow.is_torque,
+                    "scale": scales[arrow.is_torque]} for arrow in drawing.arrows],
         "largest": largest_of(drawing),
         "curves": [{"name": curve.name, "unit": curve.unit, **limits(curve.values)} for curve in drawing.curves],
         "ground": rounded(drawing.ground) if drawing.ground is not None else None,
@@ -133,7 +133,7 @@ def page(drawing: Drawing) -> str:
         "THREE_CORE": squeezed(three("three.core.min.js").encode()), "THREE": squeezed(three("three.module.min.js").encode()),
         "ORBIT": squeezed(three("OrbitControls.js").encode()),
         "PAGE": squeezed((HERE / "page" / "page.js").read_bytes()),
-        # Nothing in the names can end the script.
+        # Escape "<", so that no name can end the script element.
         "DRAWING": json.dumps(content, separators=(",", ":")).replace("<", "\\u003c"),
         "NUMBERS": packed(channels, steps),
     }
@@ -143,15 +143,15 @@ def page(drawing: Drawing) -> str:
 
 
 def largest_of(drawing: Drawing) -> str:
-    """Text with the largest forces and torques."""
-    found = {word: max([arrow.largest for arrow in drawing.arrows if arrow.turns == turns] or [0.0])
-             for word, turns in (("forces", False), ("torques", True))}
+    """Text that states the largest force and torque."""
+    found = {word: max([arrow.largest for arrow in drawing.arrows if arrow.is_torque == is_torque] or [0.0])
+             for word, is_torque in (("forces", False), ("torques", True))}
     units = {"forces": "N", "torques": "N m"}
     return ", ".join(f"{word} up to {largest:.3g} {units[word]}" for word, largest in found.items() if largest)
 
 
 def limits(values: np.ndarray) -> dict[str, float]:
-    """The range of a plot; a constant series gets some room."""
+    """Range of the ordinate of a plot, which is extended for a constant series."""
     low, high = float(values.min()), float(values.max())
     if high - low < 1e-9*max(abs(low), abs(high), 1e-9):
         room = 0.1*max(abs(low), abs(high)) or 1.0

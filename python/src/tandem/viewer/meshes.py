@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Bodies that look as a file of triangles says: STL, as text or binary, and OBJ. Numbers are metres in the axes of the body, or other
-lengths with a scale."""
+"""Meshes of bodies from STL files (text or binary) and OBJ files. Coordinates are in the axes of the body, in metres or with a scale."""
 
 from __future__ import annotations
 
@@ -13,19 +12,19 @@ import numpy as np
 
 from .drawing import Drawing, Piece
 
-#: A page of more triangles would be slow, and large.
+#: Limit that keeps pages small and fast.
 MOST_TRIANGLES = 200_000
-#: Larger files have more triangles, or other content.
+#: A larger file exceeds the number of triangles, or is not a mesh.
 MOST_BYTES = 100_000_000
 VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 
 
 def read_mesh(path: str | Path) -> np.ndarray:
-    """The triangles of a file (nt, 3, 3)."""
+    """Read the triangles of a file (nt, 3, 3)."""
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
-    # A file may grow while it is read.
+    # The size of the file is checked after reading, because the file may grow meanwhile.
     with open(path, "rb") as file:
         data = file.read(MOST_BYTES + 1)
     if len(data) > MOST_BYTES:
@@ -46,7 +45,7 @@ def read_mesh(path: str | Path) -> np.ndarray:
 
 
 def stl(data: bytes) -> np.ndarray:
-    """Binary files contain the number of triangles, 50 bytes each; others are text."""
+    """Read STL data. They are binary if their length agrees with the number of triangles, with 50 bytes each; otherwise they are text."""
     if len(data) >= 84:
         count = int.from_bytes(data[80:84], "little")
         if len(data) == 84 + 50*count:
@@ -62,31 +61,31 @@ def stl(data: bytes) -> np.ndarray:
 
 
 def refuse_more(count: int) -> None:
-    """Reject more triangles than an animation shows, before they fill the memory."""
+    """Raise an error if there are too many triangles, before they fill the memory."""
     if count > MOST_TRIANGLES:
         raise ValueError(f"it has more than {MOST_TRIANGLES} triangles; make it simpler")
 
 
 def obj(data: bytes) -> np.ndarray:
-    """Faces of more corners are fans of triangles."""
-    places, triangles = [], []
+    """Read OBJ data; faces with more than three corners are divided into triangles."""
+    positions, triangles = [], []
     for line in io.BytesIO(data):
         words = line.decode().split(maxsplit=MOST_TRIANGLES + 3)
         if words[:1] == ["v"]:
-            places.append([float(word) for word in words[1:4]])
-            # Each triangle has three of its own at most.
-            refuse_more(len(places)//3)
+            positions.append([float(word) for word in words[1:4]])
+            # A mesh needs at most three corners per triangle.
+            refuse_more(len(positions)//3)
         elif words[:1] == ["f"]:
             refuse_more(len(words) - 3)
             numbers = [int(word.split("/")[0]) for word in words[1:]]
-            corners = [places[number - 1 if number > 0 else number] for number in numbers]
+            corners = [positions[number - 1 if number > 0 else number] for number in numbers]
             triangles += [[corners[0], corners[i], corners[i + 1]] for i in range(1, len(corners) - 1)]
             refuse_more(len(triangles))
     return np.array(triangles, dtype=float).reshape(-1, 3, 3)
 
 
 def put_meshes(drawing: Drawing, meshes: dict[str, Any]) -> None:
-    """Let bodies look as files say: of each a path, or a path and a scale."""
+    """Replace the pieces of bodies by meshes. For each body, a path or a tuple of path and scale is given."""
     bodies = {body.name: body for body in drawing.bodies}
     for name, given in meshes.items():
         if name not in bodies:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Mode shapes of a linearised system (`tandem linearise SCENE --output modes.h5`) as motions: each mode swings to and fro about the
-place where the system was linearised, as far as it can be seen well, a period in two seconds. Bodies move as the file says of them;
-where it says nothing of bodies, as in models of one's own, their coordinates move."""
+"""Mode shapes of a linearised system (`tandem linearise SCENE --output modes.h5`) as motions. Each mode oscillates about the point of
+linearisation with a well visible amplitude and a period of two seconds. Bodies move according to the motions in the file. If the file
+contains none, as for user-defined models, the coordinates move."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from ..result import Result, opened, text
 from .drawing import Body, Drawing
 from .rotations import from_vectors, product
 
-#: Seconds for a period, and frames of it.
+#: Duration of a period (s), and its number of frames.
 PERIOD, FRAMES = 2.0, 120
 TIMES = np.linspace(0.0, PERIOD, FRAMES + 1)
-#: How far a mode moves what it moves most: a part of the size of the mechanism, and an angle (rad).
-FAR, TURN = 0.12, 0.4
-#: Real parts below this part of the largest eigenvalue are zero.
+#: Largest displacement in a mode, relative to the size of the mechanism, and largest rotation (rad).
+LARGEST_PART, LARGEST_ANGLE = 0.12, 0.4
+#: Real parts below this fraction of the largest eigenvalue are set to zero.
 ROUNDING = 1e-10
-#: More modes than these are not offered; those that are damped least come first.
+#: Largest number of modes shown; modes with the least damping come first.
 MOST_MODES = 40
 
 
 def swing() -> np.ndarray:
-    """Phases of one period at the frames (nf)."""
+    """Complex phase factors of one period at the frames (nf)."""
     return np.exp(2j*np.pi*TIMES/PERIOD)
 
 
 @dataclass
 class Modes:
-    """Contents of the file of a linearised system: coordinates with their names, and for each mode its eigenvalue (1/s), the cause of
-    it, its frequency (Hz), its damping ratio, and its shape, complex (n_modes, n). For mechanisms also the bodies, with their motions in
-    each mode, complex (n_modes, n_bodies, 6): of the centre of mass (m), and the vector by which the body turns (rad)."""
+    """Contents of the file of a linearised system: the coordinates with their names; for each mode its eigenvalue (1/s) with its cause,
+    its frequency (Hz), its damping ratio, and its complex shape (n_modes, n). For mechanisms also the names of the bodies, and their
+    complex motions in each mode (n_modes, n_bodies, 6): displacement of the centre of mass (m) and rotation vector (rad)."""
 
     names: list[str]
     q: np.ndarray
@@ -52,15 +52,15 @@ class Modes:
     motions: np.ndarray | None = None
 
     def shown(self) -> list[int]:
-        """The modes that are motions, one of each pair, the least damped first."""
+        """Indices of the modes that are motions, one per complex pair, in order of increasing damping."""
         found = [i for i, value in enumerate(self.eigenvalues) if value.imag >= 0 and np.abs(self.shapes[i]).max(initial=0) > 0
                  and np.isfinite(self.shapes[i]).all()]
         return sorted(found, key=lambda i: -self.eigenvalues[i].real)[:MOST_MODES]
 
     def label(self, i: int) -> str:
-        """Label of a mode: its frequency with its damping, or its rate if it does not oscillate."""
+        """Label of a mode: frequency and damping, or the rate if the mode does not oscillate."""
         value = self.eigenvalues[i]
-        # Real parts within the rounding of the matrix neither damp nor grow.
+        # Real parts within rounding are neither damping nor growth.
         real = value.real if abs(value.real) > ROUNDING*np.abs(self.eigenvalues).max() else 0.0
         grows = ", unstable" if real > 0 else ""
         if value.imag > 0:
@@ -69,22 +69,22 @@ class Modes:
 
     def swings(self, i: int, size: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """For each body, the displacement of its centre of mass and its rotation vector at the frames (nf, 3)."""
-        shape = self.motions[i]/np.repeat([FAR*size, TURN], 3)
+        shape = self.motions[i]/np.repeat([LARGEST_PART*size, LARGEST_ANGLE], 3)
         most = shape.flat[np.argmax(np.abs(shape))] or 1.0
-        # Turned so that what moves most is farthest at the first frame, and as far as it shall be.
+        # The phase and the scale are chosen such that the largest component has the wanted amplitude at the first frame.
         moved = np.real(swing()[:, None, None]*self.motions[i]/most)
         return {name: (moved[:, j, :3], moved[:, j, 3:]) for j, name in enumerate(self.bodies)}
 
     def motion(self, i: int, size: float) -> Result:
-        """A mode as rows of a motion of the coordinates; `size` is that of what moves (m)."""
+        """Motion of the coordinates in a mode; `size` is the size of the model (m)."""
         shape = self.shapes[i]
         shape = shape*np.exp(-1j*np.angle(shape[np.argmax(np.abs(shape))]))
         lengths = np.array([re.search(r"(^|\.|^r)[xyz]\d*$", name) is not None for name in self.names])
-        # An Euler parameter changes by half of the turn.
-        turns = np.array([2.0 if re.search(r"(^|\.)e[0-3]$", name) else 1.0 for name in self.names])
-        far = np.abs(shape[lengths]).max(initial=0)/(FAR*size)
-        turn = np.abs(shape*turns)[~lengths].max(initial=0)/TURN
-        q = self.q + np.real(swing()[:, None]*shape)/(max(far, turn) or 1.0)
+        # An Euler parameter changes by half of the rotation.
+        weights = np.array([2.0 if re.search(r"(^|\.)e[0-3]$", name) else 1.0 for name in self.names])
+        far = np.abs(shape[lengths]).max(initial=0)/(LARGEST_PART*size)
+        rotation = np.abs(shape*weights)[~lengths].max(initial=0)/LARGEST_ANGLE
+        q = self.q + np.real(swing()[:, None]*shape)/(max(far, rotation) or 1.0)
         return Result(TIMES, self.names, [""]*len(self.names), q, scene=self.scene, path=self.path)
 
 
@@ -100,7 +100,7 @@ def read_modes(path: str | Path) -> Modes:
         try:
             group = file["linearisation"]
             values = group["eigenvalues"][:]
-            # Stored by columns or by rows: a pair is what is two wide.
+            # The file may be stored by columns or by rows; real and imaginary part are the dimension of length two.
             values = values if values.shape[-1] == 2 and values.shape[0] == len(group["frequency"]) else values.T
             causes = [text(cause).strip() for cause in group["cause"][:]] if "cause" in group else [""]*len(values)
             found = Modes([text(name).strip() for name in group["coordinates"][:]], group["q"][:], values[:, 0] + 1j*values[:, 1], causes,
@@ -112,18 +112,18 @@ def read_modes(path: str | Path) -> Modes:
                 found.motions = motions.reshape(len(found.eigenvalues), len(found.bodies), 6)
             return found
         except (AttributeError, IndexError, KeyError, RuntimeError, TypeError, ValueError) as error:
-            raise ValueError(f"{path} is no whole linearised system: {error.args[0] if error.args else error}") from error
+            raise ValueError(f"{path} is not a complete linearised system: {error.args[0] if error.args else error}") from error
 
 
 def draw_modes(modes: Modes, look=None) -> Drawing:
-    """The drawing of a linearised system: a take for each mode."""
-    from .draw import looks
+    """Create the drawing of a linearised system; each mode is a take."""
+    from .draw import draw_model
 
     shown = modes.shown()
     if not shown:
         raise ValueError(f"{modes.path}: there is no mode to show: symmetries and families explain all eigenvalues")
     rest = Result(np.zeros(1), modes.names, [""]*len(modes.names), modes.q[None], scene=modes.scene, path=modes.path)
-    still, unknown = looks(rest, rest.time, {name: rest.q[:, j] for j, name in enumerate(modes.names)}, look)
+    still, unknown = draw_model(rest, rest.time, {name: rest.q[:, j] for j, name in enumerate(modes.names)}, look)
     low, high = still.bounds()
     size = max(still.extent, 0.3*float(np.max(high - low)))
     say = ", ".join(part for part in (f"{len(shown)} modes, not to scale, a period in {PERIOD:g} s", unknown) if part)
@@ -136,7 +136,7 @@ def draw_modes(modes: Modes, look=None) -> Drawing:
         made = None
         for i in shown:
             one = modes.motion(i, size)
-            drawing, _ = looks(one, one.time, {name: one.q[:, j] for j, name in enumerate(one.names)}, look)
+            drawing, _ = draw_model(one, one.time, {name: one.q[:, j] for j, name in enumerate(one.names)}, look)
             made = made or drawing
             made.takes.append((modes.label(i), drawing.bodies))
     made.times, made.tracks, made.arrows, made.about = TIMES, [], [], say
@@ -144,10 +144,10 @@ def draw_modes(modes: Modes, look=None) -> Drawing:
 
 
 def bodies_swinging(bodies: list[Body], swings: dict[str, tuple[np.ndarray, np.ndarray]]) -> list[Body]:
-    """Bodies in the configuration of a mode; bodies not named in the mode do not move."""
+    """Bodies moving in a mode; bodies without motion in the mode stay at rest."""
     still = np.zeros((len(TIMES), 3)), np.zeros((len(TIMES), 3))
     made = []
     for body in bodies:
-        away, turn = swings.get(body.name, still)
-        made.append(Body(body.name, body.place[0] + away, product(from_vectors(turn), body.turn[0]), body.pieces))
+        away, rotation = swings.get(body.name, still)
+        made.append(Body(body.name, body.position[0] + away, product(from_vectors(rotation), body.rotation[0]), body.pieces))
     return made

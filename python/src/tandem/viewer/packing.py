@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Numbers of a motion in few bytes, which a page unpacks by what every browser has (gzip).
+"""Compression of the numbers of a motion, for decompression by browsers (gzip).
 
-Each channel is rounded to whole multiples of a step, a ten-millionth of what is seen, so far below a pixel. Of smooth motions the
-third differences of these are small; their bytes, the lowest of all first, are compressed well."""
+Each channel is rounded to integer multiples of a step, which is 1e-7 of the visible size and thus far below a pixel. For smooth motions
+the third differences of these integers are small. Their bytes are reordered, the lowest bytes of all numbers first, so that gzip
+compresses them well."""
 
 from __future__ import annotations
 
@@ -11,12 +12,12 @@ import gzip
 
 import numpy as np
 
-#: A channel has so many steps at most, and third differences of them fit into 32 bits.
+#: Largest integer of a channel, for which third differences fit into 32 bits.
 MOST_STEPS = 2**26
 
 
 def packed(channels: np.ndarray, steps: np.ndarray) -> str:
-    """Channels (nc, nf) in multiples of their steps (nc) as text; not numbers are the smallest integer's neighbour."""
+    """Compress channels (nc, nf) of finite numbers, rounded to multiples of their steps (nc), to text."""
     whole = np.rint(channels/steps[:, None]).astype(np.int64)
     if np.abs(whole).max(initial=0) > MOST_STEPS:
         raise ValueError("the steps are too small for the numbers")
@@ -35,11 +36,11 @@ def unpacked(text: str, steps: np.ndarray, nf: int) -> np.ndarray:
 
 
 def steps_of(channels: np.ndarray, least: float) -> np.ndarray:
-    """A step for each channel: 2^-23 of its largest value, and no less than `least`."""
+    """Rounding step of each channel: 2^-23 of its largest value, but at least `least`."""
     size = np.abs(channels).max(axis=1, initial=0)
     return np.maximum(np.maximum(size/2**23, least), 1e-300)
 
 
 def squeezed(data: bytes) -> str:
-    """Bytes as compressed text."""
+    """Compress bytes to text."""
     return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Rotations as quaternions (w, x, y, z), which are Euler parameters; the last axis of an array holds them."""
+"""Rotations as unit quaternions (w, x, y, z), that is, Euler parameters, along the last axis of an array."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def normalised(p):
 
 
 def product(a, b):
-    """The rotation b, then a."""
+    """Product of rotations: first b, then a."""
     a0, a1, a2, a3 = np.moveaxis(np.asarray(a, dtype=float), -1, 0)
     b0, b1, b2, b3 = np.moveaxis(np.asarray(b, dtype=float), -1, 0)
     return np.stack([a0*b0 - a1*b1 - a2*b2 - a3*b3, a0*b1 + a1*b0 + a2*b3 - a3*b2,
@@ -26,15 +26,15 @@ def conjugate(p):
     return np.asarray(p, dtype=float) * np.array([1.0, -1.0, -1.0, -1.0])
 
 
-def turned(p, x):
-    """The vectors x (..., 3) as they are after the rotation p (..., 4)."""
+def rotated(p, x):
+    """Vectors x (..., 3) rotated by p (..., 4)."""
     p, x = np.asarray(p, dtype=float), np.asarray(x, dtype=float)
     w, v = p[..., :1], p[..., 1:]
     return x + 2*np.cross(v, np.cross(v, x) + w*x)
 
 
 def from_vector(vector):
-    """The rotation about a vector by its length."""
+    """Rotation about a vector by an angle equal to its length."""
     vector = np.asarray(vector, dtype=float)
     angle = np.linalg.norm(vector)
     if angle == 0:
@@ -43,10 +43,10 @@ def from_vector(vector):
 
 
 def from_vectors(vectors):
-    """The same of many vectors (n, 3)."""
+    """Rotations about vectors (n, 3) by angles equal to their lengths."""
     half = np.asarray(vectors, dtype=float)/2
     angle = np.linalg.norm(half, axis=-1, keepdims=True)
-    # sin(pi x)/(pi x), which is 1 at 0.
+    # numpy.sinc(x) is sin(pi x)/(pi x), and 1 for x = 0.
     return np.concatenate([np.cos(angle), np.sinc(angle/np.pi)*half], axis=-1)
 
 
@@ -57,8 +57,8 @@ def from_angle(angle):
     return np.stack([np.cos(angle/2), zero, zero, np.sin(angle/2)], axis=-1)
 
 
-def carrying(direction, onto=(0.0, 0.0, 1.0)):
-    """A rotation that carries `onto` (z) to a direction."""
+def rotation_onto(direction, onto=(0.0, 0.0, 1.0)):
+    """Rotation that maps the vector `onto` (default z) to a direction."""
     d, z = np.asarray(direction, dtype=float), np.asarray(onto, dtype=float)
     size = np.linalg.norm(d)
     if size == 0:
@@ -72,7 +72,7 @@ def carrying(direction, onto=(0.0, 0.0, 1.0)):
 
 
 def from_matrix(matrix):
-    """The rotation of a matrix whose columns are the turned axes."""
+    """Rotation of a matrix whose columns are the rotated axes."""
     m = np.asarray(matrix, dtype=float)
     k = np.array([[m[0, 0] + m[1, 1] + m[2, 2], 0, 0, 0],
                   [m[2, 1] - m[1, 2], m[0, 0] - m[1, 1] - m[2, 2], 0, 0],
@@ -82,6 +82,6 @@ def from_matrix(matrix):
 
 
 def continuous(p):
-    """The same rotations (nt, 4) with signs that do not jump."""
+    """Rotations (nt, 4) with signs chosen such that they are continuous."""
     signs = np.where(np.sum(p[1:]*p[:-1], axis=1) < 0, -1.0, 1.0)
     return p * np.concatenate([[1.0], np.cumprod(signs)])[:, None]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""A drawing as VTKHDF, for ParaView and other readers of VTK: polygons of all bodies, lines of all springs, arrows and tracks, whose corners
-have a position at each frame. Connections are stored once. Cells have the number of their body and a colour.
+"""Writes a drawing as VTKHDF, for ParaView and other readers of VTK: polygons of bodies, and lines of springs, arrows and tracks. The
+positions of all corners are stored for each frame, the connections only once. Each cell has the number of its body and a colour.
 
-The format is that of VTK's documentation (VTKHDF 2.0, PolyData with Steps). Several modes follow each other."""
+The format is VTKHDF 2.0, PolyData with Steps, as in the documentation of VTK. If there are several modes, they follow each other."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ import numpy as np
 from .drawing import Arrow, Body, Drawing, Spring, Track
 from .gltf import flat_mesh, mesh_of
 from .html import filled
-from .rotations import carrying, turned
+from .rotations import rotation_onto, rotated
 
-#: About so many numbers are in memory at a time.
+#: Approximate count of numbers in memory at a time.
 BLOCK = 3_000_000
-#: Corners of a torque's arc, and the most of a track.
+#: Number of corners of the arc of a torque, and largest number of corners of a track.
 ARC, MOST_PLACES = 25, 200
 
 
@@ -28,7 +28,7 @@ def rgb(colour: str) -> list[int]:
 
 
 def corners_of(drawing: Drawing) -> tuple[list[np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
-    """Of each body its corners in its axes (np, 3); triangles of all of them, and of each the body and the colour."""
+    """Corners of each body in its axes (np, 3); all triangles, with the number of the body and the colour of each."""
     files = {name: flat_mesh(triangles) for name, triangles in drawing.meshes.items()}
     known: dict[str, tuple] = {}
     corners, triangles, owners, colours, first = [], [], [], [], 0
@@ -37,12 +37,12 @@ def corners_of(drawing: Drawing) -> tuple[list[np.ndarray], np.ndarray, np.ndarr
         for piece in body.pieces:
             if piece.shape not in known:
                 known[piece.shape] = files.get(piece.shape) or mesh_of(piece.shape)
-            places, _, faces = known[piece.shape]
-            own.append(piece.at + turned(piece.turn, places*np.asarray(piece.size)))
+            positions, _, faces = known[piece.shape]
+            own.append(piece.at + rotated(piece.rotation, positions*np.asarray(piece.size)))
             triangles.append(first + faces)
             owners.append(np.full(len(faces), i))
             colours.append(np.tile(rgb(piece.colour), (len(faces), 1)))
-            first += len(places)
+            first += len(positions)
         corners.append(np.concatenate(own))
     if not triangles:
         return corners, np.zeros((0, 3), int), np.zeros(0, int), np.zeros((0, 3), int)
@@ -51,83 +51,84 @@ def corners_of(drawing: Drawing) -> tuple[list[np.ndarray], np.ndarray, np.ndarr
 
 @dataclass
 class Strand:
-    """Corners that lines join: a spring, an arrow, a track. `places` gives them at frames of a take (nf, np, 3)."""
+    """Corners connected by lines: a spring, an arrow or a track. `positions` computes them at frames of a take (nf, np, 3)."""
 
     #: Number of the body to which the cells belong.
     number: int
     colour: str
-    #: Which of its corners its lines join (nl, 2).
+    #: Indices of the corners connected by each line (nl, 2).
     lines: np.ndarray
-    places: Callable[[dict[str, Body], np.ndarray], np.ndarray]
+    positions: Callable[[dict[str, Body], np.ndarray], np.ndarray]
 
 
-def in_a_row(count: int) -> np.ndarray:
-    """The lines from each of so many corners to the next."""
+def consecutive_lines(count: int) -> np.ndarray:
+    """Lines that connect each of `count` corners to the next one."""
     return np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)
 
 
 def spring_of(spring: Spring) -> Strand:
-    def places(known: dict[str, Body], frames: np.ndarray) -> np.ndarray:
-        return np.stack([known[name].point(place)[frames] if name else np.broadcast_to(place, (len(frames), 3))
-                         for name, place in zip(spring.bodies, spring.places, strict=True)], axis=1)
+    def positions(known: dict[str, Body], frames: np.ndarray) -> np.ndarray:
+        return np.stack([known[name].point(position)[frames] if name else np.broadcast_to(position, (len(frames), 3))
+                         for name, position in zip(spring.bodies, spring.positions, strict=True)], axis=1)
 
-    return Strand(-1, "#3C3C3C", in_a_row(2), places)
+    return Strand(-1, "#3C3C3C", consecutive_lines(2), positions)
 
 
 def force_of(arrow: Arrow, number: int, scale: float) -> Strand:
-    """A line from the point of action with the length of the force."""
-    def places(_, frames: np.ndarray) -> np.ndarray:
-        place = np.nan_to_num(arrow.places[frames])
-        return np.stack([place, place + scale*np.nan_to_num(arrow.vectors[frames])], axis=1)
+    """A line from the point of action along the force."""
+    def positions(_, frames: np.ndarray) -> np.ndarray:
+        position = np.nan_to_num(arrow.positions[frames])
+        return np.stack([position, position + scale*np.nan_to_num(arrow.vectors[frames])], axis=1)
 
-    return Strand(number, arrow.colour, in_a_row(2), places)
+    return Strand(number, arrow.colour, consecutive_lines(2), positions)
 
 
 def torque_of(arrow: Arrow, number: int, scale: float) -> Strand:
-    """Three quarters of a circle about it, as a right hand turns, whose radius is how large it is; and its axis, as long as that."""
+    """Three quarters of a circle about the torque, in the right-handed sense, and its axis. The radius and the length of the axis are
+    proportional to the torque."""
     angles = np.linspace(0, 1.5*np.pi, ARC)
 
-    def places(_, frames: np.ndarray) -> np.ndarray:
-        place, vector = np.nan_to_num(arrow.places[frames]), scale*np.nan_to_num(arrow.vectors[frames])
+    def positions(_, frames: np.ndarray) -> np.ndarray:
+        position, vector = np.nan_to_num(arrow.positions[frames]), scale*np.nan_to_num(arrow.vectors[frames])
         size = np.linalg.norm(vector, axis=1, keepdims=True)
-        turn = np.array([carrying(one) for one in np.where(size > 0, vector, [0.0, 0.0, 1.0])])
+        rotation = np.array([rotation_onto(one) for one in np.where(size > 0, vector, [0.0, 0.0, 1.0])])
         circle = np.stack([np.cos(angles), np.sin(angles), np.zeros(ARC)], axis=1)
-        around = turned(turn[:, None], np.broadcast_to(circle, (len(turn), ARC, 3)))*size[:, None]
-        return np.concatenate([place[:, None] + around, place[:, None], (place + vector)[:, None]], axis=1)
+        around = rotated(rotation[:, None], np.broadcast_to(circle, (len(rotation), ARC, 3)))*size[:, None]
+        return np.concatenate([position[:, None] + around, position[:, None], (position + vector)[:, None]], axis=1)
 
-    return Strand(number, arrow.colour, np.concatenate([in_a_row(ARC), [[ARC, ARC + 1]]]), places)
+    return Strand(number, arrow.colour, np.concatenate([consecutive_lines(ARC), [[ARC, ARC + 1]]]), positions)
 
 
 def track_of(track: Track, number: int) -> Strand:
-    """A growing track: future points are placed at the current position."""
-    whole = filled(track.places)
+    """A growing track: points of later frames are at the current position."""
+    whole = filled(track.positions)
     at = np.unique(np.linspace(0, len(whole) - 1, min(len(whole), MOST_PLACES)).round().astype(int))
 
-    def places(_, frames: np.ndarray) -> np.ndarray:
+    def positions(_, frames: np.ndarray) -> np.ndarray:
         return whole[np.minimum(at, frames[:, None])]
 
-    return Strand(number, track.colour, in_a_row(len(at)), places)
+    return Strand(number, track.colour, consecutive_lines(len(at)), positions)
 
 
 def strands_of(drawing: Drawing) -> list[Strand]:
-    """Springs, then arrows, numbered from -2 downwards, then tracks, numbered on."""
+    """Springs (number -1), arrows (-2 and downwards) and tracks (numbers after those of the arrows)."""
     size = float(np.max(np.subtract(*drawing.bounds()[::-1])))
-    scales = {turns: drawing.scale(turns, size) for turns in (False, True)}
+    scales = {is_torque: drawing.scale(is_torque, size) for is_torque in (False, True)}
     made = [spring_of(spring) for spring in drawing.springs]
-    made += [(torque_of if arrow.turns else force_of)(arrow, -2 - i, scales[arrow.turns]) for i, arrow in enumerate(drawing.arrows)]
+    made += [(torque_of if arrow.is_torque else force_of)(arrow, -2 - i, scales[arrow.is_torque]) for i, arrow in enumerate(drawing.arrows)]
     return made + [track_of(track, -2 - len(drawing.arrows) - i) for i, track in enumerate(drawing.tracks)]
 
 
-def places_at(bodies: list[Body], corners: list[np.ndarray], strands: list[Strand], frames: np.ndarray) -> np.ndarray:
-    """All corners at frames (nf, np, 3): those of the bodies, then those of the strands."""
+def positions_at(bodies: list[Body], corners: list[np.ndarray], strands: list[Strand], frames: np.ndarray) -> np.ndarray:
+    """Positions of all corners at frames (nf, np, 3): corners of the bodies, then corners of the strands."""
     known = {body.name: body for body in bodies}
-    made = [body.place[frames, None] + turned(body.turn[frames, None], np.broadcast_to(own, (len(frames), *own.shape)))
+    made = [body.position[frames, None] + rotated(body.rotation[frames, None], np.broadcast_to(own, (len(frames), *own.shape)))
             for body, own in zip(bodies, corners, strict=True)]
-    return np.concatenate([np.zeros((len(frames), 0, 3)), *made, *(strand.places(known, frames) for strand in strands)], axis=1)
+    return np.concatenate([np.zeros((len(frames), 0, 3)), *made, *(strand.positions(known, frames) for strand in strands)], axis=1)
 
 
 def write_vtkhdf(drawing: Drawing, path: str | Path) -> None:
-    """Write it to a file."""
+    """Write a drawing to a file."""
     import h5py
 
     corners, triangles, owners, colours = corners_of(drawing)
@@ -149,13 +150,13 @@ def write_vtkhdf(drawing: Drawing, path: str | Path) -> None:
         block = max(1, BLOCK//(3*max(1, count)))
         for k, bodies in enumerate(takes):
             for f in range(0, nf, block):
-                places = places_at(bodies, corners, strands, np.arange(f, min(nf, f + block))).reshape(-1, 3)
-                points[(k*nf + f)*count:(k*nf + f)*count + len(places)] = places
+                positions = positions_at(bodies, corners, strands, np.arange(f, min(nf, f + block))).reshape(-1, 3)
+                points[(k*nf + f)*count:(k*nf + f)*count + len(positions)] = positions
         for name, cells in (("Vertices", np.zeros((0, 1), int)), ("Lines", lines), ("Polygons", triangles), ("Strips", np.zeros((0, 1), int))):
             group = root.create_group(name)
             group["NumberOfCells"], group["NumberOfConnectivityIds"] = np.array([len(cells)]), np.array([cells.size])
             group["Connectivity"], group["Offsets"] = cells.reshape(-1), np.arange(len(cells) + 1)*cells.shape[1]
-        # VTK counts the cells in this order: vertices, lines, polygons. Lines belong to no body: those of a spring have -1.
+        # VTK numbers cells in the order vertices, lines, polygons.
         data = root.create_group("CellData")
         data["body"] = np.concatenate([np.repeat([strand.number for strand in strands], of).astype(int), owners]).astype("<i4")
         drawn = np.array([rgb(strand.colour) for strand in strands], int).reshape(-1, 3)
@@ -169,7 +170,7 @@ def write_vtkhdf(drawing: Drawing, path: str | Path) -> None:
             steps[name] = np.zeros(len(times), int)
         for name in ("CellOffsets", "ConnectivityIdOffsets"):
             steps[name] = np.zeros((len(times), 4), int)
-        # Beside what VTK reads: the names of the bodies, by number.
+        # Names of the bodies, arrows, tracks and modes, which VTK does not read.
         file["bodies"] = [body.name for body in drawing.bodies]
         if drawing.arrows:
             file["arrows"] = [f"{arrow.name}{' on ' if arrow.on else ''}{arrow.on} [{arrow.unit}]" for arrow in drawing.arrows]

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: MIT
-// Plays a motion: bodies by four unit shapes, springs, tracks that grow, arrows, a plot with a cursor.
+// Plays a motion: bodies composed of four unit shapes, springs, growing tracks, arrows, and a plot with a cursor.
 //
-// Without a graphics card, every vertex and every pixel costs. Then all pieces are one mesh, which this program itself moves and
-// lights; shapes have fewer faces, colours are those of the screen, so that no pixel has to be converted, and the words beside the motion
-// follow ten times a second.
+// Without a graphics card, every vertex and every pixel takes processor time. Then all pieces form one mesh, which this program moves
+// and lights itself. Shapes have fewer faces, colours are in the colour space of the screen so that no pixel is converted, and the texts
+// are updated only ten times per second.
 import * as THREE from "three";
 import { OrbitControls } from "orbit";
 
 const element = id => document.getElementById(id);
 
-/** The channels of the motion: rounded to steps, their third differences as planes of bytes (packing.py). */
+/** Unpack the channels of the motion: integer multiples of steps, whose third differences are stored in planes of bytes (packing.py). */
 function unpack(buffer, steps, frames) {
     const planes = new Uint8Array(buffer), count = steps.length * frames, channels = [];
     for (let c = 0; c < steps.length; c++) {
@@ -28,7 +28,7 @@ function unpack(buffer, steps, frames) {
     return channels;
 }
 
-/** A coil along z from 0 to 1, of radius 1 across. */
+/** A coil of radius 1 along z from 0 to 1. */
 function coil() {
     const points = [], turns = 8;
     for (let i = 0; i <= 24 * turns; i++) {
@@ -46,7 +46,7 @@ const shapes = round => ({
     ...fromFiles,
 });
 
-/** Meshes of files: corners of triangles, each its own, as text. */
+/** Add the meshes of files. They are compressed lists of triangles, which do not share corners. */
 async function addMeshes(meshes) {
     for (const [name, text] of Object.entries(meshes)) {
         const bytes = Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
@@ -62,11 +62,11 @@ async function addMeshes(meshes) {
 }
 const fromFiles = {};
 
-/** The matrix of a piece in the axes of its body. */
+/** Transformation of a piece to the axes of its body. */
 const matrixOf = ([, size, , at, turn]) => new THREE.Matrix4().compose(new THREE.Vector3(...at),
     new THREE.Quaternion(turn[1], turn[2], turn[3], turn[0]), new THREE.Vector3(...size));
 
-/** All pieces of one shape are drawn at once. An owner is a node with its pieces. Gives what puts them where their nodes are. */
+/** Add all pieces; those of one shape are rendered at once. An owner is a node with its pieces. Returns a function that moves the pieces to their nodes. */
 function makeInstances(scene, owners) {
     const found = {}, colour = new THREE.Color(), made = shapes(28), matrix = new THREE.Matrix4();
     for (const { node, pieces } of owners) for (const piece of pieces) (found[piece[0]] ??= []).push([node, piece]);
@@ -88,7 +88,7 @@ function makeInstances(scene, owners) {
     };
 }
 
-/** Shades of a colour, from no light to more than the screen can show, as three bytes each. */
+/** Shades of a colour as three bytes each, from black to brighter than the screen can show. */
 const SHADES = 96, BRIGHTEST = 1.3;
 function shadesOf(tint) {
     const linear = [1, 3, 5].map(i => { const c = parseInt(tint.slice(i, i + 2), 16) / 255; return c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4; });
@@ -98,13 +98,13 @@ function shadesOf(tint) {
     });
 }
 
-/** How many faces a round piece has: so many that its edge is within half a pixel or so of a circle, in the first view. */
+/** Number of faces of a round piece, such that its edge deviates from a circle by about half a pixel in the initial view. */
 function roundness(length, size) {
     const pixels = 420 * length / size;
     return 2 * Math.round(Math.min(20, Math.max(8, Math.PI * Math.sqrt(pixels))) / 2);
 }
 
-/** The same as one mesh in the world's axes, moved and lit here: for renderers that are programs themselves. */
+/** Variant of `makeInstances` for software rendering: one mesh in the axes of the world, which is moved and lit here. */
 function makeMerged(scene, owners, up, sun, size) {
     const known = {}, normalMatrix = new THREE.Matrix3(), v = new THREE.Vector3();
     const shapeOf = ([name, lengths]) => {
@@ -125,8 +125,8 @@ function makeMerged(scene, owners, up, sun, size) {
         }
         parts.push({ node, from, to: at, shades: tables[piece[2]] ??= shadesOf(piece[2]) });
     }
-    const places = new Float32Array(3 * vertices), colours = new Uint8Array(4 * vertices).fill(255), geometry = new THREE.BufferGeometry();
-    geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
+    const positions = new Float32Array(3 * vertices), colours = new Uint8Array(4 * vertices).fill(255), geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
     geometry.setAttribute("color", new THREE.BufferAttribute(colours, 4, true));
     geometry.setIndex(new THREE.BufferAttribute(index, 1));
     const mesh = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ vertexColors: true, fog: false }));
@@ -141,10 +141,10 @@ function makeMerged(scene, owners, up, sun, size) {
             s.copy(sun).applyQuaternion(back);
             for (let i = from, k = 6 * from; i < to; i++, k += 6) {
                 const x = own[k], y = own[k + 1], z = own[k + 2], nx = own[k + 3], ny = own[k + 4], nz = own[k + 5];
-                places[3 * i] = m[0] * x + m[4] * y + m[8] * z + m[12];
-                places[3 * i + 1] = m[1] * x + m[5] * y + m[9] * z + m[13];
-                places[3 * i + 2] = m[2] * x + m[6] * y + m[10] * z + m[14];
-                // Of the sky, of the ground and of the sun, as the lights of the scene have it.
+                positions[3 * i] = m[0] * x + m[4] * y + m[8] * z + m[12];
+                positions[3 * i + 1] = m[1] * x + m[5] * y + m[9] * z + m[13];
+                positions[3 * i + 2] = m[2] * x + m[6] * y + m[10] * z + m[14];
+                // Light of the sky, the ground and the sun, as in the scene of `show`.
                 const lit = SKY * (0.764 + 0.236 * (nx * u.x + ny * u.y + nz * u.z)) + SUN * Math.max(0, nx * s.x + ny * s.y + nz * s.z);
                 const shade = 3 * Math.min(SHADES - 1, Math.round(scale * lit / Math.PI));
                 colours[4 * i] = shades[shade];
@@ -156,13 +156,13 @@ function makeMerged(scene, owners, up, sun, size) {
     };
 }
 
-/** How bright the sky and the sun are; the ground gives back 0.53 of the sky. */
+/** Intensities of the sky and the sun; the ground reflects 0.53 of the light of the sky. */
 const SKY = 2.0, SUN = 1.8;
 
-/** A track has so many pieces at most: a line is costly where there is no graphics card. */
+/** Largest number of segments of a track, because lines are slow in software rendering. */
 const MOST_PIECES = 1500;
 
-/** The frames whose places make the same line, but for `far`: what is straight needs few. */
+/** Frames at which a polyline through the positions has corners, such that it deviates from the line by at most `far`. */
 function corners(whole, frames, far) {
     const kept = new Uint8Array(frames), waiting = [[0, frames - 1]];
     kept[0] = kept[frames - 1] = 1;
@@ -181,40 +181,40 @@ function corners(whole, frames, far) {
     return Array.from(kept.keys()).filter(f => kept[f]);
 }
 
-/** A track that grows, and the node that goes ahead of it. */
+/** A growing track, and the node at its end. */
 function makeLine(scene, track, node, channels, from, frames, size) {
     const whole = new Float32Array(3 * frames);
     for (let f = 0; f < frames; f++) for (let k = 0; k < 3; k++) whole[3 * f + k] = channels[from + k][f];
     let far = 3e-4 * size, turns = corners(whole, frames, far);
     while (turns.length > MOST_PIECES) turns = corners(whole, frames, far *= 2);
-    const places = new Float32Array(3 * turns.length + 3), geometry = new THREE.BufferGeometry();
-    const restore = i => { if (i < turns.length) places.set(whole.subarray(3 * turns[i], 3 * turns[i] + 3), 3 * i); };
+    const positions = new Float32Array(3 * turns.length + 3), geometry = new THREE.BufferGeometry();
+    const restore = i => { if (i < turns.length) positions.set(whole.subarray(3 * turns[i], 3 * turns[i] + 3), 3 * i); };
     turns.forEach((_, i) => restore(i));
-    geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
+    geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
     const line = new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: track.colour }));
     line.frustumCulled = false;
     scene.add(line);
     let drawn = 0, full = 0;
-    /** The track up to a frame: whole pieces, and one to where it is now. */
+    /** Show the track up to a frame: complete segments, and a last one to the current position. */
     const grow = frame => {
         while (full + 1 < turns.length && turns[full + 1] <= frame) full++;
         while (turns[full] > frame) full--;
         const here = whole.subarray(3 * frame, 3 * frame + 3);
         node.position.fromArray(here);
         node.updateMatrixWorld();
-        // The piece that ended at the last frame gets its own end back.
+        // Restore the end of the segment that ended at the current position of the last frame.
         restore(drawn);
         const position = geometry.attributes.position, first = Math.min(drawn, full + 1);
         position.clearUpdateRanges();
         position.addUpdateRange(3 * first, 3 * (Math.max(drawn, full + 1) + 1 - first));
-        places.set(here, 3 * (drawn = full + 1));
+        positions.set(here, 3 * (drawn = full + 1));
         position.needsUpdate = true;
         geometry.setDrawRange(0, full + 2);
     };
     return { line, node, grow };
 }
 
-/** An arrow along y: a shaft and a head of their own thickness, which `stretch` makes as long as wanted. */
+/** An arrow along y with a shaft and a head of constant thickness; `stretch` sets its length. */
 function makeArrow(scene, arrow, size) {
     const group = new THREE.Group(), material = new THREE.MeshBasicMaterial({ color: arrow.colour, fog: false });
     const shaft = new THREE.Mesh(new THREE.CylinderGeometry(0.006, 0.006, 1, 10).translate(0, 0.5, 0), material);
@@ -222,7 +222,7 @@ function makeArrow(scene, arrow, size) {
     group.add(shaft, head);
     scene.add(group);
     const stretch = length => {
-        // The head of a short one is as long as it.
+        // In a short arrow, the head has the length of the arrow.
         const part = Math.min(size, length / 0.06);
         head.scale.setScalar(part);
         head.position.y = length;
@@ -232,7 +232,7 @@ function makeArrow(scene, arrow, size) {
     return { group, point };
 }
 
-/** A torque: an arc about its axis with a head, as a right hand turns, and the axis itself, for who looks at the arc from the side. */
+/** A torque: an arc with a head about its axis in the right-handed sense, and the axis, which is visible if the arc is seen from the side. */
 function makeArc(scene, arrow) {
     const group = new THREE.Group(), material = new THREE.MeshBasicMaterial({ color: arrow.colour, fog: false });
     const arc = new THREE.Mesh(new THREE.TorusGeometry(1, 0.05, 6, 24, 1.5 * Math.PI), material);
@@ -245,9 +245,9 @@ function makeArc(scene, arrow) {
 }
 const UP = new THREE.Vector3(0, 1, 0), AHEAD = new THREE.Vector3(0, 0, 1);
 
-/** Which arrow is which: its colour, its element, the body that it acts on, how large it is now. The one that is pointed at is seen alone. */
+/** Legend of the arrows: colour, element, body on which the arrow acts, and current value. Pointing at an entry shows only this arrow. */
 function makeLegend(arrows) {
-    const most = 14, legend = { alone: null, whenAlone: () => {}, tell: () => {} }, box = document.getElementById("legend");
+    const most = 14, legend = { alone: null, whenAlone: () => {}, update: () => {} }, box = document.getElementById("legend");
     if (!arrows.length) return legend;
     const rows = arrows.slice(0, most).map(({ arrow, from }) => {
         const row = document.createElement("div"), colour = document.createElement("i"), name = document.createElement("span"),
@@ -262,10 +262,10 @@ function makeLegend(arrows) {
     });
     if (arrows.length > most) box.append(`and ${arrows.length - most} more`);
     box.hidden = false;
-    // The row of buttons takes as many lines as it needs.
+    // The height of the row of buttons depends on the width of the window.
     const footer = document.querySelector("footer");
     new ResizeObserver(() => { box.style.bottom = `${footer.offsetHeight + 20}px`; }).observe(footer);
-    legend.tell = (channels, frame) => {
+    legend.update = (channels, frame) => {
         for (const { from, value, unit } of rows) {
             const size = Math.hypot(channels[from + 3][frame], channels[from + 4][frame], channels[from + 5][frame]);
             value.textContent = `${size.toPrecision(3)} ${unit}`;
@@ -278,15 +278,15 @@ function makeGround(scene, drawing, size, isSoft, camera) {
     const group = new THREE.Group(), cell = 10 ** Math.round(Math.log10(size / 3)), cells = isSoft ? 40 : 60, reach = cell * cells;
     const plate = new THREE.Mesh(new THREE.CircleGeometry(reach, 64),
         new THREE.MeshBasicMaterial({ color: 0xe8ecef, depthWrite: false, side: THREE.DoubleSide }));
-    const places = new Float32Array(12 * (2 * cells + 1)), geometry = new THREE.BufferGeometry();
-    geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
+    const positions = new Float32Array(12 * (2 * cells + 1)), geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
     const grid = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: 0xc6ccd2 }));
     grid.frustumCulled = false;
-    // The ground is drawn first and hides nothing, so that its lines and tracks on it are seen.
+    // The ground is rendered first and hides nothing, so that its grid and tracks on it remain visible.
     plate.renderOrder = -2;
     grid.renderOrder = -1;
     grid.material.depthWrite = false;
-    // A plate is all pixels once more.
+    // In software rendering the plate is omitted, because it would cover all pixels again.
     if (!isSoft) scene.add(group.add(plate));
     scene.add(grid);
     group.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), new THREE.Vector3(...drawing.normal));
@@ -294,7 +294,7 @@ function makeGround(scene, drawing, size, isSoft, camera) {
     const origin = new THREE.Vector3(...drawing.ground), away = new THREE.Vector3(), back = group.quaternion.clone().invert();
     const axes = [new THREE.Vector3(1, 0, 0), new THREE.Vector3(0, 1, 0)].map(axis => axis.applyQuaternion(group.quaternion));
     const frustum = new THREE.Frustum(), matrix = new THREE.Matrix4(), from = new THREE.Vector3();
-    /** The part of a line that the camera sees: some renderers drop a line that begins far behind it, and each piece costs. */
+    /** Clip a line to the view of the camera: some renderers omit lines that begin far behind the camera, and shorter lines are faster. */
     const put = (along, at) => {
         let low = 0, high = 2 * reach;
         for (const plane of frustum.planes) {
@@ -305,13 +305,13 @@ function makeGround(scene, drawing, size, isSoft, camera) {
         }
         if (!(low < high)) return at;
         for (const s of [low, high]) {
-            places[at++] = from.x + s * along.x;
-            places[at++] = from.y + s * along.y;
-            places[at++] = from.z + s * along.z;
+            positions[at++] = from.x + s * along.x;
+            positions[at++] = from.y + s * along.y;
+            positions[at++] = from.z + s * along.z;
         }
         return at;
     };
-    /** The grid goes with the camera's target by whole cells, so that it seems without end. */
+    /** Move the grid with the target of the camera by whole cells, so that it appears infinite. */
     return target => {
         away.copy(target).sub(origin).applyQuaternion(back);
         group.position.set(cell * Math.round(away.x / cell), cell * Math.round(away.y / cell), 0).applyQuaternion(group.quaternion).add(origin);
@@ -327,7 +327,7 @@ function makeGround(scene, drawing, size, isSoft, camera) {
     };
 }
 
-/** The plot: a curve, its least and largest value, and a cursor at the time. */
+/** The plot: a curve with its smallest and largest value, and a cursor at the current time. */
 function makePlot(canvas, times, curves, channels, seek) {
     const context = canvas.getContext("2d"), last = times.count - 1;
     let chosen = 0;
@@ -389,7 +389,7 @@ function makePlot(canvas, times, curves, channels, seek) {
     return { draw, choose: i => { chosen = i; } };
 }
 
-/** True if there is no graphics card; `#fine` behind the address draws as if there were one. */
+/** True if there is no graphics card. `#fine` after the address selects the rendering for graphics cards. */
 function drawnBySoftware() {
     if (location.hash.includes("fine")) return false;
     const context = document.createElement("canvas").getContext("webgl2");
@@ -432,13 +432,13 @@ export async function show(drawing, buffer) {
         return makeLine(scene, track, node, channels, channel - 3, frames, size);
     });
     const movePieces = isSoft ? makeMerged(scene, owners, up, toSun.clone().normalize(), size) : makeInstances(scene, owners);
-    const arrows = drawing.arrows.map(arrow => { channel += 6; return { ...(arrow.turns ? makeArc(scene, arrow) : makeArrow(scene, arrow, size)), from: channel - 6, arrow }; });
+    const arrows = drawing.arrows.map(arrow => { channel += 6; return { ...(arrow.isTorque ? makeArc(scene, arrow) : makeArrow(scene, arrow, size)), from: channel - 6, arrow }; });
     const coilGeometry = coil();
     const springs = drawing.springs.map(spring => {
         const line = new THREE.Line(coilGeometry, new THREE.LineBasicMaterial({ color: 0x3c4043 }));
         line.frustumCulled = false;
         scene.add(line);
-        return { line, spring, ends: spring.places.map(place => new THREE.Vector3(...place)), nodes: spring.bodies.map(name => byName[name]) };
+        return { line, spring, ends: spring.positions.map(position => new THREE.Vector3(...position)), nodes: spring.bodies.map(name => byName[name]) };
     });
     const moveGround = drawing.ground ? makeGround(scene, drawing, size, isSoft, camera) : () => {};
 
@@ -448,7 +448,7 @@ export async function show(drawing, buffer) {
 
     const showArrows = element("arrows"), legend = makeLegend(arrows);
 
-    /** Put everything where it is at a frame, which may lie between two. */
+    /** Move everything to its position at a frame; fractional frames are interpolated. */
     function pose(frame) {
         const f = Math.min(Math.floor(frame), Math.max(0, last - 1)), s = last ? frame - f : 0, g = Math.min(f + 1, last);
         for (let i = 0; i < nodes.length; i++) {
@@ -472,8 +472,8 @@ export async function show(drawing, buffer) {
             line.quaternion.setFromUnitVectors(z, b.sub(a).normalize());
             line.scale.set(spring.radius, spring.radius, length);
         }
-        // Numbers that change sixty times a second nobody reads.
-        if (!state.playing || near % 6 === 0) legend.tell(channels, near);
+        // Numbers that change 60 times per second would be unreadable.
+        if (!state.playing || near % 6 === 0) legend.update(channels, near);
         for (const { group, point, from, arrow } of arrows) {
             group.position.set(channels[from][near], channels[from + 1][near], channels[from + 2][near]);
             b.set(channels[from + 3][near], channels[from + 4][near], channels[from + 5][near]);
@@ -512,7 +512,7 @@ export async function show(drawing, buffer) {
         element("curve").addEventListener("change", event => { plot.choose(+event.target.value); draw(); });
     }
 
-    let told = 0;
+    let updatedAt = 0;
     function draw() {
         sun.position.copy(controls.target).addScaledVector(toSun, size);
         sun.target.position.copy(controls.target);
@@ -520,8 +520,8 @@ export async function show(drawing, buffer) {
         renderer.render(scene, camera);
         state.drawn++;
         const now = performance.now();
-        if (isSoft && state.playing && now - told < 100) return;
-        told = now;
+        if (isSoft && state.playing && now - updatedAt < 100) return;
+        updatedAt = now;
         const t = times.first + times.step * state.frame;
         element("time").value = state.frame;
         element("clock").textContent = `${t.toFixed(3)} s of ${(times.first + times.step * last).toPrecision(4)} s`;
@@ -529,7 +529,7 @@ export async function show(drawing, buffer) {
         plot?.draw(state.frame);
     }
 
-    /** Go to a frame, the camera along with what it follows. */
+    /** Go to a frame; the camera follows the selected body. */
     function set(frame) {
         const follows = followed(old);
         state.frame = Math.min(last, Math.max(0, frame));
@@ -543,11 +543,11 @@ export async function show(drawing, buffer) {
     }
 
     let then = 0, slow = 0, asked = 0;
-    /** The next frame of a motion that plays; where it does not, nothing is asked of the browser. */
+    /** Show the next frame while the motion plays. A paused motion requests no frames from the browser. */
     function tick(now) {
         asked = 0;
         if (!state.playing) return;
-        // If frames take a graphics card long, there are fewer pixels. In software rendering pixels cost little; corners do.
+        // Reduce the resolution if the graphics card is slow. In software rendering the number of corners matters, not the number of pixels.
         slow = now - then > 45 ? slow + 1 : Math.max(0, slow - 1);
         if (!isSoft && slow > 12 && renderer.getPixelRatio() > 0.5) { slow = 0; renderer.setPixelRatio(Math.max(0.5, 0.75 * renderer.getPixelRatio())); }
         const ahead = Math.min(0.25, Math.max(0, now - then) / 1000) * state.speed / times.step;
@@ -618,7 +618,7 @@ export async function show(drawing, buffer) {
     set(0);
     if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches && !location.hash.includes("still")) start();
 
-    /** For scripts and tests. */
+    /** Interface for scripts and tests. */
     return {
         drawing, state, scene, camera, controls, renderer, channels,
         setTime: t => set((t - times.first) / times.step),
