@@ -200,7 +200,7 @@ contains
         !> Index from 0.
         integer(c_int), value :: index
         real(c_double), value :: value
-        !> Direction: +1 rising through the value, -1 falling, 0 both. Nonzero `stops`: the run ends at the event.
+        !> The direction is +1 rising through the value, -1 falling, 0 both. Nonzero `stops`: the run ends at the event.
         integer(c_int), value :: direction, stops
         type(problem_type), pointer :: problem
 
@@ -214,7 +214,7 @@ contains
         bind(C, name='tandem_add_event_function')
         type(c_ptr), value :: handle, name
         type(c_funptr), value :: function_
-        !> Direction: +1 rising through zero, -1 falling, 0 both. Nonzero `stops`: the run ends at the event.
+        !> The direction is +1 rising through zero, -1 falling, 0 both. Nonzero `stops`: the run ends at the event.
         integer(c_int), value :: direction, stops
         type(problem_type), pointer :: problem
 

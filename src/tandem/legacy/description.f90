@@ -351,7 +351,7 @@ contains
     subroutine add_event(self, name, direction, stops, quantity, index, value, function_)
         class(description_type), intent(inout) :: self
         character(len=*), intent(in) :: name
-        !> Direction: +1 rising, -1 falling, 0 both. Nonzero `stops`: the run ends at the event.
+        !> The direction is +1 rising, -1 falling, 0 both. Nonzero `stops`: the run ends at the event.
         integer, intent(in) :: direction, stops
         !> Watched quantity, index of its entry from 1, and the value to be reached; or a function.
         character(len=*), intent(in), optional :: quantity

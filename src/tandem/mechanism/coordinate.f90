@@ -20,9 +20,9 @@ module tandem_mechanism_coordinate
     public :: coordinate_type, begin_turns, count_turns, end_search, measure, measure_apart, differentiate_coordinate, find_slope
     public :: pi, is_displacement, is_distance, is_angle, is_tilt
 
-    !> Kinds: displacement, the scalar product `one` (m); distance (m); angle (rad) whose cosine and sine are the scalar products
-    !> `one` and `other`, in the plane the difference of two angles; small angle (one - other)/2, which is the sine of the angle
-    !> about the third axis if this axis is common to both bodies.
+    !> Kinds of coordinates: displacement, the scalar product `one` (m); distance (m); angle (rad) whose cosine and sine are the
+    !> scalar products `one` and `other`, in the plane the difference of two angles; small angle (one - other)/2, which is the sine
+    !> of the angle about the third axis if this axis is common to both bodies.
     integer, parameter :: is_displacement = 1, is_distance = 2, is_angle = 3, is_tilt = 4
 
     type :: coordinate_type

@@ -27,7 +27,7 @@ module tandem_mechanism_entries
         character(len=:), allocatable :: problem
     end type atom_type
 
-    !> Value: one item, or a list of items.
+    !> A value: one item, or a list of items.
     type :: value_type
         logical :: is_list = .false.
         !> Row length of a list of lists, whose items are stored row by row in one list; 0 for other values.
@@ -37,7 +37,7 @@ module tandem_mechanism_entries
 
     !> A key with its value.
     type :: entry_type
-        !> Key: parts joined by dots.
+        !> The key, parts joined by dots.
         character(len=:), allocatable :: key
         type(value_type) :: value
         !> Position of the entry, as numbered by the caller; source that gives the value: 0 is the description, i the i-th setting.

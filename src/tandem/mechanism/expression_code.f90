@@ -31,7 +31,7 @@ module tandem_mechanism_expression_code
         integer :: n_slots = 0
     end type code_type
 
-    !> Operand: an index in the list under construction, or a constant that is not stored in the list yet.
+    !> An operand: an index in the list under construction, or a constant that is not stored in the list yet.
     type :: operand_type
         integer :: node = 0
         real(wp) :: value = 0.0_wp

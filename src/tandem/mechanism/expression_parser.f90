@@ -33,7 +33,7 @@ module tandem_mechanism_expression_parser
     !> Text and list during parsing.
     type :: parser_type
         character(len=:), allocatable :: text
-        !> Names: of the variables, then of the constants, then pi.
+        !> Names of the variables, then of the constants, then pi.
         character(len=name_length), allocatable :: names(:)
         integer :: n_variables = 0
         !> Values of the constants.

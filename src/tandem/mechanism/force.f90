@@ -40,7 +40,7 @@ module tandem_mechanism_force
         type(normal_force_type) :: reaction
     end type torsion_type
 
-    !> Bushing: forces f = K x + C xd along the displacements and small angles x between two frames that coincide in the reference
+    !> A bushing: forces f = K x + C xd along the displacements and small angles x between two frames that coincide in the reference
     !> configuration: three displacements and three angles in space, two displacements and one angle in the plane.
     type :: bushing_type
         integer :: n = 0

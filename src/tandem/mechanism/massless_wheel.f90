@@ -39,7 +39,7 @@ module tandem_mechanism_massless_wheel
         real(wp) :: fixed(3) = 0.0_wp, towards(3) = 0.0_wp
         !> Last steering angle, its cosine and its sine.
         real(wp) :: angle = 0.0_wp, cosine = 1.0_wp, sine = 0.0_wp
-        !> Plane: unit normal n, distance from the origin along n, and index of the function of time that raises it.
+        !> Plane of contact: unit normal n, distance from the origin along n, and index of the function of time that raises it.
         real(wp) :: normal(3) = [0.0_wp, 0.0_wp, 1.0_wp], height = 0.0_wp
         integer :: rise = 0
     end type massless_wheel_type

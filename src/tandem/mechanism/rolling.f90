@@ -53,7 +53,7 @@ module tandem_mechanism_rolling
         logical :: is_ellipsoid = .false.
         !> Centre and unit axis in the body frame.
         real(wp) :: centre(3) = 0.0_wp, axis(3) = 0.0_wp
-        !> Plane: unit normal n, two tangents, and distance from the origin along n.
+        !> Plane of contact: unit normal n, two tangents, and distance from the origin along n.
         real(wp) :: normal(3) = [0.0_wp, 0.0_wp, 1.0_wp], height = 0.0_wp
         real(wp) :: tangent(3, 2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp], [3, 2])
         !> Indices of the functions of time that raise, rotate and slide the plane, 0 if none; pivot of the rotation and direction

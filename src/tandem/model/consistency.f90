@@ -23,8 +23,8 @@ module tandem_model_consistency
     !> Length of the report of a contradiction.
     integer, parameter :: contradiction_length = 320
 
-    !> Comparisons: Phi_q qd with differences of Phi at a fixed time; C qd - nu with differences of Phi along the motion; gamma with
-    !> differences of C qd - nu. A comparison is made only if the preceding ones agree.
+    !> Kinds of comparisons: Phi_q qd with differences of Phi at a fixed time; C qd - nu with differences of Phi along the motion;
+    !> gamma with differences of C qd - nu. A comparison is made only if the preceding ones agree.
     integer, parameter :: of_jacobian = 1, of_nu = 2, of_gamma = 3, n_kinds = 3
 
     !> Positions on the path, as fractions of it, and half the step lengths of the differences there.

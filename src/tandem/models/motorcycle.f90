@@ -233,7 +233,7 @@ contains
         jacobian(8, 8:10) = [dot_product(g, a_y1), dot_product(g, a_es), -dot_product(g, a_es)]
     end subroutine set_jacobian
 
-    !> M: the mass, and 4 G'J G.
+    !> Mass matrix: the mass, and 4 G'J G.
     pure subroutine set_mass(self, p, mass)
         class(motorcycle_type), intent(in) :: self
         real(wp), intent(in) :: p(4)
@@ -262,7 +262,7 @@ contains
         nu(8) = -q(8)*dot_product(g, turned)
     end subroutine set_nu
 
-    !> gamma: accelerations of the constrained points for qdd = 0.
+    !> Rows of gamma: accelerations of the constrained points for qdd = 0.
     pure subroutine set_gamma(self, f, q, qd, a, y, z, rear, gamma)
         class(motorcycle_type), intent(in) :: self
         type(fork_type), intent(in) :: f

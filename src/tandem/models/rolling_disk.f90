@@ -199,7 +199,7 @@ contains
         end associate
     end subroutine set_gamma
 
-    !> M: the mass, and 4 G'J G.
+    !> Mass matrix: the mass, and 4 G'J G.
     pure subroutine set_mass(self, q, mass)
         class(rolling_disk_type), intent(in) :: self
         real(wp), intent(in) :: q(:)

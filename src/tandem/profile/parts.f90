@@ -21,7 +21,7 @@ module tandem_profile_parts
     integer, parameter :: part_control = 1
     !> Start of a simulation; observers that do not write output.
     integer, parameter :: part_start = 2, part_watch = 3
-    !> Output: rows collected in memory, rows written to disk, state for checkpoints, opening and closing of the file.
+    !> Parts of output: rows collected in memory, rows written to disk, state for checkpoints, opening and closing of the file.
     integer, parameter :: part_rows = 4, part_blocks = 5, part_checkpoint = 6, part_open = 7
     !> Operation i of a chart (`tandem_model_timer`) is the part `part_chart + i`.
     integer, parameter :: part_chart = 7, part_renew = part_chart + of_origin, part_refresh = part_chart + of_refresh, &

@@ -37,7 +37,7 @@ module tandem_simulate_assembly
         real(wp) :: tolerance = 1.0e-12_wp
         !> Largest number of trial positions.
         integer :: iteration_limit = 200
-        !> Results: changes of q and qd (n).
+        !> Resulting changes of q and qd (n).
         real(wp), allocatable :: moved_q(:), moved_qd(:)
         !> Rows of C with the largest contributions to the changes of q and qd, in units of coordinate_scale; 0 if nothing changed.
         integer :: row_q = 0, row_qd = 0

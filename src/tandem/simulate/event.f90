@@ -171,7 +171,7 @@ contains
         end associate
     end function measured_quantity
 
-    !> Action: change the model.
+    !> Change the model, the action of the event.
     subroutine change_model(self, model, t, q, qd, error)
         class(threshold_event_type), intent(inout) :: self
         class(model_type), intent(inout) :: model
