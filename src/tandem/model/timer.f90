@@ -22,10 +22,10 @@ module tandem_model_timer
         of_nu_derivative = 13, of_gamma_q = 14, of_gamma_qd = 15, of_mass_derivative = 16, of_reaction_derivative = 17, &
         of_force_q = 18, of_force_qd = 19, of_evaluate = 19, of_evaluate_derivatives = of_evaluate + 2**n_terms - 1
 
-    !> Numbers of the operations of charts.
+    !> Numbers of operations of charts.
     integer, parameter :: of_origin = 1, of_refresh = 2, of_position = 3, of_velocity = 4, of_acceleration = 5, of_errors = 6, &
         of_rank = 7, of_policy = 8, of_multipliers = 9, of_energy = 10, of_projection = 11
-    !> Numbers of the operations of Newton's iteration; number of all operations.
+    !> Numbers of operations of Newton's iteration; number of all operations.
     integer, parameter :: of_matrix = 12, of_reuse = 13, of_correction = 14, of_stage = 15, of_filter = 16, n_operations = 16
 
     type, abstract :: timer_type
